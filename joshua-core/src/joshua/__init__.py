@@ -1,0 +1,1 @@
+"""JOSHUA: one text file describes a robot and one command runs it."""

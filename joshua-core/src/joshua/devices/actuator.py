@@ -1,0 +1,110 @@
+"""The base class of actuators: a group of joints that one node drives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of all joints, shape (N,), in joint order.
+
+    The tightest of configuration, calibration and device holds.
+    """
+
+    position_min_rad: FloatArray
+    position_max_rad: FloatArray
+    velocity_max_rad_s: FloatArray
+
+
+@dataclass(frozen=True)
+class JointReading:
+    """State of all joints at one acquisition.
+
+    Attributes:
+        stamp_ns: acquisition time, ns since the epoch.
+        position_rad, velocity_rad_s: shape (N,).
+        effort: N·m, or the fraction of stall torque where the device has no torque sensor, shape (N,).
+    """
+
+    stamp_ns: int
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    effort: FloatArray
+
+
+class DeviceError(Exception):
+    """A device is absent, refuses, or answers wrongly; the message names device and remedy."""
+
+
+class DeviceDisconnected(DeviceError):
+    """A device that was connected does not answer any more."""
+
+
+class Actuator(ABC):
+    """A group of joints. Written stop-first: ``release`` and ``disconnect`` work in every state.
+
+    Order: constructor (no I/O) → ``connect`` → ``read``… → ``enable`` → ``write``/``read``… →
+    ``hold`` or ``release`` → ``disconnect``. ``disconnect`` is idempotent and leaves no thread and no
+    file handle. ``joint_names`` and ``limits`` are known without a connection.
+
+    Args of the constructor: ``settings`` (the model that the provision names) and ``context`` (the
+    plan's further facts, see ``NodeSpec.context``).
+    """
+
+    def __init__(self, settings: Any, context: dict[str, Any] | None = None) -> None:
+        self.settings = settings
+        self.plan_context: dict[str, Any] = context or {}
+
+    @property
+    @abstractmethod
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in joint order."""
+
+    @property
+    @abstractmethod
+    def limits(self) -> JointLimits:
+        """Limits that ``write`` honours."""
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether the device is open."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Opens the device and checks it; torque stays as it is. Raises DeviceError."""
+
+    @abstractmethod
+    def read(self) -> JointReading:
+        """Reads the state of all joints. Raises DeviceDisconnected."""
+
+    @abstractmethod
+    def enable(self) -> None:
+        """Energises the joints where they are: the goal is seeded with the present position first."""
+
+    @abstractmethod
+    def write(self, goal_rad: FloatArray) -> FloatArray:
+        """Commands positions, shape (N,); returns what was really written after clamp and rate limit.
+
+        Raises ValueError for a wrong shape or a value that is not finite.
+        """
+
+    @abstractmethod
+    def hold(self) -> None:
+        """Stops where the joints are, torque as it is."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Takes torque off all joints."""
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """Closes the device; a second call does nothing."""

@@ -1,0 +1,63 @@
+"""The base class of sensors: a device that yields stamped readings."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One acquisition of a sensor.
+
+    Attributes:
+        stamp_ns: acquisition time, ns since the epoch.
+        sequence: running number of the acquisition, from 0; gaps are frames that the device dropped.
+        data: what was acquired; the sensor's documentation says shape and unit.
+    """
+
+    stamp_ns: int
+    sequence: int
+    data: Any
+
+
+class Sensor(ABC):
+    """A device that yields readings.
+
+    Order: constructor (no I/O) → ``connect`` → ``read``… → ``disconnect`` (idempotent; leaves no
+    thread and no file handle).
+    """
+
+    def __init__(self, settings: Any, context: dict[str, Any] | None = None) -> None:
+        self.settings = settings
+        self.plan_context: dict[str, Any] = context or {}
+
+    @property
+    @abstractmethod
+    def data_types(self) -> tuple[str, ...]:
+        """ROS 2 types that ``message`` can make, such as ``sensor_msgs/msg/Image``."""
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether the device is open."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Opens the device and checks it. Raises DeviceError."""
+
+    @abstractmethod
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next reading, never the same one twice; None when none came in time.
+
+        Raises DeviceDisconnected.
+        """
+
+    @abstractmethod
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes the ROS 2 message of a reading, stamped with its acquisition time."""
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """Closes the device; a second call does nothing."""

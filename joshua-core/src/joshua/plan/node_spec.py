@@ -1,0 +1,88 @@
+"""One node of the plan: what runs, with which settings and topics."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from joshua.plan.qos import QosProfile
+
+
+class NodeKind(str, Enum):
+    """What a node stands for."""
+
+    ACTUATOR = "actuator"
+    SENSOR = "sensor"
+    MODEL = "model"
+    SERVICE = "service"
+
+
+class TopicSpec(BaseModel):
+    """One endpoint of a node.
+
+    Attributes:
+        name: fully qualified topic name, such as ``/leader/joint_states``.
+        type_name: ROS 2 type, such as ``sensor_msgs/msg/JointState``.
+        qos: the profile in force after defaults, overrides and adoption.
+        rate_hz: configured rate of a publisher; 0 for a subscription.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    type_name: str
+    qos: QosProfile = QosProfile()
+    rate_hz: float = 0.0
+
+
+class NodeSpec(BaseModel):
+    """Everything that a child process needs to run one node; carries no device handle and no code.
+
+    Attributes:
+        name: ROS 2 base name; namespace: with leading slash; frame_id: of stamped messages.
+        node_id: number of the node in the file.
+        kind: what the node stands for.
+        role: enum value of the file, such as ``ACTION_LEADER`` or ``PERCEPTION_CAMERA``.
+        block: configuration block that chose the implementation, such as ``mock_motor_config``.
+        plugin: distribution that provides the implementation.
+        behaviour: import string of the node behaviour, such as ``joshua.devices.actuator_node:ActuatorNode``.
+        implementation: import string of the driver or model class that the behaviour drives.
+        settings_type: import string of the settings model; settings: its JSON-able content.
+        context: further facts that the plan hands over (leader calibration, joint names, limits).
+        backend: what runs, as the start-up table shows it, such as ``python`` or ``native``.
+        publishers, subscriptions: endpoints.
+        process_group: nodes with the same group share a process; "" for a process of its own.
+        interpreter: Python interpreter; "" for the Node Generator's own.
+        host: machine that runs the node; "" for any.
+        restart: ``on-failure``, ``never`` or ``stop-run``.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    namespace: str = "/"
+    frame_id: str = ""
+    node_id: int = 0
+    kind: NodeKind
+    role: str = ""
+    block: str = ""
+    plugin: str = "joshua-core"
+    behaviour: str
+    implementation: str
+    settings_type: str = ""
+    settings: dict[str, Any] = Field(default_factory=dict)
+    context: dict[str, Any] = Field(default_factory=dict)
+    backend: str = "python"
+    publishers: tuple[TopicSpec, ...] = ()
+    subscriptions: tuple[TopicSpec, ...] = ()
+    process_group: str = ""
+    interpreter: str = ""
+    host: str = ""
+    restart: str = "on-failure"
+
+    @property
+    def full_name(self) -> str:
+        """Fully qualified node name, such as ``/left/follower_arm``."""
+        return f"{self.namespace.rstrip('/')}/{self.name}"

@@ -1,0 +1,68 @@
+"""The plan of one run: a value that can be printed, compared and sent."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from joshua.plan.diagnostic import Diagnostic
+from joshua.plan.node_spec import NodeSpec
+
+
+class TlsSpec(BaseModel):
+    """Certificate files of the transport, absolute paths."""
+
+    model_config = ConfigDict(frozen=True)
+
+    root_ca_file: str
+    certificate_file: str
+    private_key_file: str
+
+
+class TransportSpec(BaseModel):
+    """Which middleware carries the topics, and where it may be reached.
+
+    Attributes:
+        kind: ``zenoh`` or ``dds``; reason: why it was chosen, for the start-up table.
+        domain_id: ROS 2 domain; distro: ROS 2 distribution whose wire conventions hold.
+        listen_endpoints, connect_endpoints: Zenoh router; network_interface, peers: DDS.
+        discovery_range: value of ROS_AUTOMATIC_DISCOVERY_RANGE in force.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    kind: Literal["zenoh", "dds"] = "zenoh"
+    reason: str = "the embedded default"
+    domain_id: int = 0
+    distro: str = "jazzy"
+    listen_endpoints: tuple[str, ...] = ("tcp/localhost:7447",)
+    connect_endpoints: tuple[str, ...] = ()
+    tls: TlsSpec | None = None
+    network_interface: str = ""
+    peers: tuple[str, ...] = ()
+    discovery_range: Literal["OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"] = "LOCALHOST"
+
+
+class Plan(BaseModel):
+    """What one run starts, in start order.
+
+    Attributes:
+        source: path of the configuration file; mode: ``MODE_…``; robot_id: ``general.id``.
+        nodes: in start order; transport: how they talk.
+        duration_s: length after which the run ends in good order; None runs until stopped.
+        mode_settings: settings of the mode, such as the length of a test.
+        findings: warnings and notes that the start-up table shows.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    source: str
+    mode: str
+    robot_id: str = ""
+    robot_name: str = ""
+    nodes: tuple[NodeSpec, ...] = ()
+    transport: TransportSpec = TransportSpec()
+    duration_s: float | None = None
+    mode_settings: dict[str, Any] = Field(default_factory=dict)
+    findings: tuple[Diagnostic, ...] = ()

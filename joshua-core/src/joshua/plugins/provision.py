@@ -1,0 +1,48 @@
+"""What a plugin provides, as data: no driver is imported to describe it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class ProvisionKind(str, Enum):
+    """The kinds of things that a plugin can provide."""
+
+    ACTUATOR = "actuator"
+    SENSOR = "sensor"
+    MODEL = "model"
+    STORE = "store"
+    TRAINER = "trainer"
+    SIMULATOR = "simulator"
+    EMULATOR = "emulator"
+
+
+@dataclass(frozen=True)
+class Provision:
+    """One thing that a plugin provides.
+
+    Attributes:
+        kind: what it is.
+        block: configuration block that asks for it: a member of the fixed oneofs such as
+            ``sts3215_config``, or the full name of a registered message (``acme.GripperConfig``) for an
+            ``Any`` block; "" where the enum value alone decides.
+        enum_values: enum values that fit, such as ``("ACTION_LEADER", "ACTION_FOLLOWER")``.
+        implementation: import string of the class, such as ``joshua_sts3215.actuator:Sts3215Actuator``.
+        settings: import string of the pydantic settings model, made from the block.
+        message_module: import string of the ``_pb2`` module that registers the block's message;
+            "" for built-in blocks.
+        behaviour: import string of the node behaviour; "" takes the standard one of the kind.
+        native: import string of the native implementation that ``node_type: CPP`` asks for; "" if none.
+        summary: one line for ``joshua plugins``.
+    """
+
+    kind: ProvisionKind
+    block: str
+    implementation: str
+    settings: str = ""
+    enum_values: tuple[str, ...] = ()
+    message_module: str = ""
+    behaviour: str = ""
+    native: str = ""
+    summary: str = ""

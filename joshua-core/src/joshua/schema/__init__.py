@@ -1,0 +1,1 @@
+"""The schema: generated protobuf modules and the DataType table; no logic."""

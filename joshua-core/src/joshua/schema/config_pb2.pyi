@@ -1,0 +1,638 @@
+from google.protobuf import any_pb2 as _any_pb2
+from joshua.schema import calibration_pb2 as _calibration_pb2
+from joshua.schema import comm_pb2 as _comm_pb2
+from joshua.schema import data_type_pb2 as _data_type_pb2
+from joshua.schema import options_pb2 as _options_pb2
+from joshua.schema import simulation_pb2 as _simulation_pb2
+from joshua.schema import transport_pb2 as _transport_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class OperationMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MODE_UNSPECIFIED: _ClassVar[OperationMode]
+    MODE_TELEOPERATE: _ClassVar[OperationMode]
+    MODE_INFERENCE: _ClassVar[OperationMode]
+    MODE_TRAINING: _ClassVar[OperationMode]
+    MODE_CALIBRATION: _ClassVar[OperationMode]
+    MODE_TEST: _ClassVar[OperationMode]
+    MODE_DATA_STORE: _ClassVar[OperationMode]
+    MODE_SIMULATION: _ClassVar[OperationMode]
+
+class ActionType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ACTION_UNSPECIFIED: _ClassVar[ActionType]
+    ACTION_LEADER: _ClassVar[ActionType]
+    ACTION_FOLLOWER: _ClassVar[ActionType]
+    ACTION_SINGLE: _ClassVar[ActionType]
+    ACTION_MOCK: _ClassVar[ActionType]
+    ACTION_SPIKE: _ClassVar[ActionType]
+    ACTION_PLUGIN: _ClassVar[ActionType]
+
+class MockMotion(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MOCK_MOTION_NONE: _ClassVar[MockMotion]
+    MOCK_MOTION_SINE: _ClassVar[MockMotion]
+    MOCK_MOTION_FILE: _ClassVar[MockMotion]
+
+class PerceptionType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PERCEPTION_UNSPECIFIED: _ClassVar[PerceptionType]
+    PERCEPTION_CAMERA: _ClassVar[PerceptionType]
+    PERCEPTION_ENCODER: _ClassVar[PerceptionType]
+    PERCEPTION_LIDAR: _ClassVar[PerceptionType]
+    PERCEPTION_PLUGIN: _ClassVar[PerceptionType]
+    PERCEPTION_GAMEPAD: _ClassVar[PerceptionType]
+    PERCEPTION_KEYBOARD: _ClassVar[PerceptionType]
+
+class ModelType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MODEL_UNSPECIFIED: _ClassVar[ModelType]
+    RANDOM_NOISE: _ClassVar[ModelType]
+    SMOLVLA: _ClassVar[ModelType]
+    MODEL_PLUGIN: _ClassVar[ModelType]
+
+class DataFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    FORMAT_UNSPECIFIED: _ClassVar[DataFormat]
+    FORMAT_HUGGINGFACE: _ClassVar[DataFormat]
+    FORMAT_CSV: _ClassVar[DataFormat]
+    FORMAT_JSONL: _ClassVar[DataFormat]
+    FORMAT_PARQUET: _ClassVar[DataFormat]
+    FORMAT_PLUGIN: _ClassVar[DataFormat]
+
+class StorageBackend(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    STORAGE_UNSPECIFIED: _ClassVar[StorageBackend]
+    STORAGE_LOCAL: _ClassVar[StorageBackend]
+    STORAGE_CLOUD: _ClassVar[StorageBackend]
+    STORAGE_PLUGIN: _ClassVar[StorageBackend]
+
+class DataStoreOperation(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    DATA_STORE_OPERATION_UNSPECIFIED: _ClassVar[DataStoreOperation]
+    DATA_STORE_RECORD: _ClassVar[DataStoreOperation]
+    DATA_STORE_UPLOAD: _ClassVar[DataStoreOperation]
+    DATA_STORE_REPLAY: _ClassVar[DataStoreOperation]
+
+class TrainingEnvironment(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ENV_UNSPECIFIED: _ClassVar[TrainingEnvironment]
+    ENV_SIMULATION: _ClassVar[TrainingEnvironment]
+    ENV_REAL: _ClassVar[TrainingEnvironment]
+
+class TrainingMethod(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    METHOD_UNSPECIFIED: _ClassVar[TrainingMethod]
+    METHOD_RL: _ClassVar[TrainingMethod]
+    METHOD_IMITATION: _ClassVar[TrainingMethod]
+    METHOD_EVAL: _ClassVar[TrainingMethod]
+    METHOD_PLUGIN: _ClassVar[TrainingMethod]
+
+class SimulatorBackend(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    BACKEND_UNSPECIFIED: _ClassVar[SimulatorBackend]
+    BACKEND_MJX: _ClassVar[SimulatorBackend]
+    BACKEND_ISAAC: _ClassVar[SimulatorBackend]
+    BACKEND_PLUGIN: _ClassVar[SimulatorBackend]
+
+class NodeType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    NODE_TYPE_UNSPECIFIED: _ClassVar[NodeType]
+    CPP: _ClassVar[NodeType]
+    PYTHON: _ClassVar[NodeType]
+
+class RestartPolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    RESTART_DEFAULT: _ClassVar[RestartPolicy]
+    RESTART_NEVER: _ClassVar[RestartPolicy]
+    RESTART_ON_FAILURE: _ClassVar[RestartPolicy]
+    RESTART_STOP_RUN: _ClassVar[RestartPolicy]
+
+class Reliability(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    RELIABLE: _ClassVar[Reliability]
+    BEST_EFFORT: _ClassVar[Reliability]
+
+class Durability(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    VOLATILE: _ClassVar[Durability]
+    TRANSIENT_LOCAL: _ClassVar[Durability]
+
+class History(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    KEEP_LAST: _ClassVar[History]
+    KEEP_ALL: _ClassVar[History]
+
+class Liveliness(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    AUTOMATIC: _ClassVar[Liveliness]
+    MANUAL_BY_TOPIC: _ClassVar[Liveliness]
+MODE_UNSPECIFIED: OperationMode
+MODE_TELEOPERATE: OperationMode
+MODE_INFERENCE: OperationMode
+MODE_TRAINING: OperationMode
+MODE_CALIBRATION: OperationMode
+MODE_TEST: OperationMode
+MODE_DATA_STORE: OperationMode
+MODE_SIMULATION: OperationMode
+ACTION_UNSPECIFIED: ActionType
+ACTION_LEADER: ActionType
+ACTION_FOLLOWER: ActionType
+ACTION_SINGLE: ActionType
+ACTION_MOCK: ActionType
+ACTION_SPIKE: ActionType
+ACTION_PLUGIN: ActionType
+MOCK_MOTION_NONE: MockMotion
+MOCK_MOTION_SINE: MockMotion
+MOCK_MOTION_FILE: MockMotion
+PERCEPTION_UNSPECIFIED: PerceptionType
+PERCEPTION_CAMERA: PerceptionType
+PERCEPTION_ENCODER: PerceptionType
+PERCEPTION_LIDAR: PerceptionType
+PERCEPTION_PLUGIN: PerceptionType
+PERCEPTION_GAMEPAD: PerceptionType
+PERCEPTION_KEYBOARD: PerceptionType
+MODEL_UNSPECIFIED: ModelType
+RANDOM_NOISE: ModelType
+SMOLVLA: ModelType
+MODEL_PLUGIN: ModelType
+FORMAT_UNSPECIFIED: DataFormat
+FORMAT_HUGGINGFACE: DataFormat
+FORMAT_CSV: DataFormat
+FORMAT_JSONL: DataFormat
+FORMAT_PARQUET: DataFormat
+FORMAT_PLUGIN: DataFormat
+STORAGE_UNSPECIFIED: StorageBackend
+STORAGE_LOCAL: StorageBackend
+STORAGE_CLOUD: StorageBackend
+STORAGE_PLUGIN: StorageBackend
+DATA_STORE_OPERATION_UNSPECIFIED: DataStoreOperation
+DATA_STORE_RECORD: DataStoreOperation
+DATA_STORE_UPLOAD: DataStoreOperation
+DATA_STORE_REPLAY: DataStoreOperation
+ENV_UNSPECIFIED: TrainingEnvironment
+ENV_SIMULATION: TrainingEnvironment
+ENV_REAL: TrainingEnvironment
+METHOD_UNSPECIFIED: TrainingMethod
+METHOD_RL: TrainingMethod
+METHOD_IMITATION: TrainingMethod
+METHOD_EVAL: TrainingMethod
+METHOD_PLUGIN: TrainingMethod
+BACKEND_UNSPECIFIED: SimulatorBackend
+BACKEND_MJX: SimulatorBackend
+BACKEND_ISAAC: SimulatorBackend
+BACKEND_PLUGIN: SimulatorBackend
+NODE_TYPE_UNSPECIFIED: NodeType
+CPP: NodeType
+PYTHON: NodeType
+RESTART_DEFAULT: RestartPolicy
+RESTART_NEVER: RestartPolicy
+RESTART_ON_FAILURE: RestartPolicy
+RESTART_STOP_RUN: RestartPolicy
+RELIABLE: Reliability
+BEST_EFFORT: Reliability
+VOLATILE: Durability
+TRANSIENT_LOCAL: Durability
+KEEP_LAST: History
+KEEP_ALL: History
+AUTOMATIC: Liveliness
+MANUAL_BY_TOPIC: Liveliness
+
+class Config(_message.Message):
+    __slots__ = ("general", "robot", "ai", "calibration", "simulation", "include", "test", "transport")
+    GENERAL_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_FIELD_NUMBER: _ClassVar[int]
+    AI_FIELD_NUMBER: _ClassVar[int]
+    CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    SIMULATION_FIELD_NUMBER: _ClassVar[int]
+    INCLUDE_FIELD_NUMBER: _ClassVar[int]
+    TEST_FIELD_NUMBER: _ClassVar[int]
+    TRANSPORT_FIELD_NUMBER: _ClassVar[int]
+    general: General
+    robot: Robot
+    ai: Ai
+    calibration: _calibration_pb2.Calibration
+    simulation: _simulation_pb2.SimulationConfig
+    include: _containers.RepeatedScalarFieldContainer[str]
+    test: TestConfig
+    transport: _transport_pb2.TransportConfig
+    def __init__(self, general: _Optional[_Union[General, _Mapping]] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., ai: _Optional[_Union[Ai, _Mapping]] = ..., calibration: _Optional[_Union[_calibration_pb2.Calibration, _Mapping]] = ..., simulation: _Optional[_Union[_simulation_pb2.SimulationConfig, _Mapping]] = ..., include: _Optional[_Iterable[str]] = ..., test: _Optional[_Union[TestConfig, _Mapping]] = ..., transport: _Optional[_Union[_transport_pb2.TransportConfig, _Mapping]] = ...) -> None: ...
+
+class General(_message.Message):
+    __slots__ = ("mode", "robot_type", "name", "id")
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_TYPE_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    mode: OperationMode
+    robot_type: str
+    name: str
+    id: str
+    def __init__(self, mode: _Optional[_Union[OperationMode, str]] = ..., robot_type: _Optional[str] = ..., name: _Optional[str] = ..., id: _Optional[str] = ...) -> None: ...
+
+class Robot(_message.Message):
+    __slots__ = ("actions", "perceptions")
+    ACTIONS_FIELD_NUMBER: _ClassVar[int]
+    PERCEPTIONS_FIELD_NUMBER: _ClassVar[int]
+    actions: _containers.RepeatedCompositeFieldContainer[SingleAction]
+    perceptions: _containers.RepeatedCompositeFieldContainer[SinglePerception]
+    def __init__(self, actions: _Optional[_Iterable[_Union[SingleAction, _Mapping]]] = ..., perceptions: _Optional[_Iterable[_Union[SinglePerception, _Mapping]]] = ...) -> None: ...
+
+class SingleAction(_message.Message):
+    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config")
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    ACTION_TYPE_FIELD_NUMBER: _ClassVar[int]
+    STS3215_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    MOCK_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    SPIKE_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    node: Node
+    action_type: ActionType
+    sts3215_config: STS3215Config
+    mock_motor_config: MockMotorConfig
+    spike_motor_config: SpikeMotorConfig
+    plugin_config: _any_pb2.Any
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
+
+class STS3215Config(_message.Message):
+    __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration")
+    COMM_FIELD_NUMBER: _ClassVar[int]
+    MOTOR_IDS_FIELD_NUMBER: _ClassVar[int]
+    POSITION_MIN_FIELD_NUMBER: _ClassVar[int]
+    POSITION_MAX_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    comm: _comm_pb2.Comm
+    motor_ids: _containers.RepeatedScalarFieldContainer[int]
+    position_min: int
+    position_max: int
+    velocity: int
+    acceleration: int
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
+
+class MockMotorConfig(_message.Message):
+    __slots__ = ("num_motors", "position_min", "position_max", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "time_constant_s")
+    NUM_MOTORS_FIELD_NUMBER: _ClassVar[int]
+    POSITION_MIN_FIELD_NUMBER: _ClassVar[int]
+    POSITION_MAX_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    MOTION_AMPLITUDE_RAD_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FREQUENCY_HZ_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FILE_FIELD_NUMBER: _ClassVar[int]
+    TIME_CONSTANT_S_FIELD_NUMBER: _ClassVar[int]
+    num_motors: int
+    position_min: int
+    position_max: int
+    motion: MockMotion
+    motion_amplitude_rad: float
+    motion_frequency_hz: float
+    motion_file: str
+    time_constant_s: float
+    def __init__(self, num_motors: _Optional[int] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., time_constant_s: _Optional[float] = ...) -> None: ...
+
+class SpikeMotorConfig(_message.Message):
+    __slots__ = ("comm", "port_names")
+    COMM_FIELD_NUMBER: _ClassVar[int]
+    PORT_NAMES_FIELD_NUMBER: _ClassVar[int]
+    comm: _comm_pb2.Comm
+    port_names: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., port_names: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class SinglePerception(_message.Message):
+    __slots__ = ("node", "perception_type", "camera_config", "encoder_config", "lidar_config", "plugin_config", "mock_camera_config", "mock_encoder_config", "mock_lidar_config", "gamepad_config", "keyboard_config")
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    PERCEPTION_TYPE_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    ENCODER_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    LIDAR_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    MOCK_CAMERA_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    MOCK_ENCODER_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    MOCK_LIDAR_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    GAMEPAD_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    KEYBOARD_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    node: Node
+    perception_type: PerceptionType
+    camera_config: CameraConfig
+    encoder_config: EncoderConfig
+    lidar_config: LidarConfig
+    plugin_config: _any_pb2.Any
+    mock_camera_config: MockCameraConfig
+    mock_encoder_config: MockEncoderConfig
+    mock_lidar_config: MockLidarConfig
+    gamepad_config: GamepadConfig
+    keyboard_config: KeyboardConfig
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., perception_type: _Optional[_Union[PerceptionType, str]] = ..., camera_config: _Optional[_Union[CameraConfig, _Mapping]] = ..., encoder_config: _Optional[_Union[EncoderConfig, _Mapping]] = ..., lidar_config: _Optional[_Union[LidarConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., mock_camera_config: _Optional[_Union[MockCameraConfig, _Mapping]] = ..., mock_encoder_config: _Optional[_Union[MockEncoderConfig, _Mapping]] = ..., mock_lidar_config: _Optional[_Union[MockLidarConfig, _Mapping]] = ..., gamepad_config: _Optional[_Union[GamepadConfig, _Mapping]] = ..., keyboard_config: _Optional[_Union[KeyboardConfig, _Mapping]] = ...) -> None: ...
+
+class CameraConfig(_message.Message):
+    __slots__ = ("device_id", "width", "height", "fps", "pixel_format", "brightness", "contrast", "saturation", "exposure")
+    DEVICE_ID_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    FPS_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_FORMAT_FIELD_NUMBER: _ClassVar[int]
+    BRIGHTNESS_FIELD_NUMBER: _ClassVar[int]
+    CONTRAST_FIELD_NUMBER: _ClassVar[int]
+    SATURATION_FIELD_NUMBER: _ClassVar[int]
+    EXPOSURE_FIELD_NUMBER: _ClassVar[int]
+    device_id: int
+    width: int
+    height: int
+    fps: int
+    pixel_format: str
+    brightness: int
+    contrast: int
+    saturation: int
+    exposure: int
+    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ...) -> None: ...
+
+class MockCameraConfig(_message.Message):
+    __slots__ = ("width", "height", "fps")
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    FPS_FIELD_NUMBER: _ClassVar[int]
+    width: int
+    height: int
+    fps: int
+    def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ...) -> None: ...
+
+class EncoderConfig(_message.Message):
+    __slots__ = ("comm", "resolution", "inverted")
+    COMM_FIELD_NUMBER: _ClassVar[int]
+    RESOLUTION_FIELD_NUMBER: _ClassVar[int]
+    INVERTED_FIELD_NUMBER: _ClassVar[int]
+    comm: _comm_pb2.Comm
+    resolution: int
+    inverted: bool
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., resolution: _Optional[int] = ..., inverted: _Optional[bool] = ...) -> None: ...
+
+class MockEncoderConfig(_message.Message):
+    __slots__ = ("resolution", "speed_rad_s", "inverted")
+    RESOLUTION_FIELD_NUMBER: _ClassVar[int]
+    SPEED_RAD_S_FIELD_NUMBER: _ClassVar[int]
+    INVERTED_FIELD_NUMBER: _ClassVar[int]
+    resolution: int
+    speed_rad_s: float
+    inverted: bool
+    def __init__(self, resolution: _Optional[int] = ..., speed_rad_s: _Optional[float] = ..., inverted: _Optional[bool] = ...) -> None: ...
+
+class LidarConfig(_message.Message):
+    __slots__ = ("comm", "angle_min", "angle_max", "range_min", "range_max")
+    COMM_FIELD_NUMBER: _ClassVar[int]
+    ANGLE_MIN_FIELD_NUMBER: _ClassVar[int]
+    ANGLE_MAX_FIELD_NUMBER: _ClassVar[int]
+    RANGE_MIN_FIELD_NUMBER: _ClassVar[int]
+    RANGE_MAX_FIELD_NUMBER: _ClassVar[int]
+    comm: _comm_pb2.Comm
+    angle_min: float
+    angle_max: float
+    range_min: float
+    range_max: float
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ...) -> None: ...
+
+class MockLidarConfig(_message.Message):
+    __slots__ = ("angle_min", "angle_max", "range_min", "range_max", "num_beams", "room_length_m", "room_width_m")
+    ANGLE_MIN_FIELD_NUMBER: _ClassVar[int]
+    ANGLE_MAX_FIELD_NUMBER: _ClassVar[int]
+    RANGE_MIN_FIELD_NUMBER: _ClassVar[int]
+    RANGE_MAX_FIELD_NUMBER: _ClassVar[int]
+    NUM_BEAMS_FIELD_NUMBER: _ClassVar[int]
+    ROOM_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    ROOM_WIDTH_M_FIELD_NUMBER: _ClassVar[int]
+    angle_min: float
+    angle_max: float
+    range_min: float
+    range_max: float
+    num_beams: int
+    room_length_m: float
+    room_width_m: float
+    def __init__(self, angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ..., num_beams: _Optional[int] = ..., room_length_m: _Optional[float] = ..., room_width_m: _Optional[float] = ...) -> None: ...
+
+class JointControl(_message.Message):
+    __slots__ = ("positive", "negative", "joint", "speed_rad_s")
+    POSITIVE_FIELD_NUMBER: _ClassVar[int]
+    NEGATIVE_FIELD_NUMBER: _ClassVar[int]
+    JOINT_FIELD_NUMBER: _ClassVar[int]
+    SPEED_RAD_S_FIELD_NUMBER: _ClassVar[int]
+    positive: str
+    negative: str
+    joint: str
+    speed_rad_s: float
+    def __init__(self, positive: _Optional[str] = ..., negative: _Optional[str] = ..., joint: _Optional[str] = ..., speed_rad_s: _Optional[float] = ...) -> None: ...
+
+class GamepadConfig(_message.Message):
+    __slots__ = ("device", "dead_zone", "dead_man_button", "controls")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    DEAD_ZONE_FIELD_NUMBER: _ClassVar[int]
+    DEAD_MAN_BUTTON_FIELD_NUMBER: _ClassVar[int]
+    CONTROLS_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    dead_zone: float
+    dead_man_button: str
+    controls: _containers.RepeatedCompositeFieldContainer[JointControl]
+    def __init__(self, device: _Optional[str] = ..., dead_zone: _Optional[float] = ..., dead_man_button: _Optional[str] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ...) -> None: ...
+
+class KeyboardConfig(_message.Message):
+    __slots__ = ("key_hold_s", "controls")
+    KEY_HOLD_S_FIELD_NUMBER: _ClassVar[int]
+    CONTROLS_FIELD_NUMBER: _ClassVar[int]
+    key_hold_s: float
+    controls: _containers.RepeatedCompositeFieldContainer[JointControl]
+    def __init__(self, key_hold_s: _Optional[float] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ...) -> None: ...
+
+class Ai(_message.Message):
+    __slots__ = ("models", "data_store", "training")
+    MODELS_FIELD_NUMBER: _ClassVar[int]
+    DATA_STORE_FIELD_NUMBER: _ClassVar[int]
+    TRAINING_FIELD_NUMBER: _ClassVar[int]
+    models: _containers.RepeatedCompositeFieldContainer[SingleModel]
+    data_store: DataStore
+    training: Training
+    def __init__(self, models: _Optional[_Iterable[_Union[SingleModel, _Mapping]]] = ..., data_store: _Optional[_Union[DataStore, _Mapping]] = ..., training: _Optional[_Union[Training, _Mapping]] = ...) -> None: ...
+
+class SingleModel(_message.Message):
+    __slots__ = ("model_type", "pretrained_model_name_or_path", "node", "plugin_config", "random_noise_config")
+    MODEL_TYPE_FIELD_NUMBER: _ClassVar[int]
+    PRETRAINED_MODEL_NAME_OR_PATH_FIELD_NUMBER: _ClassVar[int]
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    RANDOM_NOISE_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    model_type: ModelType
+    pretrained_model_name_or_path: str
+    node: Node
+    plugin_config: _any_pb2.Any
+    random_noise_config: RandomNoiseConfig
+    def __init__(self, model_type: _Optional[_Union[ModelType, str]] = ..., pretrained_model_name_or_path: _Optional[str] = ..., node: _Optional[_Union[Node, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., random_noise_config: _Optional[_Union[RandomNoiseConfig, _Mapping]] = ...) -> None: ...
+
+class RandomNoiseConfig(_message.Message):
+    __slots__ = ("seed", "amplitude_rad")
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    AMPLITUDE_RAD_FIELD_NUMBER: _ClassVar[int]
+    seed: int
+    amplitude_rad: float
+    def __init__(self, seed: _Optional[int] = ..., amplitude_rad: _Optional[float] = ...) -> None: ...
+
+class DataStore(_message.Message):
+    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation")
+    FORMAT_FIELD_NUMBER: _ClassVar[int]
+    STORAGE_FIELD_NUMBER: _ClassVar[int]
+    DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
+    LOCAL_PATH_FIELD_NUMBER: _ClassVar[int]
+    REMOTE_URL_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    OPERATION_FIELD_NUMBER: _ClassVar[int]
+    format: DataFormat
+    storage: StorageBackend
+    dataset_name: str
+    local_path: str
+    remote_url: str
+    plugin_config: _any_pb2.Any
+    operation: DataStoreOperation
+    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ...) -> None: ...
+
+class Training(_message.Message):
+    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config")
+    ENVIRONMENT_FIELD_NUMBER: _ClassVar[int]
+    METHOD_FIELD_NUMBER: _ClassVar[int]
+    SIMULATOR_BACKEND_FIELD_NUMBER: _ClassVar[int]
+    RL_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    IMITATION_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    EVAL_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    environment: TrainingEnvironment
+    method: TrainingMethod
+    simulator_backend: SimulatorBackend
+    rl_config: RLConfig
+    imitation_config: ImitationConfig
+    eval_config: EvalConfig
+    plugin_config: _any_pb2.Any
+    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
+
+class RLConfig(_message.Message):
+    __slots__ = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "gamma", "clip_range", "batch_size", "reward_function")
+    ALGORITHM_FIELD_NUMBER: _ClassVar[int]
+    NUM_ENVS_FIELD_NUMBER: _ClassVar[int]
+    TOTAL_TIMESTEPS_FIELD_NUMBER: _ClassVar[int]
+    LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    GAMMA_FIELD_NUMBER: _ClassVar[int]
+    CLIP_RANGE_FIELD_NUMBER: _ClassVar[int]
+    BATCH_SIZE_FIELD_NUMBER: _ClassVar[int]
+    REWARD_FUNCTION_FIELD_NUMBER: _ClassVar[int]
+    algorithm: str
+    num_envs: int
+    total_timesteps: int
+    learning_rate: float
+    gamma: float
+    clip_range: float
+    batch_size: int
+    reward_function: str
+    def __init__(self, algorithm: _Optional[str] = ..., num_envs: _Optional[int] = ..., total_timesteps: _Optional[int] = ..., learning_rate: _Optional[float] = ..., gamma: _Optional[float] = ..., clip_range: _Optional[float] = ..., batch_size: _Optional[int] = ..., reward_function: _Optional[str] = ...) -> None: ...
+
+class ImitationConfig(_message.Message):
+    __slots__ = ("dataset_name", "num_epochs", "learning_rate", "batch_size", "loss_function")
+    DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
+    NUM_EPOCHS_FIELD_NUMBER: _ClassVar[int]
+    LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    BATCH_SIZE_FIELD_NUMBER: _ClassVar[int]
+    LOSS_FUNCTION_FIELD_NUMBER: _ClassVar[int]
+    dataset_name: str
+    num_epochs: int
+    learning_rate: float
+    batch_size: int
+    loss_function: str
+    def __init__(self, dataset_name: _Optional[str] = ..., num_epochs: _Optional[int] = ..., learning_rate: _Optional[float] = ..., batch_size: _Optional[int] = ..., loss_function: _Optional[str] = ...) -> None: ...
+
+class EvalConfig(_message.Message):
+    __slots__ = ("model_checkpoint", "num_episodes", "metrics")
+    MODEL_CHECKPOINT_FIELD_NUMBER: _ClassVar[int]
+    NUM_EPISODES_FIELD_NUMBER: _ClassVar[int]
+    METRICS_FIELD_NUMBER: _ClassVar[int]
+    model_checkpoint: str
+    num_episodes: int
+    metrics: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, model_checkpoint: _Optional[str] = ..., num_episodes: _Optional[int] = ..., metrics: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class Node(_message.Message):
+    __slots__ = ("node_name", "node_id", "node_type", "qos", "publishers", "subscriptions", "python", "host", "ros_namespace", "process_group", "restart", "frame_id")
+    NODE_NAME_FIELD_NUMBER: _ClassVar[int]
+    NODE_ID_FIELD_NUMBER: _ClassVar[int]
+    NODE_TYPE_FIELD_NUMBER: _ClassVar[int]
+    QOS_FIELD_NUMBER: _ClassVar[int]
+    PUBLISHERS_FIELD_NUMBER: _ClassVar[int]
+    SUBSCRIPTIONS_FIELD_NUMBER: _ClassVar[int]
+    PYTHON_FIELD_NUMBER: _ClassVar[int]
+    HOST_FIELD_NUMBER: _ClassVar[int]
+    ROS_NAMESPACE_FIELD_NUMBER: _ClassVar[int]
+    PROCESS_GROUP_FIELD_NUMBER: _ClassVar[int]
+    RESTART_FIELD_NUMBER: _ClassVar[int]
+    FRAME_ID_FIELD_NUMBER: _ClassVar[int]
+    node_name: str
+    node_id: int
+    node_type: NodeType
+    qos: QoSSettings
+    publishers: _containers.RepeatedCompositeFieldContainer[Publisher]
+    subscriptions: _containers.RepeatedCompositeFieldContainer[Subscription]
+    python: str
+    host: str
+    ros_namespace: str
+    process_group: str
+    restart: RestartPolicy
+    frame_id: str
+    def __init__(self, node_name: _Optional[str] = ..., node_id: _Optional[int] = ..., node_type: _Optional[_Union[NodeType, str]] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., publishers: _Optional[_Iterable[_Union[Publisher, _Mapping]]] = ..., subscriptions: _Optional[_Iterable[_Union[Subscription, _Mapping]]] = ..., python: _Optional[str] = ..., host: _Optional[str] = ..., ros_namespace: _Optional[str] = ..., process_group: _Optional[str] = ..., restart: _Optional[_Union[RestartPolicy, str]] = ..., frame_id: _Optional[str] = ...) -> None: ...
+
+class QoSSettings(_message.Message):
+    __slots__ = ("reliability", "durability", "history", "depth", "liveliness", "deadline_s", "lifespan_s", "lease_duration_s")
+    RELIABILITY_FIELD_NUMBER: _ClassVar[int]
+    DURABILITY_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_FIELD_NUMBER: _ClassVar[int]
+    LIVELINESS_FIELD_NUMBER: _ClassVar[int]
+    DEADLINE_S_FIELD_NUMBER: _ClassVar[int]
+    LIFESPAN_S_FIELD_NUMBER: _ClassVar[int]
+    LEASE_DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    reliability: Reliability
+    durability: Durability
+    history: History
+    depth: int
+    liveliness: Liveliness
+    deadline_s: float
+    lifespan_s: float
+    lease_duration_s: float
+    def __init__(self, reliability: _Optional[_Union[Reliability, str]] = ..., durability: _Optional[_Union[Durability, str]] = ..., history: _Optional[_Union[History, str]] = ..., depth: _Optional[int] = ..., liveliness: _Optional[_Union[Liveliness, str]] = ..., deadline_s: _Optional[float] = ..., lifespan_s: _Optional[float] = ..., lease_duration_s: _Optional[float] = ...) -> None: ...
+
+class Publisher(_message.Message):
+    __slots__ = ("data_type", "topic_name", "publish_rate_hz", "qos", "override")
+    DATA_TYPE_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_NAME_FIELD_NUMBER: _ClassVar[int]
+    PUBLISH_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    QOS_FIELD_NUMBER: _ClassVar[int]
+    OVERRIDE_FIELD_NUMBER: _ClassVar[int]
+    data_type: _data_type_pb2.DataType
+    topic_name: str
+    publish_rate_hz: float
+    qos: QoSSettings
+    override: bool
+    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., publish_rate_hz: _Optional[float] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., override: _Optional[bool] = ...) -> None: ...
+
+class Subscription(_message.Message):
+    __slots__ = ("data_type", "topic_name", "qos")
+    DATA_TYPE_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_NAME_FIELD_NUMBER: _ClassVar[int]
+    QOS_FIELD_NUMBER: _ClassVar[int]
+    data_type: _data_type_pb2.DataType
+    topic_name: str
+    qos: QoSSettings
+    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ...) -> None: ...
+
+class TestConfig(_message.Message):
+    __slots__ = ("duration_s",)
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    duration_s: float
+    def __init__(self, duration_s: _Optional[float] = ...) -> None: ...

@@ -1,0 +1,226 @@
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from typing import ClassVar as _ClassVar
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class DataType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    DATA_TYPE_UNSPECIFIED: _ClassVar[DataType]
+    DURATION: _ClassVar[DataType]
+    TIME: _ClassVar[DataType]
+    DIAGNOSTIC_ARRAY: _ClassVar[DataType]
+    DIAGNOSTIC_STATUS: _ClassVar[DataType]
+    KEY_VALUE: _ClassVar[DataType]
+    ACCEL: _ClassVar[DataType]
+    ACCEL_STAMPED: _ClassVar[DataType]
+    ACCEL_WITH_COVARIANCE: _ClassVar[DataType]
+    ACCEL_WITH_COVARIANCE_STAMPED: _ClassVar[DataType]
+    INERTIA: _ClassVar[DataType]
+    INERTIA_STAMPED: _ClassVar[DataType]
+    POINT: _ClassVar[DataType]
+    POINT32: _ClassVar[DataType]
+    POINT_STAMPED: _ClassVar[DataType]
+    POLYGON: _ClassVar[DataType]
+    POLYGON_STAMPED: _ClassVar[DataType]
+    POSE: _ClassVar[DataType]
+    POSE_2D: _ClassVar[DataType]
+    POSE2D: _ClassVar[DataType]
+    POSE_ARRAY: _ClassVar[DataType]
+    POSE_STAMPED: _ClassVar[DataType]
+    POSE_WITH_COVARIANCE: _ClassVar[DataType]
+    POSE_WITH_COVARIANCE_STAMPED: _ClassVar[DataType]
+    QUATERNION: _ClassVar[DataType]
+    QUATERNION_STAMPED: _ClassVar[DataType]
+    TRANSFORM: _ClassVar[DataType]
+    TRANSFORM_STAMPED: _ClassVar[DataType]
+    TWIST: _ClassVar[DataType]
+    TWIST_STAMPED: _ClassVar[DataType]
+    TWIST_WITH_COVARIANCE: _ClassVar[DataType]
+    TWIST_WITH_COVARIANCE_STAMPED: _ClassVar[DataType]
+    VECTOR3: _ClassVar[DataType]
+    VECTOR3_STAMPED: _ClassVar[DataType]
+    WRENCH: _ClassVar[DataType]
+    WRENCH_STAMPED: _ClassVar[DataType]
+    GRID_CELLS: _ClassVar[DataType]
+    MAP_META_DATA: _ClassVar[DataType]
+    OCCUPANCY_GRID: _ClassVar[DataType]
+    ODOMETRY: _ClassVar[DataType]
+    PATH: _ClassVar[DataType]
+    LOG: _ClassVar[DataType]
+    CLOCK: _ClassVar[DataType]
+    BATTERY_STATE: _ClassVar[DataType]
+    CAMERA_INFO: _ClassVar[DataType]
+    CHANNEL_FLOAT32: _ClassVar[DataType]
+    COMPRESSED_IMAGE: _ClassVar[DataType]
+    FLUID_PRESSURE: _ClassVar[DataType]
+    ILLUMINANCE: _ClassVar[DataType]
+    IMAGE: _ClassVar[DataType]
+    IMU: _ClassVar[DataType]
+    JOINT_STATE: _ClassVar[DataType]
+    JOY: _ClassVar[DataType]
+    JOY_FEEDBACK: _ClassVar[DataType]
+    JOY_FEEDBACK_ARRAY: _ClassVar[DataType]
+    LASER_ECHO: _ClassVar[DataType]
+    LASER_SCAN: _ClassVar[DataType]
+    MAGNETIC_FIELD: _ClassVar[DataType]
+    MULTI_DOF_JOINT_STATE: _ClassVar[DataType]
+    MULTI_ECHO_LASER_SCAN: _ClassVar[DataType]
+    NAV_SAT_FIX: _ClassVar[DataType]
+    NAV_SAT_STATUS: _ClassVar[DataType]
+    POINT_CLOUD: _ClassVar[DataType]
+    POINT_CLOUD2: _ClassVar[DataType]
+    POINTCLOUD2: _ClassVar[DataType]
+    POINT_FIELD: _ClassVar[DataType]
+    RANGE: _ClassVar[DataType]
+    REGION_OF_INTEREST: _ClassVar[DataType]
+    RELATIVE_HUMIDITY: _ClassVar[DataType]
+    TEMPERATURE: _ClassVar[DataType]
+    TIME_REFERENCE: _ClassVar[DataType]
+    BOOL: _ClassVar[DataType]
+    BYTE: _ClassVar[DataType]
+    BYTE_MULTI_ARRAY: _ClassVar[DataType]
+    CHAR: _ClassVar[DataType]
+    COLOR_RGBA: _ClassVar[DataType]
+    EMPTY: _ClassVar[DataType]
+    FLOAT32: _ClassVar[DataType]
+    FLOAT32_MULTI_ARRAY: _ClassVar[DataType]
+    FLOAT64: _ClassVar[DataType]
+    FLOAT64_MULTI_ARRAY: _ClassVar[DataType]
+    HEADER: _ClassVar[DataType]
+    INT16: _ClassVar[DataType]
+    INT16_MULTI_ARRAY: _ClassVar[DataType]
+    INT32: _ClassVar[DataType]
+    INT32_MULTI_ARRAY: _ClassVar[DataType]
+    INT64: _ClassVar[DataType]
+    INT64_MULTI_ARRAY: _ClassVar[DataType]
+    INT8: _ClassVar[DataType]
+    INT8_MULTI_ARRAY: _ClassVar[DataType]
+    MULTI_ARRAY_DIMENSION: _ClassVar[DataType]
+    MULTI_ARRAY_LAYOUT: _ClassVar[DataType]
+    STRING: _ClassVar[DataType]
+    UINT16: _ClassVar[DataType]
+    UINT16_MULTI_ARRAY: _ClassVar[DataType]
+    UINT32: _ClassVar[DataType]
+    UINT32_MULTI_ARRAY: _ClassVar[DataType]
+    UINT64: _ClassVar[DataType]
+    UINT64_MULTI_ARRAY: _ClassVar[DataType]
+    UINT8: _ClassVar[DataType]
+    UINT8_MULTI_ARRAY: _ClassVar[DataType]
+    TF_MESSAGE: _ClassVar[DataType]
+    JOINT_TRAJECTORY: _ClassVar[DataType]
+    JOINT_TRAJECTORY_POINT: _ClassVar[DataType]
+    MULTI_DOF_JOINT_TRAJECTORY: _ClassVar[DataType]
+    MULTI_DOF_JOINT_TRAJECTORY_POINT: _ClassVar[DataType]
+    IMAGE_MARKER: _ClassVar[DataType]
+    MARKER: _ClassVar[DataType]
+    MARKER_ARRAY: _ClassVar[DataType]
+DATA_TYPE_UNSPECIFIED: DataType
+DURATION: DataType
+TIME: DataType
+DIAGNOSTIC_ARRAY: DataType
+DIAGNOSTIC_STATUS: DataType
+KEY_VALUE: DataType
+ACCEL: DataType
+ACCEL_STAMPED: DataType
+ACCEL_WITH_COVARIANCE: DataType
+ACCEL_WITH_COVARIANCE_STAMPED: DataType
+INERTIA: DataType
+INERTIA_STAMPED: DataType
+POINT: DataType
+POINT32: DataType
+POINT_STAMPED: DataType
+POLYGON: DataType
+POLYGON_STAMPED: DataType
+POSE: DataType
+POSE_2D: DataType
+POSE2D: DataType
+POSE_ARRAY: DataType
+POSE_STAMPED: DataType
+POSE_WITH_COVARIANCE: DataType
+POSE_WITH_COVARIANCE_STAMPED: DataType
+QUATERNION: DataType
+QUATERNION_STAMPED: DataType
+TRANSFORM: DataType
+TRANSFORM_STAMPED: DataType
+TWIST: DataType
+TWIST_STAMPED: DataType
+TWIST_WITH_COVARIANCE: DataType
+TWIST_WITH_COVARIANCE_STAMPED: DataType
+VECTOR3: DataType
+VECTOR3_STAMPED: DataType
+WRENCH: DataType
+WRENCH_STAMPED: DataType
+GRID_CELLS: DataType
+MAP_META_DATA: DataType
+OCCUPANCY_GRID: DataType
+ODOMETRY: DataType
+PATH: DataType
+LOG: DataType
+CLOCK: DataType
+BATTERY_STATE: DataType
+CAMERA_INFO: DataType
+CHANNEL_FLOAT32: DataType
+COMPRESSED_IMAGE: DataType
+FLUID_PRESSURE: DataType
+ILLUMINANCE: DataType
+IMAGE: DataType
+IMU: DataType
+JOINT_STATE: DataType
+JOY: DataType
+JOY_FEEDBACK: DataType
+JOY_FEEDBACK_ARRAY: DataType
+LASER_ECHO: DataType
+LASER_SCAN: DataType
+MAGNETIC_FIELD: DataType
+MULTI_DOF_JOINT_STATE: DataType
+MULTI_ECHO_LASER_SCAN: DataType
+NAV_SAT_FIX: DataType
+NAV_SAT_STATUS: DataType
+POINT_CLOUD: DataType
+POINT_CLOUD2: DataType
+POINTCLOUD2: DataType
+POINT_FIELD: DataType
+RANGE: DataType
+REGION_OF_INTEREST: DataType
+RELATIVE_HUMIDITY: DataType
+TEMPERATURE: DataType
+TIME_REFERENCE: DataType
+BOOL: DataType
+BYTE: DataType
+BYTE_MULTI_ARRAY: DataType
+CHAR: DataType
+COLOR_RGBA: DataType
+EMPTY: DataType
+FLOAT32: DataType
+FLOAT32_MULTI_ARRAY: DataType
+FLOAT64: DataType
+FLOAT64_MULTI_ARRAY: DataType
+HEADER: DataType
+INT16: DataType
+INT16_MULTI_ARRAY: DataType
+INT32: DataType
+INT32_MULTI_ARRAY: DataType
+INT64: DataType
+INT64_MULTI_ARRAY: DataType
+INT8: DataType
+INT8_MULTI_ARRAY: DataType
+MULTI_ARRAY_DIMENSION: DataType
+MULTI_ARRAY_LAYOUT: DataType
+STRING: DataType
+UINT16: DataType
+UINT16_MULTI_ARRAY: DataType
+UINT32: DataType
+UINT32_MULTI_ARRAY: DataType
+UINT64: DataType
+UINT64_MULTI_ARRAY: DataType
+UINT8: DataType
+UINT8_MULTI_ARRAY: DataType
+TF_MESSAGE: DataType
+JOINT_TRAJECTORY: DataType
+JOINT_TRAJECTORY_POINT: DataType
+MULTI_DOF_JOINT_TRAJECTORY: DataType
+MULTI_DOF_JOINT_TRAJECTORY_POINT: DataType
+IMAGE_MARKER: DataType
+MARKER: DataType
+MARKER_ARRAY: DataType
