@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import pluggy
-
 from joshua.plugins.provision import Provision
 
 PROJECT_NAME = "joshua"

@@ -1,0 +1,1 @@
+"""The command line: reads like a table of contents."""

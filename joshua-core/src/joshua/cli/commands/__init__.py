@@ -1,0 +1,1 @@
+"""One module per command, each with SUMMARY, add_arguments and run."""

@@ -1,0 +1,64 @@
+"""The entry point of ``joshua``: parse, choose the command, run it, return its exit code."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.parser import parse
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command line and returns its exit code."""
+    try:
+        parser, arguments = parse(argv)
+        if arguments.version:
+            return print_version()
+        if arguments.print_completion:
+            return print_completion(arguments.print_completion)
+        if arguments.command:
+            return int(arguments.run(arguments))
+        if arguments.config:
+            return run_configuration(arguments)
+        parser.print_help()
+    except KeyboardInterrupt:
+        return ExitCode.INTERRUPTED
+    except BrokenPipeError:
+        # The reader of a pipe has gone: the rest of the output has no recipient.
+        sys.stderr.close()
+        return ExitCode.OK
+    return ExitCode.INVALID
+
+
+def print_version() -> int:
+    """Prints the version of the core."""
+    from importlib.metadata import version
+
+    sys.stdout.write(f"joshua {version('joshua-core')}\n")
+    return ExitCode.OK
+
+
+def print_completion(shell: str) -> int:
+    """Prints the completion script of a shell."""
+    from joshua.cli.completion import completion_script
+    from joshua.cli.parser import build_parser
+
+    sys.stdout.write(completion_script(build_parser(populate=True), shell))
+    return ExitCode.OK
+
+
+def run_configuration(arguments: argparse.Namespace) -> int:
+    """Checks a configuration, and runs it unless only the check was asked for."""
+    if arguments.validate_only:
+        from joshua.cli.validate import validate
+
+        return validate(arguments)
+    from joshua.cli.run import run
+
+    return run(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

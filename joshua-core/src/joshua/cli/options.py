@@ -1,0 +1,79 @@
+"""The options of a run, declared once and shared by the commands that read a configuration."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+
+def positive_seconds(text: str) -> float:
+    """Reads a duration in seconds; raises ArgumentTypeError unless it is finite and above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected seconds, such as 10 or 0.5, found {text!r}") from None
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f"expected seconds above zero, found {text!r}")
+    return value
+
+
+def add_config_options(parser: argparse.ArgumentParser, *, suppress: bool = True) -> None:
+    """Adds the options that choose and change a configuration.
+
+    Args:
+        suppress: leave absent options out of the namespace, so that a subcommand does not undo what
+            stood before it on the command line.
+    """
+    default = argparse.SUPPRESS if suppress else None
+    group = parser.add_argument_group("configuration")
+    group.add_argument("--config", metavar="PATH", default=default, help="the file that describes the robot")
+    group.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="FIELD=VALUE",
+        action="append",
+        default=argparse.SUPPRESS if suppress else [],
+        help="replace a field, such as robot.actions[0].sts3215_config.comm.serial.port=/dev/ttyACM3",
+    )
+    group.add_argument(
+        "--host", metavar="NAME", default=default, help="start this machine's share of the file"
+    )
+    group.add_argument(
+        "--block-plugin",
+        dest="blocked_plugins",
+        metavar="NAME",
+        action="append",
+        default=argparse.SUPPRESS if suppress else [],
+        help="leave a plugin out, by its name in `joshua plugins`",
+    )
+    group.add_argument(
+        "--format",
+        choices=("text", "json"),
+        default=argparse.SUPPRESS if suppress else "text",
+        help="form of the diagnostics",
+    )
+
+
+def add_run_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of the main command."""
+    add_config_options(parser, suppress=False)
+    group = parser.add_argument_group("run")
+    group.add_argument("--validate-only", action="store_true", help="check the file and start nothing")
+    group.add_argument(
+        "--duration", metavar="SECONDS", type=positive_seconds, help="end in good order after this time"
+    )
+    group.add_argument(
+        "--log-level",
+        metavar="LEVEL",
+        type=str.upper,
+        choices=("DEBUG", "INFO", "WARNING", "ERROR"),
+        default="INFO",
+        help="least level of the log lines shown: DEBUG, INFO, WARNING, ERROR",
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and end")
+    parser.add_argument(
+        "--print-completion",
+        metavar="SHELL",
+        choices=("bash", "zsh", "fish"),
+        help="print the completion script of a shell: bash, zsh, fish",
+    )

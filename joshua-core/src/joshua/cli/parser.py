@@ -1,0 +1,107 @@
+"""The argument parser: lazy subcommands, and errors that name the nearest valid option."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_run_options
+from joshua.cli.table import COMMANDS, Command
+
+DESCRIPTION = "One text file describes a robot and one command runs it: joshua --config robot.pbtxt"
+EPILOG = """exit codes: 0 good order, 1 a node failed, 2 invalid configuration or command line,
+3 a plugin or extra is missing, 4 hardware is absent or refused, 130 interrupted before start"""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors suggest the nearest option, and whose abbreviations are off."""
+
+    arguments: Sequence[str] = ()
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        kwargs.setdefault("allow_abbrev", False)
+        kwargs.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(*args, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        """Prints the message with the nearest valid option and ends with exit code 2."""
+        unknown = self._unknown_options()
+        if unknown:
+            message = f"unrecognized arguments: {' '.join(unknown)}"
+        lines = [f"{self.prog}: error: {message}"]
+        lines += [f"  nearest: {hint}" for hint in self._nearest(message)]
+        lines.append(f"  see: {self.prog} --help")
+        sys.stderr.write("\n".join(lines) + "\n")
+        sys.exit(ExitCode.INVALID)
+
+    def _unknown_options(self) -> list[str]:
+        # argparse takes the value of a misspelt option for the command and complains about that.
+        known = self._option_string_actions
+        words = [word.partition("=")[0] for word in self.arguments]
+        return [word for word in words if word.startswith("--") and word not in known and word != "--"]
+
+    def _nearest(self, message: str) -> list[str]:
+        options = [option for action in self._actions for option in action.option_strings]
+        if message.startswith("unrecognized arguments:"):
+            words = message.partition(":")[2].split()
+            unknown = [word.partition("=")[0] for word in words if word.startswith("-")]
+            return [near for word in unknown for near in difflib.get_close_matches(word, options, n=1)]
+        if "invalid choice:" in message:
+            word = message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
+            names = [command.name for command in COMMANDS]
+            return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
+        return []
+
+
+class CommandParser(Parser):
+    """The parser of one subcommand; it imports the command's module when it is first used."""
+
+    command: Command | None = None
+    _populated = False
+
+    def populate(self) -> None:
+        """Adds the command's arguments; a second call does nothing."""
+        if self.command is not None and not self._populated:
+            self._populated = True
+            module = importlib.import_module(self.command.module)
+            module.add_arguments(self)
+            self.set_defaults(run=module.run)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Populates the parser, then parses."""
+        self.populate()
+        return super().parse_known_args(args, namespace)
+
+
+def build_parser(*, populate: bool = False) -> Parser:
+    """Makes the parser of the whole command line.
+
+    Args:
+        populate: import every command, as completion and the reference pages need.
+    """
+    parser = Parser(prog="joshua", description=DESCRIPTION, epilog=EPILOG)
+    add_run_options(parser)
+    commands = parser.add_subparsers(
+        dest="command", title="commands", metavar="COMMAND", parser_class=CommandParser
+    )
+    for command in COMMANDS:
+        sub = commands.add_parser(command.name, help=command.summary, description=command.summary)
+        sub.command = command
+        if populate:
+            sub.populate()
+    return parser
+
+
+def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
+    """Parses the command line; ends with exit code 2 when it is invalid."""
+    parser = build_parser()
+    words = list(sys.argv[1:] if argv is None else argv)
+    names = {command.name for command in COMMANDS}
+    first_command = next((index for index, word in enumerate(words) if word in names), len(words))
+    parser.arguments = words[:first_command]
+    return parser, parser.parse_args(words)

@@ -1,0 +1,51 @@
+"""How commands show findings: text for people, JSON for editors, and the exit code that follows."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua.generator.examination import Examination, Request
+
+
+def request_of(arguments: argparse.Namespace, *, launch: bool) -> Request:
+    """Turns the options of a command line into the request that ``examine`` takes."""
+    from joshua.generator.examination import Request
+
+    return Request(
+        path=arguments.config,
+        overrides=tuple(arguments.overrides),
+        host=arguments.host or "",
+        blocked_plugins=tuple(arguments.blocked_plugins),
+        launch=launch,
+        duration_s=getattr(arguments, "duration", None),
+    )
+
+
+def show_findings(examination: Examination, output_format: str) -> None:
+    """Prints all findings: JSON to standard output, text to standard error."""
+    from joshua.config.diagnostics import render_json, render_text
+
+    if output_format == "json":
+        sys.stdout.write(render_json(examination.diagnostics) + "\n")
+    elif examination.diagnostics:
+        color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+        sys.stderr.write(render_text(examination.diagnostics, examination.sources, color=color))
+
+
+def exit_code_of(examination: Examination) -> ExitCode:
+    """Names the exit code of an examination: a missing plugin counts only when nothing else is wrong."""
+    from joshua.plan import Severity
+
+    errors = [item for item in examination.diagnostics if item.severity is Severity.ERROR]
+    if not errors:
+        return ExitCode.OK
+    if all(item.code in ("plugin-missing", "extra-missing") for item in errors):
+        return ExitCode.NOT_INSTALLED
+    return ExitCode.INVALID

@@ -1,0 +1,19 @@
+"""The commands of ``joshua``: name, module and one line of help, so that help imports none of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row of the command table; the module is imported only when the command is used."""
+
+    name: str
+    module: str
+    summary: str
+
+
+COMMANDS: tuple[Command, ...] = (
+    Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
+)

@@ -1,0 +1,1 @@
+"""Text to ``Config``: load, include, override, positions, and the checks."""

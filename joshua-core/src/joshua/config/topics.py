@@ -1,0 +1,142 @@
+"""Who publishes and who subscribes in a file: resolved names and the QoS that is in force.
+
+Pure functions of the configuration message, used by the checks and by planning alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from joshua.plan.qos import QosProfile
+from joshua.schema import config_pb2 as pb
+
+DEFAULT_DEPTH = 10
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """One node block of a file.
+
+    Attributes:
+        path: field path of the ``node`` block, such as ``robot.actions[0].node``.
+        owner_path: field path of the entry that holds it, such as ``robot.actions[0]``.
+        owner: that entry: SingleAction, SinglePerception or SingleModel.
+        node: the block itself.
+    """
+
+    path: str
+    owner_path: str
+    owner: Any
+    node: pb.Node
+
+    @property
+    def namespace(self) -> str:
+        """Namespace with a leading and without a trailing slash; "/" for the root."""
+        return "/" + self.node.ros_namespace.strip("/")
+
+    @property
+    def full_name(self) -> str:
+        """Fully qualified node name."""
+        return f"{self.namespace.rstrip('/')}/{self.node.node_name}"
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One publisher or subscription of a file.
+
+    Attributes:
+        entry: the node block that holds it.
+        path: field path, such as ``robot.actions[0].node.publishers[0]``.
+        block: the Publisher or Subscription message.
+        is_publisher: which of the two it is.
+        topic: fully qualified topic name.
+        qos: the profile in force; a subscription without one carries its publisher's.
+        qos_path: field path of the block that gave the profile; "" where none did.
+    """
+
+    entry: NodeEntry
+    path: str
+    block: Any
+    is_publisher: bool
+    topic: str
+    qos: QosProfile
+    qos_path: str
+
+
+def node_entries(config: pb.Config) -> Iterator[NodeEntry]:
+    """Yields every node block of actions, perceptions and models, in the order of the file."""
+    groups = (
+        ("robot.actions", config.robot.actions),
+        ("robot.perceptions", config.robot.perceptions),
+        ("ai.models", config.ai.models),
+    )
+    for name, group in groups:
+        for index, owner in enumerate(group):
+            owner_path = f"{name}[{index}]"
+            yield NodeEntry(f"{owner_path}.node", owner_path, owner, owner.node)
+
+
+def resolve_topic(name: str, namespace: str, node_name: str) -> str:
+    """Resolves a topic name as ROS 2 does: absolute, relative to the namespace, or private (``~``).
+
+    Args:
+        namespace: with a leading slash, "/" for the root.
+    """
+    base = namespace.rstrip("/")
+    if name.startswith("/"):
+        return name
+    if name == "~" or name.startswith("~/"):
+        return f"{base}/{node_name}{name[1:]}"
+    return f"{base}/{name}"
+
+
+def profile(block: pb.QoSSettings) -> QosProfile:
+    """Turns a ``qos`` block into a profile, defaults filled in."""
+    return QosProfile.model_construct(
+        reliability="BEST_EFFORT" if block.reliability == pb.BEST_EFFORT else "RELIABLE",
+        durability="TRANSIENT_LOCAL" if block.durability == pb.TRANSIENT_LOCAL else "VOLATILE",
+        history="KEEP_ALL" if block.history == pb.KEEP_ALL else "KEEP_LAST",
+        depth=block.depth or DEFAULT_DEPTH,
+        liveliness="MANUAL_BY_TOPIC" if block.liveliness == pb.MANUAL_BY_TOPIC else "AUTOMATIC",
+        deadline_s=block.deadline_s,
+        lifespan_s=block.lifespan_s,
+        lease_duration_s=block.lease_duration_s,
+    )
+
+
+def endpoints(config: pb.Config) -> list[Endpoint]:
+    """Lists every publisher and subscription with its resolved name and the profile in force."""
+    publishers = [
+        _endpoint(entry, f"{entry.path}.publishers[{index}]", block, is_publisher=True)
+        for entry in node_entries(config)
+        for index, block in enumerate(entry.node.publishers)
+    ]
+    adopted: dict[str, QosProfile] = {}
+    for publisher in publishers:
+        adopted.setdefault(publisher.topic, publisher.qos)
+    subscriptions = [
+        _endpoint(entry, f"{entry.path}.subscriptions[{index}]", block, is_publisher=False, adopted=adopted)
+        for entry in node_entries(config)
+        for index, block in enumerate(entry.node.subscriptions)
+    ]
+    return publishers + subscriptions
+
+
+def _endpoint(
+    entry: NodeEntry,
+    path: str,
+    block: Any,
+    *,
+    is_publisher: bool,
+    adopted: dict[str, QosProfile] | None = None,
+) -> Endpoint:
+    topic = resolve_topic(block.topic_name, entry.namespace, entry.node.node_name)
+    if block.HasField("qos"):
+        qos, qos_path = profile(block.qos), f"{path}.qos"
+    elif entry.node.HasField("qos"):
+        qos, qos_path = profile(entry.node.qos), f"{entry.path}.qos"
+    else:
+        qos, qos_path = (adopted or {}).get(topic, QosProfile()), ""
+    return Endpoint(entry, path, block, is_publisher, topic, qos, qos_path)
