@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
+from joshua.devices.errors import DeviceError as DeviceError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,14 +40,6 @@ class JointReading:
     position_rad: FloatArray
     velocity_rad_s: FloatArray
     effort: FloatArray
-
-
-class DeviceError(Exception):
-    """A device is absent, refuses, or answers wrongly; the message names device and remedy."""
-
-
-class DeviceDisconnected(DeviceError):
-    """A device that was connected does not answer any more."""
 
 
 class Actuator(ABC):

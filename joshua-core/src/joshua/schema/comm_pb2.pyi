@@ -15,12 +15,16 @@ class Comm(_message.Message):
     def __init__(self, serial: _Optional[_Union[Serial, _Mapping]] = ..., ble: _Optional[_Union[BLE, _Mapping]] = ...) -> None: ...
 
 class Serial(_message.Message):
-    __slots__ = ("port", "baudrate")
+    __slots__ = ("port", "baudrate", "serial_number", "vid_pid")
     PORT_FIELD_NUMBER: _ClassVar[int]
     BAUDRATE_FIELD_NUMBER: _ClassVar[int]
+    SERIAL_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    VID_PID_FIELD_NUMBER: _ClassVar[int]
     port: str
     baudrate: int
-    def __init__(self, port: _Optional[str] = ..., baudrate: _Optional[int] = ...) -> None: ...
+    serial_number: str
+    vid_pid: str
+    def __init__(self, port: _Optional[str] = ..., baudrate: _Optional[int] = ..., serial_number: _Optional[str] = ..., vid_pid: _Optional[str] = ...) -> None: ...
 
 class BLE(_message.Message):
     __slots__ = ("device_name", "service_uuid")
