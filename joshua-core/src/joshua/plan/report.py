@@ -1,0 +1,82 @@
+"""What a run was like: figures and results of every node, as values."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+
+class TimerReport(BaseModel):
+    """Cadence of one timer; jitter is the distance of a tick from its time on the monotonic clock."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    period_s: float
+    achieved_hz: float
+    jitter_p50_s: float
+    jitter_p99_s: float
+    jitter_p999_s: float
+    ticks: int
+    overruns: int
+
+
+class TopicReport(BaseModel):
+    """Traffic of one endpoint; ``configured_hz`` is 0 for a subscription."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    type_name: str
+    is_publisher: bool
+    count: int
+    rate_hz: float
+    configured_hz: float = 0.0
+
+
+class CheckResult(BaseModel):
+    """One line of the pass/fail table of MODE_TEST: what was checked, how it went, what was measured."""
+
+    model_config = ConfigDict(frozen=True)
+
+    check: str
+    passed: bool
+    measured: str = ""
+
+
+class NodeReport(BaseModel):
+    """One node's share of a run.
+
+    Attributes:
+        full_name: fully qualified node name.
+        state: ``ready`` while it runs, at the end ``stopped`` (in good order), ``failed`` or ``killed``.
+        reason: why it failed; "" where it did not.
+        restarts: how often it was started again.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    full_name: str
+    state: str
+    reason: str = ""
+    restarts: int = 0
+    topics: tuple[TopicReport, ...] = ()
+    timers: tuple[TimerReport, ...] = ()
+    checks: tuple[CheckResult, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+class RunReport(BaseModel):
+    """A whole run.
+
+    Attributes:
+        exit_code: of the contract (0, 1, 3, 4, 130).
+        ready_s: from the start to the last ready report; None if that was not reached.
+        stop_s: from the stop request to the last exit.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    exit_code: int
+    nodes: tuple[NodeReport, ...] = ()
+    ready_s: float | None = None
+    stop_s: float | None = None
