@@ -1,0 +1,111 @@
+"""Every check of the repository. ``nox`` runs the default sessions; ``nox -s NAME`` runs one.
+
+Another interpreter: ``nox -s tests --force-python 3.13``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+import nox
+
+nox.needs_version = ">=2024.10.9"
+nox.options.default_venv_backend = "venv"
+nox.options.reuse_venv = "yes"
+nox.options.error_on_missing_interpreters = True
+nox.options.sessions = ["lint", "types", "proto", "docs", "tests"]
+
+ROOT = Path(__file__).parent
+CONSTRAINTS = ROOT / "constraints.txt"
+PYPROJECT = nox.project.load_toml("pyproject.toml")
+IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
+
+CORE = "joshua-core"
+CORE_SOURCES = "joshua-core/src"
+EXAMPLES = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("docs/examples/*/pyproject.toml"))
+PLUGINS = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("joshua-plugins/*/pyproject.toml"))
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style, format, the oldest supported Python, and what must never be committed."""
+    install(session, *group("lint"))
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    session.run("vermin", "--quiet", "--no-tips", "--violations", "--target=3.10-", CORE_SOURCES)
+    session.run("python", "tools/check_tree.py")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Strict mypy over the core, the plugins, the tools and what the tests share."""
+    install(session, *group("types", "test"), *editable(f"{CORE}[dds]", *EXAMPLES))
+    helpers = sorted(
+        str(path.relative_to(ROOT))
+        for path in (ROOT / "tests").rglob("*.py")
+        if not path.name.startswith("test_")
+    )
+    sources = [f"{plugin}/src" for plugin in PLUGINS] + [f"{example}/src" for example in EXAMPLES]
+    session.run("mypy", CORE_SOURCES, *sources, "tools", "noxfile.py", *helpers, *session.posargs)
+
+
+@nox.session
+def proto(session: nox.Session) -> None:
+    """Regenerates the schema's Python modules; with ``-- --check`` (and in CI) only compares them."""
+    install(session, *group("proto"))
+    arguments = session.posargs or (["--check"] if IN_CI else [])
+    session.run("python", "tools/generate_schema.py", *arguments)
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """Generates the reference pages and builds the site into ``site/``; a warning is an error."""
+    install(session, *group("docs"), *editable(CORE))
+    session.run("python", "tools/generate_docs.py")
+    session.run("mkdocs", "build", "--strict", "--quiet", *session.posargs, env={"NO_MKDOCS_2_WARNING": "1"})
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """The test suite; arguments after ``--`` go to pytest."""
+    install(session, *group("test"), *editable(f"{CORE}[dds]", *EXAMPLES))
+    session.run("pytest", *(session.posargs or ["tests"]))
+
+
+@nox.session
+def bench(session: nox.Session) -> None:
+    """Runs the benchmarks and prints their figures; ``-- NAME …`` runs those whose name contains NAME."""
+    install(session, *group("test"), *editable(f"{CORE}[dds]"))
+    scripts = sorted(path for path in (ROOT / "tests/benchmarks").glob("*.py") if path.name[0] != "_")
+    if session.posargs:
+        scripts = [path for path in scripts if any(word in path.name for word in session.posargs)]
+    if not scripts:
+        session.error("no benchmark matches; see tests/benchmarks")
+    for script in scripts:
+        session.run("python", str(script.relative_to(ROOT)))
+
+
+def group(*names: str) -> list[str]:
+    """Lists the requirements of dependency groups of pyproject.toml."""
+    return list(nox.project.dependency_groups(PYPROJECT, *names))
+
+
+def editable(*folders: str) -> list[str]:
+    """Lists pip arguments that install distributions of this repository in place."""
+    return [argument for folder in folders for argument in ("-e", f"./{folder}")]
+
+
+def install(session: nox.Session, *arguments: str) -> None:
+    """Installs with the tested pins, once: a second run with the same request costs nothing."""
+    files = [CONSTRAINTS, *(ROOT / folder / "pyproject.toml" for folder in (CORE, *EXAMPLES, *PLUGINS))]
+    request = [*arguments, str(ROOT), sys.version, *(path.read_text(encoding="utf-8") for path in files)]
+    digest = hashlib.sha256("\0".join(request).encode()).hexdigest()
+    stamp = Path(session.virtualenv.location) / "installed.sha256"
+    if stamp.is_file() and stamp.read_text(encoding="ascii") == digest:
+        return
+    session.install("-c", str(CONSTRAINTS), *arguments)
+    if not {"-R", "--no-install"} & set(sys.argv):  # with these nox leaves the install out
+        stamp.write_text(digest, encoding="ascii")

@@ -1,0 +1,64 @@
+"""Checks what must never be committed: machine paths, registry hosts, and oversized source files.
+
+Prints one line for each finding and exits with 1 when there is any.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Each pattern is written so that it does not match itself.
+MACHINE_PATH = re.compile(r"(?<![\w./-])/(?:home|Users|root|work|farm)/[\w.-]|/opt/(?:wheels|py[p]i)")
+REGISTRY_HOST = re.compile(r"py[p]i\.org|python[h]osted|registry\.npm[j]s|deb\.deb[i]an|anaconda\.[o]rg")
+PINNED_ADDRESS = re.compile(r"://|--hash|--index-url|--extra-index-url|--find-links")
+
+# One idea per file: beyond this many lines a hand-written module holds more than one.
+MAX_SOURCE_LINES = 400
+
+
+def main() -> int:
+    """Prints every finding and returns the exit code."""
+    findings = [finding for path in tracked_files() for finding in examine(path)]
+    for finding in findings:
+        sys.stdout.write(finding + "\n")
+    return 1 if findings else 0
+
+
+def tracked_files() -> list[Path]:
+    """Lists the files that git knows or would add."""
+    listing = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    return [ROOT / name for name in listing.split("\0") if name and (ROOT / name).is_file()]
+
+
+def examine(path: Path) -> Iterator[str]:
+    """Yields the findings of one file; a file that is not text has none."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        return
+    name = path.relative_to(ROOT)
+    for number, line in enumerate(lines, start=1):
+        if match := MACHINE_PATH.search(line):
+            yield f"{name}:{number}: path of one machine: {match.group()}"
+        if match := REGISTRY_HOST.search(line):
+            yield f"{name}:{number}: host of a package registry: {match.group()}"
+        if path.name == "constraints.txt" and (match := PINNED_ADDRESS.search(line)):
+            yield f"{name}:{number}: a constraint is a name and a version only, found {match.group()}"
+    if path.suffix == ".py" and not path.stem.endswith("_pb2") and len(lines) > MAX_SOURCE_LINES:
+        yield f"{name}: {len(lines)} lines, at most {MAX_SOURCE_LINES}: split it by idea"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
