@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import pluggy
+
 from joshua.plugins.provision import Provision
 
 PROJECT_NAME = "joshua"

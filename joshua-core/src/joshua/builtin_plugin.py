@@ -1,0 +1,52 @@
+"""The core as a plugin: the mock devices and the random-noise model, declared like anyone else's."""
+
+from __future__ import annotations
+
+from joshua.plugins import Provision, ProvisionKind, hookimpl
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the mock devices and the random-noise model."""
+    return [
+        Provision(
+            kind=ProvisionKind.ACTUATOR,
+            block="mock_motor_config",
+            enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE", "ACTION_MOCK"),
+            implementation="joshua.devices.mock_actuator:MockActuator",
+            settings="joshua.devices.mock_settings:MockMotorSettings",
+            summary="virtual motors with first-order motion",
+        ),
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="mock_camera_config",
+            enum_values=("PERCEPTION_CAMERA",),
+            implementation="joshua.devices.mock_camera:MockCamera",
+            settings="joshua.devices.mock_settings:MockCameraSettings",
+            summary="moving test pattern that carries its frame number",
+        ),
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="mock_encoder_config",
+            enum_values=("PERCEPTION_ENCODER",),
+            implementation="joshua.devices.mock_encoder:MockEncoder",
+            settings="joshua.devices.mock_settings:MockEncoderSettings",
+            summary="rotary encoder that turns at a constant speed",
+        ),
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="mock_lidar_config",
+            enum_values=("PERCEPTION_LIDAR",),
+            implementation="joshua.devices.mock_lidar:MockLidar",
+            settings="joshua.devices.mock_settings:MockLidarSettings",
+            summary="laser scanner in a rectangular room",
+        ),
+        Provision(
+            kind=ProvisionKind.MODEL,
+            block="random_noise_config",
+            enum_values=("RANDOM_NOISE",),
+            implementation="joshua.models.random_noise:RandomNoise",
+            settings="joshua.models.random_noise_settings:RandomNoiseSettings",
+            summary="uniformly random joint positions",
+        ),
+    ]

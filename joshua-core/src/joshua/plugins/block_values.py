@@ -1,0 +1,114 @@
+"""The content of a configuration block as plain Python values, omitted fields filled from their rules."""
+
+from __future__ import annotations
+
+import json
+import struct
+from functools import lru_cache
+from typing import Any
+
+from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.message import Message
+
+from joshua.schema import options_pb2
+
+_FLOATS = (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE)
+_INTEGERS = (
+    FieldDescriptor.CPPTYPE_INT32,
+    FieldDescriptor.CPPTYPE_INT64,
+    FieldDescriptor.CPPTYPE_UINT32,
+    FieldDescriptor.CPPTYPE_UINT64,
+)
+
+
+def field_rule(field: FieldDescriptor) -> options_pb2.FieldRule:
+    """The machine-readable facts that a proto file declares for a field; empty where it declares none."""
+    extension: Any = options_pb2.rule  # its stub does not say which options it extends
+    rule: options_pb2.FieldRule = field.GetOptions().Extensions[extension]
+    return rule
+
+
+@lru_cache(maxsize=256)
+def default_values(message_type: Descriptor) -> dict[str, Any]:
+    """What each omitted field of a message means, by field name; fields without a rule take proto3's zero.
+
+    Raises:
+        ValueError: a rule's default does not fit the type of its field.
+    """
+    return {field.name: _default(field) for field in message_type.fields}
+
+
+def block_values(block: Message) -> dict[str, Any]:
+    """Turns a block into plain values: numbers, strings, lists, and dicts for messages.
+
+    Enum values become their names, ``float`` fields the shortest decimal that they stand for (0.1, not
+    0.10000000149), an omitted message None and an omitted scalar the default of its ``FieldRule``. A
+    proto3 field without presence that holds 0 counts as omitted, as the schema defines for such fields.
+    """
+    values = dict(default_values(block.DESCRIPTOR))
+    for field, value in block.ListFields():
+        if field.is_extension:
+            continue
+        if field.is_repeated:
+            if field.message_type is not None and field.message_type.GetOptions().map_entry:
+                values[field.name] = dict(value)
+            else:
+                values[field.name] = [_plain(field, item) for item in value]
+        else:
+            values[field.name] = _plain(field, value)
+    return values
+
+
+def _plain(field: FieldDescriptor, value: Any) -> Any:
+    if field.cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:
+        return block_values(value)
+    if field.enum_type is not None:
+        known = field.enum_type.values_by_number.get(value)
+        return known.name if known else value
+    if field.cpp_type == FieldDescriptor.CPPTYPE_FLOAT:
+        return shortest_float32(value)
+    return value
+
+
+def _default(field: FieldDescriptor) -> Any:
+    text = field_rule(field).default
+    if field.is_repeated:
+        return json.loads(text) if text else []
+    if field.cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:
+        return None
+    if not text:
+        return _plain(field, field.default_value)
+    try:
+        return _parse(field, text)
+    except ValueError as error:
+        raise ValueError(f"{field.full_name}: the rule's default {text!r} does not fit the field") from error
+
+
+def _parse(field: FieldDescriptor, text: str) -> Any:
+    if field.cpp_type in _INTEGERS:
+        return int(text)
+    if field.cpp_type in _FLOATS:
+        return float(text)
+    if field.cpp_type == FieldDescriptor.CPPTYPE_BOOL:
+        if text not in ("true", "false"):
+            raise ValueError(text)
+        return text == "true"
+    if field.enum_type is not None:
+        if text not in field.enum_type.values_by_name:
+            raise ValueError(text)
+        return text
+    return json.loads(text)
+
+
+def shortest_float32(value: float) -> float:
+    """The shortest decimal that reads back as the same 32-bit number."""
+    single = struct.Struct("<f")
+    wanted = single.pack(value)
+    for digits in (6, 7, 8):
+        candidate = float(f"{value:.{digits}g}")
+        try:
+            if single.pack(candidate) == wanted:
+                return candidate
+        except OverflowError:  # rounded up beyond the largest 32-bit number
+            continue
+    return value

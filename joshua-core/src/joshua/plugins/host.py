@@ -1,0 +1,113 @@
+"""The plugin host: loads what is installed and turns every fault of a plugin into a row with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pluggy
+
+from joshua.plugins.discovery import Candidate, discover, is_blocked
+from joshua.plugins.hooks import PROJECT_NAME, PluginHooks
+from joshua.plugins.provision import Provision
+from joshua.plugins.registry import PluginRow, PluginStatus, Registry
+from joshua.plugins.verify import verify_provisions
+
+
+def load_registry(blocked: Iterable[str] = ()) -> Registry:
+    """Loads the light module of every installed plugin and verifies what it declares.
+
+    Args:
+        blocked: names of distributions or entry points whose modules are not imported.
+
+    Returns:
+        The registry; a plugin that is broken, blocked or in conflict is a row in it.
+    """
+    names = tuple(blocked)
+    manager = pluggy.PluginManager(PROJECT_NAME)
+    manager.add_hookspecs(PluginHooks)
+    return Registry(tuple(_load(manager, candidate, names) for candidate in discover()))
+
+
+class _BrokenPluginError(Exception):
+    """A plugin cannot be used; the arguments are the reasons."""
+
+
+def _load(manager: pluggy.PluginManager, candidate: Candidate, blocked: tuple[str, ...]) -> PluginRow:
+    provisions: tuple[Provision, ...] = ()
+    reasons: tuple[str, ...] = ()
+    if is_blocked(candidate, blocked):
+        status, reasons = PluginStatus.BLOCKED, ("blocked on request; its module was not imported",)
+    else:
+        try:
+            provisions = _ask(manager, candidate)
+            status = PluginStatus.OK
+        except _BrokenPluginError as error:
+            status, reasons = PluginStatus.BROKEN, tuple(map(str, error.args))
+    return PluginRow(
+        name=candidate.name,
+        distribution=candidate.distribution,
+        version=candidate.version,
+        status=status,
+        reasons=reasons,
+        provisions=provisions,
+        module=candidate.entry_point.value,
+    )
+
+
+def _ask(manager: pluggy.PluginManager, candidate: Candidate) -> tuple[Provision, ...]:
+    """Imports a plugin's module, registers its hooks and asks for its provisions."""
+    try:
+        plugin = candidate.entry_point.load()
+    except (Exception, SystemExit) as error:
+        raise _BrokenPluginError(
+            f"{candidate.entry_point.value} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
+    try:
+        manager.register(plugin, name=candidate.key)
+        _check_hooks(manager, plugin)
+        answers = _provisions(manager, candidate)
+    except _BrokenPluginError:
+        manager.unregister(plugin)
+        raise
+    except (pluggy.PluginValidationError, ValueError) as error:
+        if manager.is_registered(plugin):
+            manager.unregister(plugin)
+        raise _BrokenPluginError(" ".join(str(error).split())) from error
+    problems = verify_provisions(answers)
+    if problems:
+        raise _BrokenPluginError(*problems)
+    return tuple(answer for answer in answers if isinstance(answer, Provision))
+
+
+def _check_hooks(manager: pluggy.PluginManager, plugin: object) -> None:
+    callers = manager.get_hookcallers(plugin) or []
+    known = sorted(name for name in vars(PluginHooks) if name.startswith(f"{PROJECT_NAME}_"))
+    unknown = [caller.name for caller in callers if not caller.has_spec()]
+    if unknown:
+        raise _BrokenPluginError(
+            *(f"{name} is no hook of this version of JOSHUA; allowed: {', '.join(known)}" for name in unknown)
+        )
+    if not callers:
+        raise _BrokenPluginError(
+            f"declares no hook: mark the function {known[0]} with @joshua.plugins.hookimpl, "
+            "and let the entry point name its module"
+        )
+
+
+def _provisions(manager: pluggy.PluginManager, candidate: Candidate) -> list[object]:
+    implementation = next(
+        impl for impl in manager.hook.joshua_provisions.get_hookimpls() if impl.plugin_name == candidate.key
+    )
+    if implementation.hookwrapper or implementation.wrapper:
+        raise _BrokenPluginError("joshua_provisions is a hook wrapper; a plugin answers only for itself")
+    try:
+        answer = implementation.function()
+        if isinstance(answer, (str, Provision)) or not isinstance(answer, Iterable):
+            raise _BrokenPluginError(
+                f"joshua_provisions returned {type(answer).__name__}, not an iterable of Provision"
+            )
+        return list(answer)
+    except _BrokenPluginError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise _BrokenPluginError(f"joshua_provisions failed: {type(error).__name__}: {error}") from error

@@ -1,0 +1,189 @@
+"""The registry: from enum value and configuration block to the implementation that is installed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from joshua.plugins import hints
+from joshua.plugins.discovery import CORE_DISTRIBUTION
+from joshua.plugins.provision import Provision, ProvisionKind
+
+
+class PluginStatus(str, Enum):
+    """What became of a plugin when the host looked at it."""
+
+    OK = "ok"
+    BROKEN = "broken"
+    BLOCKED = "blocked"
+    CONFLICT = "conflict"
+
+
+@dataclass(frozen=True)
+class PluginRow:
+    """One plugin of the host: a row of ``joshua plugins``.
+
+    Attributes:
+        name: name of the entry point; distribution, version: of the package that declares it.
+        status: what became of it; reasons: one sentence each, empty where all is well.
+        provisions: what it provides; empty for a broken or blocked plugin.
+        module: where the entry point leads, such as ``joshua_lidar.plugin``.
+    """
+
+    name: str
+    distribution: str
+    version: str
+    status: PluginStatus
+    reasons: tuple[str, ...] = ()
+    provisions: tuple[Provision, ...] = ()
+    module: str = ""
+
+
+def _overlap(first: Provision, second: Provision) -> tuple[str, ...] | None:
+    """Enum values that both answer for; ``()`` where one answers for all; None where they do not meet."""
+    if (first.kind, first.block) != (second.kind, second.block):
+        return None
+    if not first.enum_values or not second.enum_values:
+        return ()
+    common = tuple(value for value in first.enum_values if value in second.enum_values)
+    return common or None
+
+
+def _subject(provision: Provision, values: tuple[str, ...]) -> str:
+    return " with ".join(part for part in (", ".join(values), provision.block) if part)
+
+
+class Registry:
+    """What the installed plugins provide.
+
+    Two plugins that provide the same thing are a conflict: neither is used for it, so that installing a
+    package never changes silently which driver runs; only what the core provides stays in force.
+    """
+
+    def __init__(self, rows: tuple[PluginRow, ...]) -> None:
+        self._rows, self._usable = _settle_conflicts(rows)
+
+    def rows(self) -> tuple[PluginRow, ...]:
+        """All plugins in the order of discovery, the broken and the blocked included."""
+        return self._rows
+
+    def find(self, kind: ProvisionKind, block: str, enum_value: str = "") -> Provision | None:
+        """Finds the implementation for a configuration block and an enum value.
+
+        Args:
+            kind: what is asked for.
+            block: member of a oneof such as ``lidar_config``, or for an ``Any`` block the full name of
+                its message (``acme.GripperConfig``); "" asks by enum value alone.
+            enum_value: name such as ``PERCEPTION_LIDAR``; "" accepts every one.
+
+        Returns:
+            The one provision that fits, or None where there is none or more than one
+            (``missing`` says why).
+        """
+        fitting = [
+            provision
+            for provision, _ in self._usable
+            if provision.kind is kind
+            and (not enum_value or not provision.enum_values or enum_value in provision.enum_values)
+        ]
+        for wanted in dict.fromkeys((block, "")):
+            matches = [provision for provision in fitting if provision.block == wanted]
+            if len(matches) == 1:
+                return matches[0]
+        if not block and enum_value and len(fitting) == 1:
+            return fitting[0]
+        return None
+
+    def owner(self, provision: Provision) -> PluginRow:
+        """The plugin that provides something. Raises KeyError for a provision of another registry."""
+        for mine, row in self._usable:
+            if mine is provision:
+                return row
+        raise KeyError(f"{provision.implementation} is not a provision of this registry")
+
+    def message_modules(self) -> tuple[str, ...]:
+        """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""
+        modules = (p.message_module for row in self._rows for p in row.provisions if p.message_module)
+        return tuple(dict.fromkeys(modules))
+
+    def message_types(self) -> tuple[str, ...]:
+        """Full names of the messages that may stand in an ``Any`` block."""
+        names = (p.block for row in self._rows for p in row.provisions if p.message_module)
+        return tuple(dict.fromkeys(names))
+
+    def missing(self, node_name: str, kind: ProvisionKind, block: str, enum_value: str = "") -> str:
+        """Says why ``find`` has nothing, and what to do.
+
+        Returns:
+            One sentence such as
+            ``lidar_front: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar``.
+        """
+        what = hints.subject(block, enum_value)
+        for row in self._rows:
+            for provision in row.provisions:
+                if provision.kind is kind and provision.block == block:
+                    if row.status is PluginStatus.CONFLICT:
+                        return f"{node_name}: {what} is provided twice: {'; '.join(row.reasons)}"
+                    allowed = ", ".join(provision.enum_values)
+                    return (
+                        f"{node_name}: {row.distribution} provides {block} for {allowed}, "
+                        f"not for {enum_value}"
+                    )
+        distribution = hints.distribution_for(block, enum_value)
+        if not distribution:
+            return (
+                f"{node_name}: {what} needs a plugin that provides it, and none is installed: "
+                "pip install the vendor's package, then see joshua plugins"
+            )
+        for row in self._rows:
+            if row.distribution == distribution and row.status is PluginStatus.BLOCKED:
+                return (
+                    f"{node_name}: {what} needs the plugin {distribution}, which is blocked: "
+                    f"leave out --block-plugin {row.name}"
+                )
+            if row.distribution == distribution and row.status is PluginStatus.BROKEN:
+                return (
+                    f"{node_name}: {what} needs the plugin {distribution}, which is broken "
+                    f"({'; '.join(row.reasons)}): pip install --force-reinstall {distribution}"
+                )
+        return f"{node_name}: {what} needs the plugin {distribution}: pip install {distribution}"
+
+
+def _settle_conflicts(
+    rows: tuple[PluginRow, ...],
+) -> tuple[tuple[PluginRow, ...], tuple[tuple[Provision, PluginRow], ...]]:
+    """Marks plugins that provide the same thing; returns the rows and what may be used."""
+    reasons: dict[int, list[str]] = {}
+    withdrawn: set[int] = set()
+    offers = [(index, provision) for index, row in enumerate(rows) for provision in row.provisions]
+    for position, (index, provision) in enumerate(offers):
+        for other_index, other in offers[position + 1 :]:
+            if index == other_index or (common := _overlap(provision, other)) is None:
+                continue
+            first, second = rows[index], rows[other_index]
+            what = _subject(provision, common)
+            if first.distribution == CORE_DISTRIBUTION:
+                reasons.setdefault(other_index, []).append(
+                    f"{second.distribution} and {first.distribution} both provide {what}; "
+                    f"{first.distribution} stays in force"
+                )
+                withdrawn.add(id(other))
+                continue
+            text = (
+                f"{first.distribution} and {second.distribution} both provide {what}; "
+                f"neither is used for it: choose with --block-plugin {first.distribution} "
+                f"or --block-plugin {second.distribution}"
+            )
+            for at, offer in ((index, provision), (other_index, other)):
+                reasons.setdefault(at, []).append(text)
+                withdrawn.add(id(offer))
+    settled = tuple(
+        replace(row, status=PluginStatus.CONFLICT, reasons=row.reasons + tuple(reasons[index]))
+        if index in reasons
+        else row
+        for index, row in enumerate(rows)
+    )
+    usable = tuple(
+        (provision, row) for row in settled for provision in row.provisions if id(provision) not in withdrawn
+    )
+    return settled, usable

@@ -1,0 +1,242 @@
+"""The settings object of a driver: made from its configuration block, in SI units, checked by pydantic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from google.protobuf.message import Message
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
+from typing_extensions import Self
+
+from joshua.plan import Diagnostic, Position, Severity
+from joshua.plugins.block_values import block_values
+from joshua.plugins.provision import Provision
+from joshua.plugins.targets import TargetError, load_target
+
+
+def _unchanged(value: Any) -> Any:
+    return value
+
+
+@dataclass(frozen=True)
+class FromField:
+    """Says which field of the block a setting comes from, as metadata of ``typing.Annotated``.
+
+    Attributes:
+        path: field of the block, with dots into inner messages, such as ``comm.serial.port``.
+        convert: turns the block's unit into the setting's, such as ticks into radians.
+    """
+
+    path: str
+    convert: Callable[[Any], Any] = _unchanged
+
+
+class FieldError(ValueError):
+    """A rule across fields is broken; raised by a validator of a settings model.
+
+    Args:
+        field: field of the block that the finding points at, such as ``position_max``.
+        message: what is wrong and why, one sentence.
+        allowed: what may stand there, the nearest first.
+        remedy: what to do next, one imperative sentence.
+    """
+
+    def __init__(self, field: str, message: str, *, allowed: Sequence[str] = (), remedy: str = "") -> None:
+        super().__init__(message)
+        self.field = field
+        self.allowed = tuple(allowed)
+        self.remedy = remedy
+
+
+class BlockSettings(BaseModel):
+    """Base class of settings: frozen, JSON-able, SI units.
+
+    Each setting takes the field of the same name from the block, or the one that ``FromField`` names,
+    converted. Defaults and ranges are not repeated: an omitted field has the default of its ``FieldRule``,
+    and ranges are checked from the rules before a settings model is made. Validators add rules across
+    fields and raise ``FieldError``. ``si_values`` is the place for values that more than one field,
+    the node or the plan's context decide.
+
+    A settings module is imported while a file is validated: it imports no driver and nothing heavy.
+    """
+
+    model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def from_block(
+        cls, block: Message, node: Message | None = None, context: Mapping[str, Any] | None = None
+    ) -> Self:
+        """Makes the settings of a block.
+
+        Args:
+            block: the configuration block, such as a ``MockMotorConfig``.
+            node: the ``Node`` block beside it; None where there is none.
+            context: the plan's further facts, see ``NodeSpec.context``.
+
+        Raises:
+            pydantic.ValidationError: a value or a rule across fields is broken.
+        """
+        return cls.model_validate(cls.si_values(block_values(block), node, context or {}))
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Turns the block's values (see ``block_values``) into the values of the settings."""
+        del node, context  # for overriding methods
+        result: dict[str, Any] = {}
+        for name, field in cls.model_fields.items():
+            source = _source(name, field)
+            value = _look_up(values, source.path)
+            if value is not None:
+                result[name] = source.convert(value)
+        return result
+
+
+class Positions(Protocol):
+    """Where the values of a loaded configuration stand (``LoadedConfig.positions``)."""
+
+    def value(self, field_path: str) -> Position | None:
+        """Position of a field's value."""
+
+
+def make_settings(
+    provision: Provision,
+    block: Message,
+    *,
+    node: Message | None = None,
+    context: Mapping[str, Any] | None = None,
+    field_path: str = "",
+    positions: Positions | None = None,
+) -> tuple[BlockSettings | None, list[Diagnostic]]:
+    """Makes the settings that a provision asks for, problems as diagnostics.
+
+    Args:
+        provision: whose ``settings`` names the model.
+        block: the configuration block.
+        node: the ``Node`` block beside it.
+        context: the plan's further facts, see ``NodeSpec.context``.
+        field_path: of the block, such as ``robot.actions[0].mock_motor_config``.
+        positions: of the loaded configuration; None leaves diagnostics without a position.
+
+    Returns:
+        The settings and no diagnostic; None and the problems; or None and no diagnostic for a provision
+        without a settings model.
+    """
+    if not provision.settings:
+        return None, []
+    try:
+        settings_type = load_target(provision.settings)
+        if not (isinstance(settings_type, type) and issubclass(settings_type, BlockSettings)):
+            raise TargetError(
+                f"{provision.settings} is not derived from joshua.plugins.settings.BlockSettings"
+            )
+    except TargetError as error:
+        return None, [
+            Diagnostic(
+                code="broken-plugin",
+                severity=Severity.ERROR,
+                message=f"the plugin that provides {provision.block} is broken: {error}",
+                position=_nearest_position(positions, field_path),
+                field_path=field_path,
+                remedy="install the plugin anew, or block it; joshua plugins --check lists the reasons",
+            )
+        ]
+    try:
+        return settings_type.from_block(block, node, context), []
+    except ValidationError as error:
+        return None, settings_diagnostics(error, settings_type, block, field_path, positions)
+
+
+def settings_diagnostics(
+    error: ValidationError,
+    settings_type: type[BlockSettings],
+    block: Message,
+    field_path: str = "",
+    positions: Positions | None = None,
+) -> list[Diagnostic]:
+    """Turns each pydantic error of a settings model into a diagnostic on the block's field."""
+    values = block_values(block)
+    diagnostics = []
+    for detail in error.errors(include_url=False):
+        context = detail.get("ctx", {})
+        problem = context.get("error")
+        if isinstance(problem, FieldError):
+            inner, message = problem.field, str(problem)
+            allowed, remedy = problem.allowed, problem.remedy
+        else:
+            inner = _block_path(detail["loc"], settings_type)
+            message = f"{inner or block.DESCRIPTOR.name}: {detail['msg'].removeprefix('Value error, ')}"
+            allowed = tuple(f"{_BOUNDS[key]} {value}" for key, value in context.items() if key in _BOUNDS)
+            remedy = ""
+        path = ".".join(part for part in (field_path, inner) if part)
+        found = _look_up(values, inner) if inner else None
+        diagnostics.append(
+            Diagnostic(
+                code="invalid-setting",
+                severity=Severity.ERROR,
+                message=message,
+                position=_nearest_position(positions, path),
+                field_path=path,
+                found="" if found is None else _as_text(found),
+                allowed=allowed,
+                remedy=remedy or "change the value; joshua explain shows what the field means",
+            )
+        )
+    return diagnostics
+
+
+_BOUNDS = {
+    "ge": "at least",
+    "gt": "more than",
+    "le": "at most",
+    "lt": "less than",
+    "min_length": "a length of at least",
+    "max_length": "a length of at most",
+    "expected": "one of",
+}
+
+
+def _source(name: str, field: FieldInfo) -> FromField:
+    return next((entry for entry in field.metadata if isinstance(entry, FromField)), FromField(name))
+
+
+def _look_up(values: Mapping[str, Any], path: str) -> Any:
+    """Value at a dotted path with optional indices; None where a part is absent."""
+    current: Any = values
+    for part in path.replace("[", ".").replace("]", "").split("."):
+        if isinstance(current, Mapping):
+            current = current.get(part)
+        elif isinstance(current, Sequence) and part.isdigit() and int(part) < len(current):
+            current = current[int(part)]
+        else:
+            return None
+    return current
+
+
+def _block_path(location: tuple[int | str, ...], settings_type: type[BlockSettings]) -> str:
+    if not location:
+        return ""
+    name = str(location[0])
+    field = settings_type.model_fields.get(name)
+    path = _source(name, field).path if field else name
+    return path + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location[1:])
+
+
+def _nearest_position(positions: Positions | None, path: str) -> Position | None:
+    """Position of a field, else of the innermost block around it."""
+    while positions is not None and path:
+        position = positions.value(path)
+        if position is not None:
+            return position
+        path = path[: max(path.rfind("."), path.rfind("["), 0)]
+    return None
+
+
+def _as_text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) and not value.isupper() else str(value)

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from joshua.plugins import PluginRow, PluginStatus, Provision, ProvisionKind, Registry
+
+LIDAR = Provision(
+    kind=ProvisionKind.SENSOR, block="lidar_config", implementation="a:B", enum_values=("PERCEPTION_LIDAR",)
+)
+CAMERA = Provision(
+    kind=ProvisionKind.SENSOR, block="camera_config", implementation="a:C", enum_values=("PERCEPTION_CAMERA",)
+)
+SMOLVLA = Provision(kind=ProvisionKind.MODEL, block="", implementation="a:Smol", enum_values=("SMOLVLA",))
+
+
+def row(distribution: str, *provisions: Provision, status: PluginStatus = PluginStatus.OK) -> PluginRow:
+    return PluginRow(
+        name=distribution.removeprefix("joshua-"),
+        distribution=distribution,
+        version="1",
+        status=status,
+        reasons=("no module named cv2",) if status is PluginStatus.BROKEN else (),
+        provisions=provisions,
+    )
+
+
+def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None:
+    registry = Registry(
+        (row("acme-one", LIDAR, CAMERA), row("acme-two", replace(LIDAR, implementation="x:Y")))
+    )
+    assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is None
+    assert registry.find(ProvisionKind.SENSOR, "camera_config", "PERCEPTION_CAMERA") is CAMERA
+    expected = (
+        "acme-one and acme-two both provide PERCEPTION_LIDAR with lidar_config; neither is used for it: "
+        "choose with --block-plugin acme-one or --block-plugin acme-two"
+    )
+    for conflicting in registry.rows():
+        assert conflicting.status is PluginStatus.CONFLICT
+        assert conflicting.reasons == (expected,)
+    text = registry.missing("front", ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR")
+    assert text == f"front: PERCEPTION_LIDAR is provided twice: {expected}"
+
+
+def test_an_open_provision_conflicts_with_a_specific_one() -> None:
+    registry = Registry((row("acme-one", LIDAR), row("acme-two", replace(LIDAR, enum_values=()))))
+    assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is None
+
+
+def test_nobody_displaces_the_core() -> None:
+    registry = Registry((row("joshua-core", LIDAR), row("acme-two", replace(LIDAR, implementation="x:Y"))))
+    assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is LIDAR
+    assert [r.status for r in registry.rows()] == [PluginStatus.OK, PluginStatus.CONFLICT]
+    assert registry.rows()[1].reasons == (
+        "acme-two and joshua-core both provide PERCEPTION_LIDAR with lidar_config; "
+        "joshua-core stays in force",
+    )
+
+
+def test_different_enum_values_of_one_block_live_together() -> None:
+    follower = Provision(
+        kind=ProvisionKind.ACTUATOR,
+        block="sts3215_config",
+        implementation="a:B",
+        enum_values=("ACTION_FOLLOWER",),
+    )
+    leader = replace(follower, enum_values=("ACTION_LEADER",), implementation="c:D")
+    registry = Registry((row("acme-one", follower), row("acme-two", leader)))
+    assert registry.find(ProvisionKind.ACTUATOR, "sts3215_config", "ACTION_LEADER") is leader
+    assert registry.find(ProvisionKind.ACTUATOR, "sts3215_config", "ACTION_FOLLOWER") is follower
+    assert registry.find(ProvisionKind.ACTUATOR, "sts3215_config") is None
+
+
+def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
+    noise = Provision(
+        kind=ProvisionKind.MODEL,
+        block="random_noise_config",
+        implementation="n:N",
+        enum_values=("RANDOM_NOISE",),
+    )
+    registry = Registry((row("acme-one", SMOLVLA, noise),))
+    assert registry.find(ProvisionKind.MODEL, "", "SMOLVLA") is SMOLVLA
+    assert registry.find(ProvisionKind.MODEL, "random_noise_config", "RANDOM_NOISE") is noise
+    assert registry.find(ProvisionKind.MODEL, "", "RANDOM_NOISE") is noise
+
+
+@pytest.mark.parametrize(
+    ("kind", "block", "enum_value", "sentence"),
+    [
+        (
+            ProvisionKind.SENSOR,
+            "lidar_config",
+            "PERCEPTION_LIDAR",
+            "n: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar",
+        ),
+        (
+            ProvisionKind.ACTUATOR,
+            "sts3215_config",
+            "ACTION_FOLLOWER",
+            "n: ACTION_FOLLOWER with sts3215_config needs the plugin joshua-sts3215: "
+            "pip install joshua-sts3215",
+        ),
+        (
+            ProvisionKind.MODEL,
+            "",
+            "SMOLVLA",
+            "n: SMOLVLA needs the plugin joshua-smolvla: pip install joshua-smolvla",
+        ),
+        (
+            ProvisionKind.TRAINER,
+            "rl_config",
+            "BACKEND_MJX",
+            "n: BACKEND_MJX needs the plugin joshua-mjx-trainer: pip install joshua-mjx-trainer",
+        ),
+        (
+            ProvisionKind.TRAINER,
+            "rl_config",
+            "METHOD_RL",
+            "n: METHOD_RL needs the plugin joshua-ppo-trainer: pip install joshua-ppo-trainer",
+        ),
+        (
+            ProvisionKind.STORE,
+            "data_store",
+            "FORMAT_PARQUET",
+            "n: FORMAT_PARQUET needs the plugin joshua-dataset: pip install joshua-dataset",
+        ),
+        (
+            ProvisionKind.ACTUATOR,
+            "acme.GripperConfig",
+            "ACTION_PLUGIN",
+            "n: ACTION_PLUGIN with acme.GripperConfig needs a plugin that provides it, "
+            "and none is installed: pip install the vendor's package, then see joshua plugins",
+        ),
+    ],
+)
+def test_a_missing_plugin_is_named_with_its_remedy(
+    kind: ProvisionKind, block: str, enum_value: str, sentence: str
+) -> None:
+    assert Registry(()).missing("n", kind, block, enum_value) == sentence
+
+
+def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
+    ask = ("front", ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR")
+    assert Registry((row("joshua-lidar", status=PluginStatus.BLOCKED),)).missing(*ask) == (
+        "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, which is blocked: "
+        "leave out --block-plugin lidar"
+    )
+    assert Registry((row("joshua-lidar", status=PluginStatus.BROKEN),)).missing(*ask) == (
+        "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, which is broken (no module named cv2): "
+        "pip install --force-reinstall joshua-lidar"
+    )
+
+
+def test_a_block_whose_plugin_does_not_take_the_enum_value() -> None:
+    spike = Provision(
+        kind=ProvisionKind.ACTUATOR,
+        block="spike_motor_config",
+        implementation="a:B",
+        enum_values=("ACTION_SPIKE", "ACTION_SINGLE"),
+    )
+    text = Registry((row("joshua-spike", spike),)).missing(
+        "hub", ProvisionKind.ACTUATOR, "spike_motor_config", "ACTION_LEADER"
+    )
+    assert text == (
+        "hub: joshua-spike provides spike_motor_config for ACTION_SPIKE, ACTION_SINGLE, not for ACTION_LEADER"
+    )
+
+
+def test_a_provision_of_another_registry_has_no_owner() -> None:
+    with pytest.raises(KeyError, match="is not a provision of this registry"):
+        Registry(()).owner(LIDAR)

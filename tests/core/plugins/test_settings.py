@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import pytest
+from joshua.plan import Position
+from joshua.plugins import Provision, ProvisionKind
+from joshua.plugins.block_values import block_values, shortest_float32
+from joshua.plugins.settings import BlockSettings, FieldError, FromField, make_settings
+from joshua.schema import config_pb2
+from pydantic import Field, model_validator
+
+
+def to_rad(ticks: int) -> float:
+    return (ticks - 2048) * math.tau / 4096
+
+
+class MotorSettings(BlockSettings):
+    num_motors: int
+    low_rad: Annotated[float, FromField("position_min", to_rad)]
+    high_rad: Annotated[float, FromField("position_max", to_rad), Field(le=3.0)]
+    motion: str
+    time_constant_s: float
+    rate_hz: float = 0.0
+
+    @classmethod
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: Mapping[str, Any]) -> dict[str, Any]:
+        return {**super().si_values(values, node, context), "rate_hz": context.get("rate_hz", 0.0)}
+
+    @model_validator(mode="after")
+    def _ordered(self) -> MotorSettings:
+        if self.low_rad >= self.high_rad:
+            raise FieldError(
+                "position_max",
+                "position_max must be above position_min",
+                allowed=("more than position_min",),
+                remedy="swap the two limits",
+            )
+        return self
+
+
+class SerialSettings(BlockSettings):
+    port: Annotated[str, FromField("comm.serial.port")]
+
+
+class FakePositions:
+    def __init__(self, known: dict[str, Position]) -> None:
+        self.known = known
+
+    def value(self, field_path: str) -> Position | None:
+        return self.known.get(field_path)
+
+
+def provision(name: str) -> Provision:
+    return Provision(
+        kind=ProvisionKind.ACTUATOR, block="mock_motor_config", implementation="a:B", settings=name
+    )
+
+
+@pytest.fixture
+def motors(monkeypatch: pytest.MonkeyPatch) -> Provision:
+    import sys
+    import types
+
+    module = types.ModuleType("acme_settings_for_test")
+    module.MotorSettings = MotorSettings  # type: ignore[attr-defined]
+    module.SerialSettings = SerialSettings  # type: ignore[attr-defined]
+    module.NotSettings = dict  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    return provision("acme_settings_for_test:MotorSettings")
+
+
+def test_omitted_fields_mean_what_their_rules_say() -> None:
+    values = block_values(config_pb2.MockMotorConfig(num_motors=6, position_max=4095))
+    assert values == {
+        "num_motors": 6,
+        "position_min": 0,
+        "position_max": 4095,
+        "motion": "MOCK_MOTION_NONE",
+        "motion_amplitude_rad": 0.5,
+        "motion_frequency_hz": 0.2,
+        "motion_file": "",
+        "time_constant_s": 0.05,
+    }
+
+
+def test_a_set_zero_is_not_an_omitted_field() -> None:
+    assert block_values(config_pb2.MockMotorConfig(motion_amplitude_rad=0.0))["motion_amplitude_rad"] == 0.0
+    assert block_values(config_pb2.QoSSettings())["depth"] == 10
+
+
+def test_inner_messages_and_lists() -> None:
+    block = config_pb2.STS3215Config(motor_ids=[1, 2])
+    assert block_values(block)["comm"] is None
+    block.comm.serial.port = "/dev/ttyACM0"
+    values = block_values(block)
+    assert values["motor_ids"] == [1, 2]
+    assert values["comm"]["serial"]["port"] == "/dev/ttyACM0"
+
+
+@pytest.mark.parametrize("value", [0.1, 0.2, 3.1416, 1e-7, 123456.79, 3.4028235e38, -0.0])
+def test_floats_are_the_shortest_decimal(value: float) -> None:
+    import struct
+
+    single = struct.unpack("<f", struct.pack("<f", value))[0]
+    assert shortest_float32(single) == pytest.approx(value, rel=1e-7)
+    assert struct.pack("<f", shortest_float32(single)) == struct.pack("<f", value)
+    assert len(repr(shortest_float32(single))) <= len(repr(single))
+
+
+def test_settings_are_in_si_units_and_json_able(motors: Provision) -> None:
+    block = config_pb2.MockMotorConfig(
+        num_motors=2, position_min=1024, position_max=3072, time_constant_s=0.1
+    )
+    settings, problems = make_settings(motors, block, context={"rate_hz": 50.0})
+    assert problems == []
+    assert isinstance(settings, MotorSettings)
+    assert settings.low_rad == pytest.approx(-math.pi / 2)
+    assert settings.high_rad == pytest.approx(math.pi / 2)
+    assert settings.time_constant_s == 0.1
+    assert settings.rate_hz == 50.0
+    assert MotorSettings.model_validate(settings.model_dump(mode="json")) == settings
+
+
+def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: Provision) -> None:
+    block = config_pb2.MockMotorConfig(num_motors=2, position_min=3000, position_max=1000)
+    path = "robot.actions[0].mock_motor_config"
+    where = Position(file="robot.pbtxt", line=7, column=19, length=4)
+    settings, problems = make_settings(
+        motors, block, field_path=path, positions=FakePositions({f"{path}.position_max": where})
+    )
+    assert settings is None
+    (problem,) = problems
+    assert problem.code == "invalid-setting"
+    assert problem.field_path == f"{path}.position_max"
+    assert problem.position == where
+    assert problem.found == "1000"
+    assert problem.message == "position_max must be above position_min"
+    assert problem.allowed == ("more than position_min",)
+    assert problem.remedy == "swap the two limits"
+
+
+def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors: Provision) -> None:
+    block = config_pb2.MockMotorConfig(num_motors=2, position_max=4095)
+    around = Position(file="robot.pbtxt", line=3, column=5)
+    _, problems = make_settings(
+        motors, block, field_path="robot.actions[0].x", positions=FakePositions({"robot.actions[0]": around})
+    )
+    (problem,) = problems
+    assert problem.field_path == "robot.actions[0].x.position_max"
+    assert problem.message == "position_max: Input should be less than or equal to 3"
+    assert problem.allowed == ("at most 3.0",)
+    assert problem.found == "4095"
+    assert problem.position == around, "the innermost block that has a position"
+
+
+def test_an_absent_inner_field_is_named_by_its_path(motors: Provision) -> None:
+    del motors
+    block = config_pb2.STS3215Config(motor_ids=[1])
+    _, problems = make_settings(provision("acme_settings_for_test:SerialSettings"), block, field_path="b")
+    assert [(p.field_path, p.message) for p in problems] == [
+        ("b.comm.serial.port", "comm.serial.port: Field required")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ("no_such_module_x:Settings", "no_such_module_x:Settings cannot be imported: ModuleNotFoundError"),
+        ("acme_settings_for_test:Missing", "acme_settings_for_test has no Missing"),
+        ("acme_settings_for_test:NotSettings", "is not derived from joshua.plugins.settings.BlockSettings"),
+    ],
+)
+def test_a_settings_model_that_leads_nowhere_is_a_diagnostic(
+    motors: Provision, settings: str, reason: str
+) -> None:
+    del motors
+    result, problems = make_settings(provision(settings), config_pb2.MockMotorConfig(), field_path="b")
+    assert result is None
+    (problem,) = problems
+    assert problem.code == "broken-plugin"
+    assert reason in problem.message
+    assert "joshua plugins --check" in problem.remedy
+
+
+def test_a_provision_without_settings_needs_none() -> None:
+    assert make_settings(provision(""), config_pb2.MockMotorConfig()) == (None, [])
