@@ -99,11 +99,18 @@ class NodeHandle(ABC):
         *,
         on_event: Callable[[str, str], None] | None = None,
     ) -> Publisher:
-        """Declares a publisher on a fully qualified topic.
+        """Declares a publisher.
 
         Args:
+            topic: fully qualified name, such as ``/leader/joint_states``.
+            type_name: ROS 2 type, such as ``sensor_msgs/msg/JointState``.
+            qos: profile that is offered.
             on_event: called with (event, detail); events are ``deadline-missed``, ``liveliness-lost``,
                 ``incompatible-qos``.
+
+        Raises:
+            TransportError: the topic name is invalid or the node is closed.
+            MessageError: the type is unknown.
         """
 
     @abstractmethod
@@ -116,7 +123,19 @@ class NodeHandle(ABC):
         *,
         on_event: Callable[[str, str], None] | None = None,
     ) -> Subscription:
-        """Declares a subscription on a fully qualified topic; events as for publishers."""
+        """Declares a subscription.
+
+        Args:
+            topic: fully qualified name.
+            type_name: ROS 2 type.
+            qos: profile that is asked for; with KEEP_LAST its depth bounds the receive queue.
+            callback: called with each sample, one at a time, on a thread of this subscription.
+            on_event: as for publishers; a lost publisher is ``liveliness-lost``.
+
+        Raises:
+            TransportError: the topic name is invalid or the node is closed.
+            MessageError: the type is unknown.
+        """
 
     @abstractmethod
     def close(self) -> None:

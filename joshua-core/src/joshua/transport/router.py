@@ -1,0 +1,139 @@
+"""The Zenoh router of this machine: hosted by us unless one runs already, and taken over when it dies."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from typing import Any
+
+from joshua.plan import TransportSpec
+from joshua.transport.errors import TransportError
+
+_log = logging.getLogger("joshua.transport")
+_ANSWER_S = 2.0
+_LOOK_S = 0.2
+
+
+class RouterHandle:
+    """This process's part in the router of the machine.
+
+    While another process hosts the router, a thread watches it and hosts a new one on the same
+    endpoints as soon as it is gone. Several processes may watch: the port decides who follows.
+
+    Never make one before a fork.
+
+    Attributes:
+        endpoints: where the router listens.
+    """
+
+    def __init__(self, spec: TransportSpec) -> None:
+        from joshua.transport.zenoh.settings import own_router, router_endpoints
+
+        self._spec = spec
+        self.endpoints = tuple(str(endpoint) for endpoint in router_endpoints(spec))
+        self._reach = str(own_router(spec))
+        self._router: Any = None
+        self._guest: Any = None
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._keeper: threading.Thread | None = None
+
+    @property
+    def hosting(self) -> bool:
+        """Whether this process hosts the router."""
+        return self._router is not None
+
+    @property
+    def description(self) -> str:
+        """What happened, for the start-up table."""
+        where = ", ".join(self.endpoints)
+        return (
+            f"hosts the Zenoh router on {where}"
+            if self.hosting
+            else f"joined the Zenoh router on {self._reach}"
+        )
+
+    def start(self) -> None:
+        """Hosts the router, or joins the one that listens already.
+
+        Raises:
+            TransportError: the endpoints cannot be used, or something that is no router holds them.
+        """
+        refusal = self._host()
+        if self.hosting:
+            return
+        self._join()
+        if not self._router_answers(_ANSWER_S):
+            self.close()
+            raise TransportError(
+                f"the Zenoh router can neither listen on {', '.join(self.endpoints)} nor join one there: "
+                f"{refusal}. Stop what uses the port, or set other listen_endpoints in the transport block"
+            )
+        self._keeper = threading.Thread(target=self._keep, name="joshua-router-keeper", daemon=True)
+        self._keeper.start()
+
+    def close(self) -> None:
+        """Stops hosting or watching; a second call does nothing."""
+        self._stop.set()
+        if self._keeper is not None and threading.current_thread() is not self._keeper:
+            self._keeper.join()
+        with self._lock:
+            for session in (self._guest, self._router):
+                if session is not None and not session.is_closed():
+                    session.close()
+            self._guest = self._router = None
+
+    def _host(self) -> str:
+        """Tries to host; returns why it could not."""
+        import zenoh
+
+        from joshua.transport.zenoh.settings import router_config
+
+        try:
+            router = zenoh.open(router_config(self._spec))
+        except zenoh.ZError as error:
+            return str(error).split(" at /", 1)[0]
+        with self._lock:
+            self._router = router
+        return ""
+
+    def _join(self) -> None:
+        import zenoh
+
+        from joshua.transport.zenoh.settings import guest_config
+
+        self._guest = zenoh.open(guest_config(self._spec))
+
+    def _router_answers(self, timeout_s: float) -> bool:
+        waited_s = 0.0
+        while not self._guest.info.routers_zid():
+            if waited_s >= timeout_s or self._stop.wait(0.02):
+                return False
+            waited_s += 0.02
+        return True
+
+    def _keep(self) -> None:
+        while not self._stop.wait(_LOOK_S):
+            if self._guest.info.routers_zid():
+                continue
+            self._host()
+            if self.hosting:
+                _log.warning("the Zenoh router was gone; this process now %s", self.description)
+                self._guest.close()
+                return
+
+
+def host_or_join(spec: TransportSpec) -> RouterHandle | None:
+    """Makes sure that this machine has a router, as Zenoh needs one; DDS needs none.
+
+    Returns:
+        the handle to close at the end; None for DDS, or where nodes are not to find each other.
+
+    Raises:
+        TransportError: the endpoints cannot be used.
+    """
+    if spec.kind != "zenoh" or spec.discovery_range == "OFF":
+        return None
+    handle = RouterHandle(spec)
+    handle.start()
+    return handle

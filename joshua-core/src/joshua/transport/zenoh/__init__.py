@@ -1,0 +1,1 @@
+"""ROS 2 topics over Zenoh, by the conventions of rmw_zenoh."""

@@ -1,0 +1,85 @@
+"""The ROS 2 graph as the liveliness tokens of a domain describe it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from joshua.messages.names import shown_type_name
+from joshua.transport.api import EndpointInfo, NodeInfo
+from joshua.transport.zenoh.keys import NODE, PUBLISHER, SUBSCRIPTION, Entity, read_token
+
+_log = logging.getLogger("joshua.transport")
+Listener = Callable[[Entity, bool], None]
+
+
+class Graph:
+    """Every entity of the domain; tells listeners of each topic what comes and goes."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._entities: dict[str, Entity] = {}
+        self._listeners: dict[str, list[Listener]] = {}
+
+    def apply(self, token: str, present: bool) -> None:
+        """Takes in that a liveliness token appeared or vanished; the same news twice does nothing."""
+        try:
+            entity = read_token(token)
+        except ValueError as error:
+            _log.debug("ignored a liveliness token: %s", error)
+            return
+        with self._lock:
+            if (token in self._entities) == present:
+                return
+            if present:
+                self._entities[token] = entity
+            else:
+                del self._entities[token]
+            listeners = list(self._listeners.get(entity.topic, ()))
+        for listener in listeners:
+            listener(entity, present)
+
+    def listen(self, topic: str, listener: Listener) -> None:
+        """Calls ``listener(entity, present)`` for the endpoints of a topic, those known included."""
+        with self._lock:
+            self._listeners.setdefault(topic, []).append(listener)
+            known = [entity for entity in self._entities.values() if entity.topic == topic]
+        for entity in known:
+            listener(entity, True)
+
+    def ignore(self, topic: str, listener: Listener) -> None:
+        """Ends the calls to a listener."""
+        with self._lock:
+            listeners = self._listeners.get(topic, [])
+            if listener in listeners:
+                listeners.remove(listener)
+
+    def nodes(self) -> list[NodeInfo]:
+        """All nodes with their publishers and subscriptions, sorted by name."""
+        with self._lock:
+            entities = list(self._entities.values())
+        names: dict[tuple[str, str], tuple[str, str]] = {}
+        endpoints: dict[tuple[str, str], list[EndpointInfo]] = {}
+        for entity in entities:
+            key = (entity.zid, entity.node_id)
+            names[key] = (entity.namespace, entity.name)
+            if entity.kind in (PUBLISHER, SUBSCRIPTION) and entity.qos is not None:
+                endpoints.setdefault(key, []).append(
+                    EndpointInfo(
+                        node_name=entity.name,
+                        node_namespace=entity.namespace,
+                        topic=entity.topic,
+                        type_name=shown_type_name(entity.type_name),
+                        type_hash=entity.type_hash,
+                        is_publisher=entity.kind == PUBLISHER,
+                        qos=entity.qos,
+                    )
+                )
+            elif entity.kind == NODE:
+                endpoints.setdefault(key, [])
+        found = [
+            NodeInfo(name=name, namespace=namespace, endpoints=tuple(endpoints.get(key, ())))
+            for key, (namespace, name) in names.items()
+        ]
+        return sorted(found, key=lambda node: (node.namespace, node.name))

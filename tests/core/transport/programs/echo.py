@@ -1,0 +1,17 @@
+"""A process with one node: sends everything that comes on /ping back on /pong, until its input ends."""
+
+import sys
+
+from joshua.plan import QosProfile, TransportSpec
+from joshua.transport import open_transport
+
+spec = TransportSpec.model_validate_json(sys.argv[1])
+type_name = sys.argv[2]
+qos = QosProfile.model_validate_json(sys.argv[3]) if len(sys.argv) > 3 else QosProfile()
+transport = open_transport(spec)
+node = transport.create_node("echo", "/far")
+publisher = node.create_publisher("/pong", type_name, qos)
+node.create_subscription("/ping", type_name, qos, lambda sample: publisher.publish(sample.cdr))
+print("ready", flush=True)
+sys.stdin.read()
+transport.close()

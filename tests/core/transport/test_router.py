@@ -1,0 +1,71 @@
+"""Hosting, joining and taking over the Zenoh router."""
+
+from __future__ import annotations
+
+import signal
+import socket
+
+import pytest
+from joshua.plan import TransportSpec
+from joshua.transport import TransportError
+from joshua.transport.router import host_or_join
+
+
+def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
+    assert router.hosting
+    assert router.description == f"hosts the Zenoh router on {zenoh_spec.listen_endpoints[0]}"
+    second = host_or_join(zenoh_spec)
+    try:
+        assert not second.hosting
+        assert second.description == f"joined the Zenoh router on {zenoh_spec.listen_endpoints[0]}"
+    finally:
+        second.close()
+        second.close()
+
+
+def test_dds_needs_no_router():
+    assert host_or_join(TransportSpec(kind="dds")) is None
+
+
+def test_a_survivor_takes_the_place_of_a_killed_router(zenoh_spec, opener, program, eventually):
+    first = program("router.py", zenoh_spec.model_dump_json())
+    assert "hosts" in first.stdout.readline()
+    keeper = host_or_join(zenoh_spec)
+    try:
+        assert not keeper.hosting
+        early = opener(zenoh_spec)
+        early.create_node("early")
+        first.send_signal(signal.SIGKILL)
+        first.wait()
+        eventually(lambda: keeper.hosting)
+        late = opener(zenoh_spec)
+        late.create_node("late")
+        both = ["early", "late"]
+        eventually(lambda: [n.name for n in late.nodes()] == both, what="the late node's view of both")
+        eventually(lambda: [n.name for n in early.nodes()] == both, what="the early node's view of both")
+    finally:
+        keeper.close()
+
+
+def test_a_port_that_something_else_holds_is_named():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(TransportError, match=f"neither listen on {endpoint} nor join one there"):
+            host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "text"),
+    [
+        ("localhost:7447", "write protocol/host:port"),
+        ("tcp/localhost", "write protocol/host:port"),
+        ("http/localhost:80", "tcp, tls, quic"),
+        ("tcp/localhost:99999", "write protocol/host:port"),
+        ("tls/localhost:7447", "needs certificates"),
+    ],
+)
+def test_endpoints_that_cannot_be_used_are_refused(endpoint, text):
+    with pytest.raises(TransportError, match=text):
+        host_or_join(TransportSpec(listen_endpoints=(endpoint,)))

@@ -1,0 +1,118 @@
+"""Publishing and subscribing over Zenoh between real processes, and the graph."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from joshua.messages import MessageError, decode, encode, make
+from joshua.plan import QosProfile
+from joshua.transport import TransportError
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+def test_messages_go_to_another_process_and_back(zenoh_spec, router, opener, program, eventually):
+    far = program("echo.py", zenoh_spec.model_dump_json(), JOINT_STATE)
+    transport = opener(zenoh_spec)
+    node = transport.create_node("near", "/left")
+    got = []
+    publisher = node.create_publisher("/ping", JOINT_STATE, QosProfile())
+    subscription = node.create_subscription("/pong", JOINT_STATE, QosProfile(), got.append)
+    eventually(lambda: publisher.subscription_count == 1 and subscription.publisher_count == 1)
+
+    before_ns = time.time_ns()
+    for number in range(5):
+        publisher.publish(encode(make.joint_state(["a", "b"], np.full(2, number), at_ns=number)))
+    eventually(lambda: len(got) == 5)
+    assert [decode(JOINT_STATE, sample.cdr).position[0] for sample in got] == [0, 1, 2, 3, 4]
+    assert [sample.sequence for sample in got] == [1, 2, 3, 4, 5]
+    for sample in got:
+        assert before_ns <= sample.source_stamp_ns <= sample.received_ns <= time.time_ns()
+        assert len(sample.publisher_gid) == 16
+
+    nodes = {f"{n.namespace}:{n.name}": n for n in transport.nodes()}
+    assert set(nodes) == {"/far:echo", "/left:near"}
+    assert {(e.topic, e.type_name, e.is_publisher) for e in nodes["/far:echo"].endpoints} == {
+        ("/ping", JOINT_STATE, False),
+        ("/pong", JOINT_STATE, True),
+    }
+    assert {e.qos for n in nodes.values() for e in n.endpoints} == {QosProfile()}
+
+    far.send_signal(signal.SIGKILL)
+    eventually(lambda: [n.name for n in transport.nodes()] == ["near"], what="the killed node's leave")
+    eventually(lambda: publisher.subscription_count == 0 and subscription.publisher_count == 0)
+
+
+def test_a_closed_node_leaves_the_graph_and_its_callbacks_end(zenoh_spec, router, opener, eventually):
+    near, far = opener(zenoh_spec), opener(zenoh_spec)
+    got = []
+    node = far.create_node("listener")
+    node.create_subscription("/topic", JOINT_STATE, QosProfile(), got.append)
+    publisher = near.create_node("talker").create_publisher("/topic", JOINT_STATE, QosProfile())
+    eventually(lambda: publisher.subscription_count == 1)
+    node.close()
+    node.close()
+    publisher.publish(encode(make.joint_state([], ())))
+    eventually(lambda: publisher.subscription_count == 0)
+    assert not got
+    with pytest.raises(TransportError, match="the node listener is closed"):
+        node.create_publisher("/topic", JOINT_STATE, QosProfile())
+
+
+def test_nodes_of_one_process_hear_each_other_without_a_router(zenoh_spec, opener, eventually):
+    transport = opener(zenoh_spec)
+    got = []
+    transport.create_node("a").create_subscription("/topic", JOINT_STATE, QosProfile(), got.append)
+    publisher = transport.create_node("b").create_publisher("/topic", JOINT_STATE, QosProfile())
+    publisher.publish(memoryview(encode(make.joint_state(["x"], [1.0]))))
+    eventually(lambda: got)
+    assert publisher.subscription_count == 1
+
+
+def test_domains_do_not_meet(zenoh_spec, router, opener, eventually):
+    other = zenoh_spec.model_copy(update={"domain_id": (zenoh_spec.domain_id + 1) % 233})
+    near, far = opener(zenoh_spec), opener(other)
+    far.create_node("elsewhere")
+    node = near.create_node("here")
+    witness = opener(zenoh_spec)
+    eventually(lambda: [n.name for n in witness.nodes()] == ["here"])
+    assert [n.name for n in near.nodes()] == ["here"]
+    node.close()
+
+
+def test_a_failing_callback_does_not_end_the_subscription(zenoh_spec, opener, eventually, caplog):
+    transport = opener(zenoh_spec)
+    got = []
+
+    def callback(sample):
+        got.append(sample)
+        if len(got) == 1:
+            raise RuntimeError("first one fails")
+
+    node = transport.create_node("a")
+    node.create_subscription("/topic", JOINT_STATE, QosProfile(), callback)
+    publisher = node.create_publisher("/topic", JOINT_STATE, QosProfile())
+    for _ in range(2):
+        publisher.publish(encode(make.joint_state([], ())))
+    eventually(lambda: len(got) == 2)
+    assert "the callback of joshua-sub /topic failed" in caplog.text
+
+
+@pytest.mark.parametrize("topic", ["joints", "/a//b", "/1st", "/a__b", "/", "/ä"])
+def test_invalid_topics_are_refused(zenoh_spec, opener, topic):
+    node = opener(zenoh_spec).create_node("a")
+    with pytest.raises(TransportError, match="is not a fully qualified topic name"):
+        node.create_publisher(topic, JOINT_STATE, QosProfile())
+
+
+def test_invalid_names_and_types_are_refused(zenoh_spec, opener):
+    transport = opener(zenoh_spec)
+    with pytest.raises(TransportError, match="'left arm' is not a node name"):
+        transport.create_node("left arm")
+    with pytest.raises(TransportError, match="'left' is not a namespace"):
+        transport.create_node("arm", "left")
+    with pytest.raises(MessageError, match="not known"):
+        transport.create_node("arm").create_publisher("/a", "sensor_msgs/msg/Nothing", QosProfile())
