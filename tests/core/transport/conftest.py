@@ -8,12 +8,15 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
+from joshua.messages import distro, select_distro
 from joshua.plan import TransportSpec
-from joshua.transport import open_transport
-from joshua.transport.router import host_or_join
+from joshua.transport import Transport, open_transport
+from joshua.transport.router import RouterHandle, host_or_join
 
 PROGRAMS = Path(__file__).parent / "programs"
 
@@ -21,14 +24,14 @@ PROGRAMS = Path(__file__).parent / "programs"
 def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="session")
-def eventually():
+def eventually() -> Callable[..., Any]:
     """Waits until a condition holds; returns what it returned."""
 
-    def wait(condition, timeout_s=20.0, what="the condition"):
+    def wait(condition: Callable[[], Any], timeout_s: float = 30.0, what: str = "the condition") -> Any:
         end = time.monotonic() + timeout_s
         while not (value := condition()):
             assert time.monotonic() < end, f"{what} did not come true within {timeout_s} s"
@@ -38,24 +41,32 @@ def eventually():
     return wait
 
 
+@pytest.fixture(autouse=True)
+def _restore_distro() -> Iterator[None]:
+    before = distro()
+    yield
+    select_distro(before)
+
+
 @pytest.fixture
-def zenoh_spec():
+def zenoh_spec() -> TransportSpec:
     return TransportSpec(listen_endpoints=(f"tcp/localhost:{free_port()}",), domain_id=random.randrange(233))
 
 
 @pytest.fixture
-def router(zenoh_spec):
+def router(zenoh_spec: TransportSpec) -> Iterator[RouterHandle]:
     handle = host_or_join(zenoh_spec)
+    assert handle is not None
     yield handle
     handle.close()
 
 
 @pytest.fixture
-def opener():
+def opener() -> Iterator[Callable[[TransportSpec], Transport]]:
     """Opens transports that are closed at the end of the test."""
-    opened = []
+    opened: list[Transport] = []
 
-    def open_one(spec):
+    def open_one(spec: TransportSpec) -> Transport:
         opened.append(open_transport(spec))
         return opened[-1]
 
@@ -65,11 +76,11 @@ def opener():
 
 
 @pytest.fixture
-def program():
+def program() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Starts programs of the folder ``programs``; they are killed at the end of the test."""
-    started = []
+    started: list[subprocess.Popen[str]] = []
 
-    def start(name, *arguments, env=None):
+    def start(name: str, *arguments: object, env: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [sys.executable, str(PROGRAMS / name), *map(str, arguments)],
             stdin=subprocess.PIPE,
@@ -84,5 +95,7 @@ def program():
     for process in started:
         process.kill()
         process.wait()
+        assert process.stdin is not None
+        assert process.stdout is not None
         process.stdin.close()
         process.stdout.close()

@@ -5,19 +5,12 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.messages import distro, select_distro
+from joshua.messages import select_distro
 from joshua.plan import QosProfile
 from joshua.transport.zenoh.keys import ATTACHMENT, NODE, PUBLISHER, Entity, data_key, gid_of, read_token
 from joshua.transport.zenoh.qos_text import read_qos, write_qos
 
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
-
-
-@pytest.fixture(autouse=True)
-def _restore_distro():
-    before = distro()
-    yield
-    select_distro(before)
 
 
 def test_data_keys():
