@@ -42,7 +42,7 @@ def lint(session: nox.Session) -> None:
 @nox.session
 def types(session: nox.Session) -> None:
     """Strict mypy over the core, the plugins, the tools and what the tests share."""
-    install(session, *group("types", "test"), *editable(f"{CORE}[dds]", *EXAMPLES))
+    install(session, *group("types", "test"), *editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS))
     helpers = sorted(
         str(path.relative_to(ROOT))
         for path in (ROOT / "tests").rglob("*.py")
@@ -71,14 +71,14 @@ def docs(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """The test suite; arguments after ``--`` go to pytest."""
-    install(session, *group("test"), *editable(f"{CORE}[dds]", *EXAMPLES))
+    install(session, *group("test"), *editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS))
     session.run("pytest", *(session.posargs or ["tests"]))
 
 
 @nox.session
 def bench(session: nox.Session) -> None:
     """Runs the benchmarks and prints their figures; ``-- NAME …`` runs those whose name contains NAME."""
-    install(session, *group("test"), *editable(f"{CORE}[dds]"))
+    install(session, *group("test"), *editable(f"{CORE}[dds]", *PLUGINS))
     scripts = sorted(path for path in (ROOT / "tests/benchmarks").glob("*.py") if path.name[0] != "_")
     if session.posargs:
         scripts = [path for path in scripts if any(word in path.name for word in session.posargs)]

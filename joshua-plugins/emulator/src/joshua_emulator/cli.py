@@ -1,0 +1,159 @@
+"""The command line of the emulator process."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from joshua_emulator.arms import ARMS
+from joshua_emulator.control import ControlError
+from joshua_emulator.eeprom_store import EepromStoreError
+from joshua_emulator.feetech.assembly import FeetechAssembly, FeetechSpec
+from joshua_emulator.feetech.registers import BAUDRATES
+from joshua_emulator.motion import MotionError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one emulated bus until it is stopped; prints one line of JSON when it is ready."""
+    options = _parser().parse_args(arguments)
+    root = options.root or Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
+    try:
+        assembly = FeetechAssembly(_spec(options, root))
+        assembly.station.replug(options.name)
+        for text in options.fault:
+            assembly.operations.handle({"op": "fault", **parse_fault(text)})
+        if options.motion:
+            assembly.operations.start_motion(*_parse_settings(options.motion))
+    except (EepromStoreError, ControlError, MotionError, OSError) as error:
+        print(f"joshua-emulator: {error}", file=sys.stderr)  # noqa: T201 - the output of this program
+        return 2
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: assembly.station.stop())
+    wake, wake_writer = os.pipe()  # a signal must end the wait of the loop
+    os.set_blocking(wake_writer, False)
+    signal.set_wakeup_fd(wake_writer)
+    print(json.dumps(_ready(assembly)), flush=True)  # noqa: T201 - read by whoever started this process
+    gc.freeze()
+    gc.disable()  # the loop makes no cycles, and a collection would make a reply late
+    try:
+        assembly.station.run((sys.stdin.fileno(), wake) if options.until_stdin_closes else (wake,))
+    finally:
+        assembly.close()
+    return 0
+
+
+def parse_fault(text: str) -> dict[str, Any]:
+    """Reads a fault such as ``drop=0.01``, ``silent=3,at_s=2`` or ``unplug,at_s=5,replug_after_s=1``."""
+    first, *rest = text.split(",")
+    kind, _, value = first.partition("=")
+    request: dict[str, Any] = {"kind": kind.strip()}
+    if value:
+        request["value"] = _number(value)
+    for part in rest:
+        key, equals, setting = part.partition("=")
+        if not equals:
+            raise ControlError(f"fault {text!r}: {part!r} needs a value, as in at_s=5")
+        request[key.strip()] = _number(setting)
+    return request
+
+
+def _ready(assembly: FeetechAssembly) -> dict[str, Any]:
+    line = assembly.station.line
+    return {
+        "pid": os.getpid(),
+        "port": str(line.port),
+        "by_id": str(line.by_id),
+        "identity": line.identity,
+        "root": str(line.root),
+        "control": str(assembly.spec.control),
+        "joints": assembly.joint_names,
+    }
+
+
+def _spec(options: argparse.Namespace, root: Path) -> FeetechSpec:
+    return FeetechSpec(
+        ids=options.ids,
+        root=root,
+        control=options.control or root / "control.sock",
+        name=options.name,
+        identity=options.identity,
+        eeprom=options.eeprom,
+        arm=options.arm,
+        calibrated=options.calibrated,
+        baudrate=options.baudrate,
+        return_delay_s=options.return_delay_s,
+        models=options.models,
+        volts=options.volts,
+        seed=options.seed,
+        echo=options.echo,
+        burst_window_s=options.burst_window_s,
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="joshua-emulator", description="Emulated robot hardware on pseudo-terminals."
+    )
+    protocols = parser.add_subparsers(dest="protocol", required=True)
+    bus = protocols.add_parser("feetech", help="a bus of STS3215 servos")
+    bus.add_argument(
+        "--ids", type=_ids, default=(1, 2, 3, 4, 5, 6), help="bus ids in cable order: 1-6 or 1,2,5"
+    )
+    bus.add_argument("--root", type=Path, help="folder for dev/ and sys/; default is a new temporary folder")
+    bus.add_argument("--name", default="ttyACM0", help="device name of the port")
+    bus.add_argument("--identity", default="EMULATED0", help="USB serial number of the adapter")
+    bus.add_argument(
+        "--control", type=Path, help="control socket; default is control.sock in the root folder"
+    )
+    bus.add_argument("--eeprom", type=Path, help="file that keeps the EEPROM across runs")
+    bus.add_argument(
+        "--arm", choices=sorted(ARMS), default="", help="arm whose stops and joint names the servos have"
+    )
+    bus.add_argument("--calibrated", action="store_true", help="start with calibrated EEPROM contents")
+    bus.add_argument("--baudrate", type=int, choices=sorted(BAUDRATES.values()), default=1_000_000)
+    bus.add_argument(
+        "--return-delay-s", type=float, default=0.0, help="return delay of the servos, at most 508e-6"
+    )
+    bus.add_argument("--models", type=_ids, default=(), help="model numbers in cable order")
+    bus.add_argument("--volts", type=float, default=12.0, help="voltage of the supply")
+    bus.add_argument("--seed", type=int, default=0, help="seed of the line faults")
+    bus.add_argument("--echo", action="store_true", help="the adapter returns what the host sends")
+    bus.add_argument(
+        "--burst-window-s", type=float, default=0.0005, help="replies this close are handed over together"
+    )
+    bus.add_argument("--motion", help="motion of the user's hand: sine, sweep, file,file=PATH")
+    bus.add_argument("--fault", action="append", default=[], help="drop=0.01, silent=3, unplug,at_s=5, …")
+    bus.add_argument(
+        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+    )
+    return parser
+
+
+def _ids(text: str) -> tuple[int, ...]:
+    numbers: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        numbers += range(int(first), int(last) + 1) if dash else [int(first)]
+    return tuple(numbers)
+
+
+def _parse_settings(text: str) -> tuple[str, dict[str, Any]]:
+    kind, *rest = text.split(",")
+    return kind, {key: _number(value) for key, _, value in (part.partition("=") for part in rest)}
+
+
+def _number(text: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

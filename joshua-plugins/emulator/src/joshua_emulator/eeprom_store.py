@@ -1,0 +1,59 @@
+"""Keeps EEPROM contents of emulated devices in a file, one per identity, across power cycles."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+
+class EepromStoreError(Exception):
+    """The file is not one that the emulator wrote; the message says what to do."""
+
+
+class EepromStore:
+    """EEPROM images by slot (place of the device on its cable); a path of None keeps nothing."""
+
+    def __init__(self, path: Path | None, identity: str) -> None:
+        self._path = path
+        self._identity = identity
+        self._images: dict[str, str] = {}
+
+    def load(self) -> None:
+        """Reads the file where there is one. Raises EepromStoreError."""
+        if self._path is None or not self._path.exists():
+            return
+        try:
+            content = json.loads(self._path.read_text(encoding="utf-8"))
+            images = {str(slot): bytes.fromhex(image).hex() for slot, image in content["slots"].items()}
+            identity = content["identity"]
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise EepromStoreError(
+                f"{self._path}: is no EEPROM file of the emulator ({type(error).__name__}: {error}); "
+                "remove it to start from factory settings"
+            ) from error
+        if identity != self._identity:
+            raise EepromStoreError(
+                f"{self._path}: belongs to the device {identity!r}, not to {self._identity!r}; "
+                "give each emulated device a file of its own"
+            )
+        self._images = images
+
+    def image(self, slot: int) -> bytes | None:
+        """The stored EEPROM of one slot, or None where none is stored."""
+        image = self._images.get(str(slot))
+        return None if image is None else bytes.fromhex(image)
+
+    def save(self, slot: int, image: bytes) -> None:
+        """Stores the EEPROM of one slot; the file changes in one step, so a kill leaves old or new."""
+        self._images[str(slot)] = image.hex()
+        if self._path is None:
+            return
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps({"identity": self._identity, "slots": self._images}, indent=1)
+        temporary = self._path.with_name(self._path.name + ".new")
+        with temporary.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(self._path)

@@ -1,0 +1,284 @@
+"""What the control channel can ask of an emulated Feetech bus."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from joshua_emulator import motion
+from joshua_emulator.arms import TICKS_PER_RADIAN
+from joshua_emulator.control import ControlError
+from joshua_emulator.event_log import EventLog
+from joshua_emulator.faults import FaultError, Faults
+from joshua_emulator.feetech.bus import FeetechBus
+from joshua_emulator.feetech.registers import BY_NAME, Status
+from joshua_emulator.feetech.servo import MIDDLE, Servo, Supply
+from joshua_emulator.station import Station
+
+Request = dict[str, Any]
+
+
+class Operations:
+    """Operations by name; ``handle`` is the control channel's handler.
+
+    Args:
+        names: joint name of each servo in cable order.
+        add_servo: makes a further servo with a bus id, for the fault ``duplicate``.
+    """
+
+    def __init__(
+        self,
+        bus: FeetechBus,
+        supply: Supply,
+        faults: Faults,
+        log: EventLog,
+        names: list[str],
+        add_servo: Callable[[int], Servo],
+    ) -> None:
+        self.station: Station | None = None
+        self._bus = bus
+        self._supply = supply
+        self._faults = faults
+        self._log = log
+        self._names = names
+        self._add_servo = add_servo
+        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+            "state": self._state,
+            "registers": self._registers,
+            "set_register": self._set_register,
+            "log": self._read_log,
+            "lateness": lambda request: self._log.lateness(clear=bool(request.get("clear"))),
+            "hand": self._hand,
+            "motion": self._motion,
+            "set": self._set,
+            "fault": self._fault,
+            "clear_faults": self._clear_faults,
+            "quit": lambda _: self._station.stop(),
+        }
+
+    @property
+    def _station(self) -> Station:
+        assert self.station is not None
+        return self.station
+
+    def handle(self, request: Request) -> dict[str, Any]:
+        """Carries out one request. Raises ControlError."""
+        operation = self._operations.get(request["op"])
+        if operation is None:
+            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
+        try:
+            return operation(request) or {}
+        except KeyError as error:
+            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing or unknown") from error
+        except (FaultError, motion.MotionError, FileExistsError) as error:
+            raise ControlError(f"{request['op']}: {error}") from error
+        except (TypeError, ValueError) as error:
+            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
+
+    def _servos(self, request: Request) -> list[Servo]:
+        """Servos that a request names by ``slot`` (cable order from 0), by ``id``, or all of them."""
+        if "slot" in request:
+            slot = request["slot"]
+            if not 0 <= slot < len(self._bus.servos):
+                raise ControlError(f"no servo at slot {slot}; there are {len(self._bus.servos)}")
+            return [self._bus.servos[slot]]
+        if "id" not in request:
+            return list(self._bus.servos)
+        found = [servo for servo in self._bus.servos if servo.servo_id == request["id"]]
+        if not found:
+            ids = ", ".join(str(servo.servo_id) for servo in self._bus.servos)
+            raise ControlError(f"no servo has the id {request['id']}; there are {ids}")
+        return found
+
+    def _state(self, request: Request) -> dict[str, Any]:
+        now_s = time.monotonic()
+        line = self._station.line
+        return {
+            "t_ns": round(now_s * 1e9),
+            "plugged": line.plugged,
+            "port": str(line.port) if line.plugged else "",
+            "by_id": str(line.by_id),
+            "volts": self._supply.volts,
+            "line_faults": self._faults.describe(),
+            "fault_counts": dict(self._faults.counts),
+            "reads": self._log.reads,
+            "servos": [self._servo_state(servo, now_s) for servo in self._servos(request)],
+        }
+
+    def _servo_state(self, servo: Servo, now_s: float) -> dict[str, Any]:
+        servo.advance(now_s)
+        slot = self._bus.servos.index(servo)
+        names = (
+            "present_position", "goal_position", "present_speed", "present_load", "present_voltage",
+            "present_temperature", "present_current", "torque_enable", "lock", "status", "homing_offset",
+        )  # fmt: skip
+        return {
+            "slot": slot,
+            "id": servo.servo_id,
+            "joint": self._names[slot] if slot < len(self._names) else "",
+            "angle": servo.joint.angle,
+            "energised": servo.energised,
+            "baudrate": servo.baudrate,
+            **{name: servo.get(name) for name in names},
+        }
+
+    def _registers(self, request: Request) -> dict[str, Any]:
+        (servo, *_) = self._servos({"slot": 0, **request} if "id" not in request else request)
+        servo.advance(time.monotonic())
+        return {"registers": {name: servo.get(name) for name in BY_NAME}}
+
+    def _set_register(self, request: Request) -> None:
+        register = BY_NAME[request["name"]]
+        for servo in self._servos(request):
+            servo.put(register.name, int(request["value"]))
+
+    def _read_log(self, request: Request) -> dict[str, Any]:
+        entries = self._log.since(
+            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
+        )
+        return {"entries": entries}
+
+    def _hand(self, request: Request) -> None:
+        """Moves joints without torque to ``ticks`` or ``radians``, in ``duration_s`` (0: at once)."""
+        start_s = time.monotonic()
+        duration_s = float(request.get("duration_s", 0.0))
+        for servo in self._servos(request):
+            servo.advance(start_s)
+            if servo.energised:
+                raise ControlError(f"servo {servo.servo_id} holds with its torque on; a hand cannot move it")
+            ticks = float(request["ticks"]) if "ticks" in request else motion.ticks(float(request["radians"]))
+            end = servo.angle_of(ticks)
+            if duration_s > 0:
+                points = [(start_s, servo.joint.angle), (start_s + duration_s, end)]
+                servo.joint.hand = _along(points)
+            else:
+                servo.joint.hand = None
+                servo.joint.angle = min(max(end, servo.joint.low), servo.joint.high)
+            servo.advance(time.monotonic())
+
+    def _motion(self, request: Request) -> None:
+        """Starts a motion of the hand: ``kind`` sine, sweep, file or none, with its settings."""
+        self.start_motion(request["kind"], {k: v for k, v in request.items() if k not in ("op", "kind")})
+
+    def start_motion(self, kind: str, values: dict[str, Any]) -> None:
+        """Starts a motion of the hand. Raises MotionError and ControlError."""
+        if kind == "none":
+            paths: dict[int, motion.Trajectory] = {}
+        elif kind == "sine":
+            paths = motion.sine(values, self._names)
+        elif kind == "sweep":
+            paths = motion.sweep(
+                values, [self._range(servo) for servo in self._bus.servos[: len(self._names)]]
+            )
+        elif kind == "file":
+            paths = motion.recorded(values, self._names)
+        else:
+            raise ControlError(f"unknown motion {kind!r}; allowed: none, sine, sweep, file")
+        start_s = time.monotonic()
+        self._log.add("motion", start_s, kind=kind)
+        for slot, servo in enumerate(self._bus.servos):
+            path = paths.get(slot)
+            servo.joint.hand = None if path is None else _hand(servo, path, start_s)
+
+    def _range(self, servo: Servo) -> tuple[float, float]:
+        zero = servo.angle_of(MIDDLE)
+        return (servo.joint.low - zero) / TICKS_PER_RADIAN, (servo.joint.high - zero) / TICKS_PER_RADIAN
+
+    def _set(self, request: Request) -> None:
+        """Sets physical values: volts of the supply; temperature_c, external_load, blocked of joints."""
+        if "volts" in request:
+            self._supply.volts = float(request["volts"])
+        for servo in self._servos(request):
+            joint = servo.joint
+            servo.advance(time.monotonic())
+            if "temperature_c" in request:
+                joint.temperature_c = joint.ambient_c = float(request["temperature_c"])
+            if "external_load" in request:
+                joint.external_load = float(request["external_load"])
+            if "blocked" in request:
+                joint.blocked = bool(request["blocked"])
+
+    def _fault(self, request: Request) -> None:
+        """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        action = self._fault_action(request["kind"], request)
+        delay_s = float(request.get("at_s", 0.0))
+        if delay_s > 0:
+            self._station.at(delay_s, action)
+        else:
+            action()
+
+    def _fault_action(self, kind: str, request: Request) -> Callable[[], None]:
+        if kind in Faults.KINDS:
+            values = {kind: request["value"]}
+            if "late_by_s" in request:
+                values["late_by_s"] = request["late_by_s"]
+            Faults().set(values)  # refuse now what would be refused later
+            return lambda: self._faults.set(values)
+        servo_id = {"id": request["value"]} if "value" in request else {}
+        actions: dict[str, Callable[[], None]] = {
+            "silent": lambda: self._each(self._servos(servo_id), _silence),
+            "duplicate": lambda: self._duplicate(request["value"]),
+            "break_after": lambda: self._break_after(request["value"]),
+            "unplug": lambda: self._unplug(request),
+            "replug": lambda: self._station.replug(request.get("name") or self._station.line.name),
+            "brown_out": lambda: self._each(self._servos(servo_id), self._brown_out),
+            "overload": lambda: self._each(self._servos(servo_id), _trip(Status.OVERLOAD)),
+            "over_temperature": lambda: self._set({**servo_id, "temperature_c": 85}),
+            "under_voltage": lambda: self._set({"volts": 3.5}),
+        }
+        if servo_id:
+            self._servos(servo_id)  # refuse an unknown id now, not when its time has come
+        if kind not in actions:
+            raise ControlError(f"unknown fault {kind!r}; allowed: {', '.join((*Faults.KINDS, *actions))}")
+        return actions[kind]
+
+    def _clear_faults(self, _: Request) -> None:
+        self._faults.clear()
+        self._bus.connected = len(self._bus.servos)
+        for servo in self._bus.servos:
+            servo.silent = False
+
+    def _each(self, servos: Iterable[Servo], action: Callable[[Servo], None]) -> None:
+        for servo in servos:
+            action(servo)
+
+    def _duplicate(self, servo_id: int) -> None:
+        self._servos({"id": servo_id})
+        self._bus.attach(self._add_servo(servo_id))
+
+    def _break_after(self, servo_id: int) -> None:
+        (servo, *_) = self._servos({"id": servo_id})
+        self._bus.connected = self._bus.servos.index(servo) + 1
+        for lost in self._bus.servos[self._bus.connected :]:
+            lost.power_on(time.monotonic())
+
+    def _unplug(self, request: Request) -> None:
+        station = self._station
+        name = request.get("name") or station.line.name
+        station.unplug()
+        if "replug_after_s" in request:
+            station.at(float(request["replug_after_s"]), lambda: station.replug(name))
+
+    def _brown_out(self, servo: Servo) -> None:
+        now_s = time.monotonic()
+        servo.advance(now_s)
+        servo.power_on(now_s)
+        self._log.add("brown_out", now_s, id=servo.servo_id)
+
+
+def _silence(servo: Servo) -> None:
+    servo.silent = True
+
+
+def _trip(bits: int) -> Callable[[Servo], None]:
+    return lambda servo: servo.trip(bits, time.monotonic())
+
+
+def _hand(servo: Servo, path: motion.Trajectory, start_s: float) -> Callable[[float], float]:
+    zero = servo.angle_of(MIDDLE)
+    return lambda now_s: zero + path(max(0.0, now_s - start_s)) * TICKS_PER_RADIAN
+
+
+def _along(points: list[tuple[float, float]]) -> Callable[[float], float]:
+    return lambda now_s: motion.interpolate(points, now_s)

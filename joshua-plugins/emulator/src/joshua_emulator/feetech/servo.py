@@ -1,0 +1,317 @@
+"""One STS3215 servo: its memory, its protections and the joint that it moves."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from joshua_emulator.feetech.registers import (
+    BAUDRATES,
+    BY_ADDRESS,
+    BY_NAME,
+    EEPROM_END,
+    EEPROM_START,
+    MEMORY_SIZE,
+    Area,
+    Register,
+    Status,
+    factory_memory,
+)
+from joshua_emulator.joint import TICKS_PER_TURN, Drive, Joint
+
+MIDDLE = 2048
+CALIBRATE_MIDDLE = 128  # value of torque_enable
+CURRENT_UNIT_A = 0.0065
+RETURN_DELAY_UNIT_S = 2e-6
+BOOT_TIME_S = 0.05  # a servo is silent for this long after power-on
+PROTECTION_UNIT_S = 0.01
+
+_FEEDBACK = struct.Struct("<HHHBBBBBHH")  # present_position to present_current
+_FEEDBACK_START = BY_NAME["present_position"].address
+_FEEDBACK_END = _FEEDBACK_START + _FEEDBACK.size
+_MOVES_TARGET = {
+    "goal_position",
+    "torque_enable",
+    "mode",
+    "homing_offset",
+    "min_position_limit",
+    "max_position_limit",
+}
+
+
+@dataclass
+class Supply:
+    """The power supply that the servos of a bus share."""
+
+    volts: float = 12.0
+
+
+class Servo:
+    """One servo of a bus.
+
+    Args:
+        joint: what it moves.
+        supply: what feeds it.
+        eeprom: contents of addresses 5 to 39; None for factory settings.
+        on_eeprom: called with the new contents after each change.
+        on_torque: called with (servo, energised, time in s) when the motor gets or loses power.
+    """
+
+    def __init__(
+        self,
+        joint: Joint,
+        supply: Supply,
+        eeprom: bytes | None = None,
+        on_eeprom: Callable[[bytes], None] = lambda _: None,
+        on_torque: Callable[[Servo, bool, float], None] = lambda *_: None,
+    ) -> None:
+        self.joint = joint
+        self.supply = supply
+        self.memory = factory_memory()
+        self.pending: tuple[int, bytes] | None = None
+        self.silent = False
+        self.silent_until_s = 0.0
+        self._on_eeprom = on_eeprom
+        self._on_torque = on_torque
+        self._drive = Drive()
+        self._faults = 0  # latched status bits
+        self._overload_s = 0.0
+        self._time_s: float | None = None
+        self._energised = False
+        self._target = joint.angle  # shaft angle, or relative to it in the other modes
+        if eeprom is not None:
+            self.memory[EEPROM_START:EEPROM_END] = eeprom[: EEPROM_END - EEPROM_START]
+        self.power_on()
+
+    def get(self, name: str) -> int:
+        """Value of a register by name, sign applied; feedback as of the last ``advance``."""
+        register = BY_NAME[name]
+        raw = int.from_bytes(self.memory[register.address : register.address + register.width], "little")
+        return register.decode(raw)
+
+    def put(self, name: str, value: int) -> None:
+        """Sets a register from inside the servo: no lock, no range, no side effect."""
+        register = BY_NAME[name]
+        raw = register.encode(value).to_bytes(register.width, "little")
+        self.memory[register.address : register.address + register.width] = raw
+
+    @property
+    def servo_id(self) -> int:
+        """Id on the bus."""
+        return self.memory[5]
+
+    @property
+    def baudrate(self) -> int:
+        """Line speed that the servo listens at, bit/s."""
+        return BAUDRATES[self.memory[6]]
+
+    @property
+    def return_delay_s(self) -> float:
+        """Time between the end of a request and the start of the reply."""
+        return self.memory[7] * RETURN_DELAY_UNIT_S
+
+    @property
+    def energised(self) -> bool:
+        """Whether the motor has power; a tripped protection takes it off while torque_enable stays 1."""
+        return self._energised
+
+    @property
+    def status(self) -> int:
+        """Status bits as replies carry them."""
+        return self.memory[65]
+
+    def present(self) -> int:
+        """Present position in ticks, 0 to 4095, homing offset applied."""
+        return (round(self.joint.angle) - self.get("homing_offset")) % TICKS_PER_TURN
+
+    def angle_of(self, position: float) -> float:
+        """Shaft angle nearest to the present one that shows as a position in ticks."""
+        return self.joint.angle + (position - self.present())
+
+    def advance(self, now_s: float) -> None:
+        """Brings joint, protections and feedback registers to a time of the monotonic clock."""
+        if self._time_s is None:
+            self._time_s = now_s
+        elapsed_s = max(0.0, now_s - self._time_s)
+        self._time_s = max(self._time_s, now_s)
+        self.joint.advance(now_s, self._drive)
+        self._protect(elapsed_s)
+        self._measure()
+
+    def read(self, address: int, length: int, now_s: float) -> bytes:
+        """Reads memory; bytes beyond the table are 0."""
+        if address < _FEEDBACK_END and address + length > _FEEDBACK_START:
+            self.advance(now_s)
+        return bytes(self.memory[address : address + length]).ljust(length, b"\0")
+
+    def write(self, address: int, data: bytes, now_s: float) -> None:
+        """Writes registers as a host does: drops read-only ones, locked ones and values out of range."""
+        self.advance(now_s)
+        end = min(address + len(data), MEMORY_SIZE)
+        eeprom = bytes(self.memory[EEPROM_START:EEPROM_END])
+        written = []
+        at = address
+        while at < end:
+            register = BY_ADDRESS.get(at)
+            if register is None or at + register.width > end:
+                at += 1
+                continue
+            raw = data[at - address : at - address + register.width]
+            if self._writable(register, register.decode(int.from_bytes(raw, "little"))):
+                self.memory[at : at + register.width] = raw
+                written.append(register.name)
+            at += register.width
+        self._react(written, now_s)
+        if not _MOVES_TARGET.isdisjoint(written):
+            self._retarget(written)
+        changed = bytes(self.memory[EEPROM_START:EEPROM_END])
+        if changed != eeprom:
+            self._on_eeprom(changed)
+        self._update_drive(now_s)
+
+    def power_on(self, now_s: float | None = None) -> None:
+        """Starts as after a power cut: EEPROM stays, everything else is at its default, torque is off.
+
+        Args:
+            now_s: when power came back; the servo is silent for a moment from then on.
+        """
+        for register in BY_NAME.values():
+            if register.area is Area.RAM:
+                self.put(register.name, register.default)
+        self.put("torque_limit", self.get("max_torque"))
+        self.pending = None
+        self._faults = 0
+        self._overload_s = 0.0
+        self.silent_until_s = 0.0 if now_s is None else now_s + BOOT_TIME_S
+        self.put("goal_position", self.present())
+        self.put("status", 0)
+        self._retarget(())
+        self._update_drive(now_s or 0.0)
+        self._measure()
+
+    def restore(self, now_s: float) -> None:
+        """Takes factory settings into the EEPROM; the id stays, so that the servo is found again."""
+        servo_id = self.servo_id
+        self.memory[EEPROM_START:EEPROM_END] = factory_memory()[EEPROM_START:EEPROM_END]
+        self.memory[5] = servo_id
+        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+        self.power_on(now_s)
+
+    def calibrate(self, position: int, now_s: float) -> None:
+        """Sets the homing offset so that the present position becomes ``position``; ignores the lock.
+
+        The register holds ±2047 ticks; an offset beyond that is cut to it.
+        """
+        self.advance(now_s)
+        offset = (round(self.joint.angle) - position) % TICKS_PER_TURN
+        if offset > TICKS_PER_TURN // 2:
+            offset -= TICKS_PER_TURN
+        self.put("homing_offset", max(-2047, min(2047, offset)))
+        self.put("goal_position", self.present())
+        self._retarget(())
+        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+        self._update_drive(now_s)
+
+    def trip(self, bits: int, now_s: float) -> None:
+        """Latches status bits as a protection does."""
+        self.advance(now_s)
+        self._faults |= bits
+        self._update_drive(now_s)
+        self._measure()
+
+    def _writable(self, register: Register, value: int) -> bool:
+        if register.area is Area.EEPROM:
+            return not self.get("lock") and register.minimum <= value <= register.maximum
+        return register.area is Area.RAM and register.minimum <= value <= register.maximum
+
+    def _react(self, written: list[str], now_s: float) -> None:
+        if "torque_enable" in written:
+            if self.get("torque_enable") == CALIBRATE_MIDDLE:
+                self.put("torque_enable", 0)
+                self.calibrate(MIDDLE, now_s)
+            self._faults = 0
+            self._overload_s = 0.0
+        if "goal_position" in written and self.get("mode") in (0, 3):
+            self.put("torque_enable", 1)  # as measured on hardware: a new goal takes the motor under power
+
+    def _protect(self, elapsed_s: float) -> None:
+        if self.joint.temperature_c > self.get("max_temperature"):
+            self._faults |= Status.TEMPERATURE
+        if self._energised and abs(self.joint.load) * 100 >= self.get("overload_torque"):
+            self._overload_s += elapsed_s
+            if self._overload_s >= self.get("protection_time") * PROTECTION_UNIT_S:
+                self._faults |= Status.OVERLOAD
+        elif not self._faults & Status.OVERLOAD:
+            self._overload_s = 0.0
+        volts = self._volts()
+        out_of_range = not self.get("min_voltage") <= volts * 10 <= self.get("max_voltage")
+        status = self._faults | (Status.VOLTAGE if out_of_range else 0)
+        if status != self.memory[65]:
+            self.put("status", status)
+            self._update_drive(self._time_s or 0.0)
+
+    def _volts(self) -> float:
+        return self.supply.volts - 0.15 * self.joint.current_a
+
+    def _measure(self) -> None:
+        joint = self.joint
+        speed = max(-32767, min(32767, round(joint.velocity)))
+        load = round(joint.load * 1000)
+        _FEEDBACK.pack_into(
+            self.memory,
+            _FEEDBACK_START,
+            self.present(),
+            abs(speed) | (speed < 0) << 15,
+            abs(load) | (load < 0) << 10,
+            max(0, min(254, round(self._volts() * 10))),
+            max(0, min(254, round(joint.temperature_c))),
+            int(self.pending is not None),
+            self.status,
+            int(joint.velocity != 0.0),
+            int.from_bytes(self.memory[42:44], "little"),
+            round(joint.current_a / CURRENT_UNIT_A),
+        )
+
+    def _retarget(self, written: Collection[str]) -> None:
+        """Works out where the shaft is to go after registers that say so were written."""
+        if self.get("mode") == 0:
+            self._target = self.angle_of(self._limited(self.get("goal_position")))
+        elif "goal_position" in written:
+            self._target = self.joint.angle + self.get("goal_position")
+        else:
+            self._target = self.joint.angle
+
+    def _update_drive(self, now_s: float) -> None:
+        enabled = self.get("torque_enable") == 1
+        unloading = self.memory[65] & self.get("unload_condition") & ~Status.OVERLOAD
+        energised = enabled and not unloading
+        self._drive = self._make_drive() if energised else Drive()
+        if energised != self._energised:
+            self._energised = energised
+            self._on_torque(self, energised, now_s)
+
+    def _make_drive(self) -> Drive:
+        limit = self.get("torque_limit") / 1000
+        if self._faults & Status.OVERLOAD:
+            limit = min(limit, self.get("protective_torque") / 100)
+        fastest = self.get("max_speed") * 50.0
+        goal_speed = self.get("goal_speed")
+        mode = self.get("mode")
+        target = self._target
+        if mode == 1:
+            target = float(goal_speed)
+        elif mode == 2:
+            target = fastest * self.get("goal_time") / 1000
+        return Drive(
+            mode="position" if mode in (0, 3) else "speed",
+            target=target,
+            speed_limit=min(abs(goal_speed) or fastest, fastest),
+            acceleration=(self.get("acceleration") or 254) * 100.0,
+            torque_limit=limit,
+            stiffness=self.get("position_p") / 1000,
+        )
+
+    def _limited(self, goal: int) -> int:
+        low, high = self.get("min_position_limit"), self.get("max_position_limit")
+        return goal if low == high == 0 else max(low, min(high, goal))

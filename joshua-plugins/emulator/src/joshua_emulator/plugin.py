@@ -1,0 +1,19 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins.hooks import hookimpl
+from joshua.plugins.provision import Provision, ProvisionKind
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the emulated buses."""
+    return [
+        Provision(
+            kind=ProvisionKind.EMULATOR,
+            block="sts3215_config",
+            implementation="joshua_emulator.process:EmulatedBus",
+            summary="STS3215 servo bus on a pseudo-terminal",
+        )
+    ]

@@ -1,0 +1,145 @@
+"""The event loop of an emulator: bytes in, timed replies out, requests of the control channel between."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import itertools
+import os
+import select
+import sys
+import time
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Protocol
+
+from joshua_emulator.control import ControlServer
+from joshua_emulator.event_log import EventLog
+from joshua_emulator.pty_line import PtyLine
+from joshua_emulator.wire import TimedReply
+
+READ_SIZE = 4096
+SPIN_S = 60e-6  # the last stretch before a reply is waited for without sleeping
+
+
+class Bus(Protocol):
+    """A bus protocol behind an emulated adapter."""
+
+    def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
+        """Takes bytes of the host; returns what the bus answers and when."""
+
+    def reset_line(self) -> None:
+        """Forgets an unfinished packet."""
+
+
+class Station:
+    """Runs one bus on one line.
+
+    Args:
+        burst_window_s: replies whose times lie this close together are handed over in one piece, at the time
+            of the last one, as USB adapters do; 0 gives each reply its own time. Nothing is ever early.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        line: PtyLine,
+        log: EventLog,
+        control: ControlServer,
+        *,
+        burst_window_s: float = 0.0005,
+    ) -> None:
+        self.bus = bus
+        self.line = line
+        self.log = log
+        self.control = control
+        self._burst_window_s = burst_window_s
+        self._replies: list[TimedReply] = []
+        self._timers: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._running = False
+
+    def at(self, delay_s: float, action: Callable[[], None]) -> None:
+        """Calls ``action`` after a delay, on the loop."""
+        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
+
+    def unplug(self) -> None:
+        """Takes the adapter away; replies under way are lost."""
+        self._replies.clear()
+        self.line.unplug()
+        self.log.add("unplug", time.monotonic())
+
+    def replug(self, name: str) -> None:
+        """Brings the adapter back under a device name."""
+        self.bus.reset_line()
+        self.line.plug(name)
+        self.log.add("plug", time.monotonic(), port=str(self.line.port))
+
+    def stop(self) -> None:
+        """Ends ``run`` after the present turn."""
+        self._running = False
+
+    def run(self, watched: Collection[int] = ()) -> None:
+        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        _sharpen_timers()
+        self._running = True
+        while self._running:
+            now_s = time.monotonic()
+            self._run_timers(now_s)
+            deadline_s = self._deliver(now_s)
+            if self._timers:
+                deadline_s = min(deadline_s, self._timers[0][0])
+            wait_s = deadline_s - time.monotonic()
+            if wait_s <= SPIN_S:
+                while time.monotonic() < deadline_s:
+                    pass
+                continue
+            inputs = [*self.control.descriptors()]
+            if self.line.plugged:
+                inputs.append(self.line.master)
+            inputs += watched
+            ready, _, _ = select.select(inputs, [], [], None if wait_s == float("inf") else wait_s - SPIN_S)
+            if self.line.master in ready:
+                self._receive()
+            if any(not os.read(descriptor, READ_SIZE) for descriptor in watched if descriptor in ready):
+                return
+            self.control.serve(ready)
+
+    def _receive(self) -> None:
+        now_s = time.monotonic()
+        try:
+            data = os.read(self.line.master, READ_SIZE)
+        except (BlockingIOError, InterruptedError):
+            return
+        for reply in self.bus.receive(data, self.line.line_speed(), now_s):
+            heapq.heappush(self._replies, reply)
+
+    def _run_timers(self, now_s: float) -> None:
+        while self._timers and self._timers[0][0] <= now_s:
+            heapq.heappop(self._timers)[2]()
+
+    def _deliver(self, now_s: float) -> float:
+        """Hands over the next burst if it is due; returns when the next one is."""
+        replies = self._replies
+        while replies:
+            limit_s = replies[0].due_s + self._burst_window_s
+            burst_s = max(reply.due_s for reply in replies if reply.due_s <= limit_s)
+            if burst_s > now_s:
+                return burst_s
+            burst = []
+            while replies and replies[0].due_s <= burst_s:
+                burst.append(heapq.heappop(replies))
+            # a host that does not read loses bytes, as on a UART
+            with contextlib.suppress(BlockingIOError):
+                os.write(self.line.master, b"".join(reply.data for reply in burst))
+            now_s = time.monotonic()
+            self.log.delivered(now_s - burst_s)
+        return float("inf")
+
+
+def _sharpen_timers() -> None:
+    """Asks the kernel to wake this process within microseconds instead of 50 µs, where it can."""
+    slack = Path("/proc/self/timerslack_ns")
+    if sys.platform == "linux" and slack.exists():
+        with contextlib.suppress(OSError):
+            slack.write_text("1000", encoding="ascii")
