@@ -5,7 +5,7 @@ Pure functions of the configuration message, used by the checks and by planning 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,7 +67,7 @@ class Endpoint:
 
 def node_entries(config: pb.Config) -> Iterator[NodeEntry]:
     """Yields every node block of actions, perceptions and models, in the order of the file."""
-    groups = (
+    groups: tuple[tuple[str, Sequence[Any]], ...] = (
         ("robot.actions", config.robot.actions),
         ("robot.perceptions", config.robot.perceptions),
         ("ai.models", config.ai.models),

@@ -1,0 +1,99 @@
+"""Calibrations belong to actuators of the file and cover their motors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import block_of
+from joshua.config.nearest import nearest_first
+from joshua.config.topics import NodeEntry
+from joshua.plan import Diagnostic
+from joshua.schema import calibration_pb2 as calibration_pb
+from joshua.schema import config_pb2 as pb
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Compares each calibration with the actuator that it names."""
+    actuators = {
+        entry.node.node_name: entry for entry in context.entries if isinstance(entry.owner, pb.SingleAction)
+    }
+    first: dict[str, str] = {}
+    for index, arm in enumerate(context.config.calibration.arms):
+        path = f"calibration.arms[{index}]"
+        yield from _joints(context, path, arm)
+        if not arm.node_name:
+            continue
+        other = first.setdefault(arm.node_name, path)
+        if other != path:
+            yield context.error(
+                "calibration-duplicate",
+                f"{arm.node_name} is calibrated twice, and only one calibration can hold",
+                f"{path}.node_name",
+                found=context.found(f"{path}.node_name", arm.node_name),
+                remedy="Remove the older one",
+                related=context.see(f"{other}.node_name", "first calibration"),
+            )
+        elif arm.node_name not in actuators:
+            yield context.warning(
+                "calibration-unknown-node",
+                f"No actuator of this file is called {arm.node_name}, so this calibration has no effect",
+                f"{path}.node_name",
+                found=context.found(f"{path}.node_name", arm.node_name),
+                allowed=tuple(f'"{name}"' for name in nearest_first(arm.node_name, actuators)),
+                remedy="Correct the name, or leave it if the calibration is shared with other files",
+            )
+        else:
+            yield from _motors(context, path, arm, actuators[arm.node_name])
+
+
+def _joints(context: Context, path: str, arm: calibration_pb.ArmCalibration) -> Iterator[Diagnostic]:
+    first: dict[str, int] = {}
+    for index, motor in enumerate(arm.motors):
+        name = motor.joint_name
+        if name and first.setdefault(name, index) != index:
+            field = f"{path}.motors[{index}].joint_name"
+            yield context.error(
+                "duplicate-joint-name",
+                f"Two motors of one arm move the joint {name}; joints are matched by name",
+                field,
+                found=context.found(field, name),
+                remedy="Give each joint its own name",
+                related=context.see(f"{path}.motors[{first[name]}].joint_name", "first use of this name"),
+            )
+
+
+def _motors(
+    context: Context, path: str, arm: calibration_pb.ArmCalibration, entry: NodeEntry
+) -> Iterator[Diagnostic]:
+    """The ids of the calibration are those of the bus, no more and no less."""
+    name, block = block_of(entry.owner)
+    bus: Sequence[int] = getattr(block, "motor_ids", ()) if name != "plugin_config" else ()
+    if not bus or not arm.motors:
+        return
+    calibrated = {motor.id for motor in arm.motors}
+    bus_path = f"{entry.owner_path}.{name}.motor_ids"
+    related = context.see(bus_path, f"motors of {arm.node_name}") or context.see(f"{bus_path}[0]", "motors")
+    for index, motor in enumerate(arm.motors):
+        if motor.id not in bus:
+            yield context.error(
+                "calibration-unknown-motor",
+                f"{arm.node_name} has no motor {motor.id}, so the calibration is that of another arm",
+                f"{path}.motors[{index}].id",
+                found=str(motor.id),
+                allowed=tuple(str(number) for number in dict.fromkeys(bus)),
+                remedy="Calibrate this arm again with MODE_CALIBRATION, or correct motor_ids",
+                related=related,
+            )
+    absent = [str(number) for number in dict.fromkeys(bus) if number not in calibrated]
+    if absent:
+        motors = f"motor{'s' if len(absent) > 1 else ''} {', '.join(absent)}"
+        yield context.error(
+            "calibration-incomplete",
+            f"The calibration of {arm.node_name} lacks {motors}",
+            f"{path}.motors",
+            position=context.block_position(path),
+            found=f"motors {', '.join(str(motor.id) for motor in arm.motors)}",
+            remedy="Calibrate this arm again with MODE_CALIBRATION",
+            related=related,
+        )

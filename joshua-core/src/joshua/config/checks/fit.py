@@ -1,0 +1,228 @@
+"""Types, settings blocks and links that belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from joshua.config.checks.blocks import Block
+from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import LINKS, block_of, fitting_blocks, fitting_types
+from joshua.config.checks.identity import title
+from joshua.config.topics import NodeEntry
+from joshua.plan import Diagnostic
+from joshua.schema import comm_pb2
+from joshua.schema import config_pb2 as pb
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Finds devices, models, stores and trainers whose type and settings do not fit."""
+    for entry in context.entries:
+        if isinstance(entry.owner, pb.SingleModel):
+            yield from _model(context, entry)
+        else:
+            yield from _device(context, entry)
+    for block in context.blocks:
+        if isinstance(block.message, comm_pb2.Comm):
+            yield from _link(context, block)
+    if context.config.ai.HasField("data_store"):
+        yield from _data_store(context)
+    if context.config.ai.HasField("training"):
+        yield from _training(context)
+
+
+def _device(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
+    owner = entry.owner
+    is_action = isinstance(owner, pb.SingleAction)
+    field = "action_type" if is_action else "perception_type"
+    number = getattr(owner, field)
+    enum = pb.ActionType if is_action else pb.PerceptionType
+    if number not in enum.values():
+        return
+    type_name, chosen = enum.Name(number), number != 0
+    name, _ = block_of(owner)
+    blocks = fitting_blocks(owner)
+    if not name:
+        needed = _one_of(blocks)
+        yield context.error(
+            "block-missing",
+            f"{title(entry)} has no settings block, so nothing says which device it drives"
+            if is_action
+            else f"{title(entry)} has no settings block, so nothing says which device it reads",
+            entry.owner_path,
+            position=context.block_position(entry.owner_path),
+            allowed=blocks,
+            remedy=f"Add {needed}" + (f", which {type_name} needs" if chosen and len(blocks) == 1 else ""),
+        )
+    elif chosen and name not in blocks:
+        path = f"{entry.owner_path}.{name}"
+        others = fitting_types(owner, name)
+        hint = f", or change {field} to {_one_of(others)}" if others else ""
+        yield context.error(
+            "block-unfit",
+            f"{type_name} does not go with {name}",
+            path,
+            position=context.block_position(path),
+            found=name,
+            allowed=blocks,
+            remedy=f"Write {_one_of(blocks)} in its place{hint}",
+            related=context.see(f"{entry.owner_path}.{field}", field),
+        )
+
+
+def _one_of(names: tuple[str, ...]) -> str:
+    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _link(context: Context, block: Block) -> Iterator[Diagnostic]:
+    owner = block.path.split(".")[-2] if "." in block.path else ""
+    needed = LINKS.get(owner)
+    link = block.message.WhichOneof("interface")
+    if link is None:
+        allowed = (needed,) if needed else ("serial", "ble")
+        yield context.error(
+            "link-missing",
+            "comm names no link to the device",
+            block.path,
+            position=context.block_position(block.path),
+            allowed=allowed,
+            remedy=f"Add a block {_one_of(allowed)} {{ ... }}",
+        )
+    elif needed and link != needed:
+        path = f"{block.path}.{link}"
+        yield context.error(
+            "link-unfit",
+            f"{owner} needs a {needed} link; the device has no other",
+            path,
+            position=context.block_position(path),
+            found=link,
+            allowed=(needed,),
+            remedy=f"Write {needed} {{ ... }} in place of {link}, or choose the block of another device",
+        )
+
+
+def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
+    model = entry.owner
+    path = entry.owner_path
+    if model.model_type == pb.MODEL_PLUGIN and not model.HasField("plugin_config"):
+        yield _lacks_plugin(context, path, f"{path}.model_type", "MODEL_PLUGIN")
+    elif model.model_type in (pb.RANDOM_NOISE, pb.SMOLVLA) and model.HasField("plugin_config"):
+        yield _unused(context, f"{path}.plugin_config", "MODEL_PLUGIN", f"{path}.model_type")
+    if model.model_type in (pb.SMOLVLA, pb.MODEL_PLUGIN) and model.HasField("random_noise_config"):
+        yield _unused(context, f"{path}.random_noise_config", "RANDOM_NOISE", f"{path}.model_type")
+    weights = "pretrained_model_name_or_path"
+    if model.model_type == pb.SMOLVLA and not model.pretrained_model_name_or_path:
+        yield context.error(
+            "weights-missing",
+            "SMOLVLA has no weights: an untrained model would move the robot at random",
+            f"{path}.{weights}",
+            position=context.block_position(path),
+            allowed=('"lerobot/smolvla_base"', "a folder of trained weights"),
+            remedy=f'Add {weights}: "lerobot/smolvla_base"',
+        )
+    if model.model_type == pb.RANDOM_NOISE and model.pretrained_model_name_or_path:
+        yield context.note(
+            "field-unused",
+            f"{weights} has no effect: RANDOM_NOISE has no weights",
+            f"{path}.{weights}",
+            remedy="Remove it, or choose another model_type",
+        )
+
+
+def _lacks_plugin(context: Context, owner_path: str, type_path: str, value: str) -> Diagnostic:
+    return context.error(
+        "block-missing",
+        f"{value} needs plugin_config, which names the third party's message",
+        f"{owner_path}.plugin_config",
+        position=context.position(type_path),
+        allowed=("plugin_config",),
+        remedy="Add plugin_config { [type.example.org/package.Message] { ... } }",
+    )
+
+
+def _unused(context: Context, path: str, needed: str, type_path: str) -> Diagnostic:
+    name = path.rpartition(".")[2]
+    return context.error(
+        "block-unfit",
+        f"{name} has an effect only with {needed}",
+        path,
+        position=context.block_position(path),
+        found=name,
+        remedy=f"Remove {name}, or change {type_path.rpartition('.')[2]} to {needed}",
+        related=context.see(type_path, type_path.rpartition(".")[2]),
+    )
+
+
+def _data_store(context: Context) -> Iterator[Diagnostic]:
+    store, path = context.config.ai.data_store, "ai.data_store"
+    plugin_fields = [
+        (field, value)
+        for field, number, value in (
+            ("format", pb.FORMAT_PLUGIN, "FORMAT_PLUGIN"),
+            ("storage", pb.STORAGE_PLUGIN, "STORAGE_PLUGIN"),
+        )
+        if getattr(store, field) == number
+    ]
+    if plugin_fields and not store.HasField("plugin_config"):
+        field, value = plugin_fields[0]
+        yield _lacks_plugin(context, path, f"{path}.{field}", value)
+    elif store.HasField("plugin_config") and store.format and store.storage and not plugin_fields:
+        yield _unused(context, f"{path}.plugin_config", "FORMAT_PLUGIN", f"{path}.format")
+
+
+_METHOD_BLOCKS = {
+    pb.METHOD_RL: "rl_config",
+    pb.METHOD_IMITATION: "imitation_config",
+    pb.METHOD_EVAL: "eval_config",
+    pb.METHOD_PLUGIN: "plugin_config",
+}
+
+
+def _training(context: Context) -> Iterator[Diagnostic]:
+    training, path = context.config.ai.training, "ai.training"
+    needed = _METHOD_BLOCKS.get(training.method)
+    if needed is None:
+        return  # a missing method is reported by the rules of the fields
+    method = pb.TrainingMethod.Name(training.method)
+    if not _has(training, needed):
+        yield context.error(
+            "block-missing",
+            f"{method} needs {needed}, which holds its parameters",
+            f"{path}.{needed}",
+            position=context.position(f"{path}.method"),
+            allowed=(needed,),
+            remedy=f"Add {needed} {{ ... }} to training; "
+            f"`joshua explain ai.training.{needed}` lists its fields",
+        )
+    for number, name in _METHOD_BLOCKS.items():
+        if name in (needed, "plugin_config") or not _has(training, name):
+            continue
+        yield context.note(
+            "block-unused",
+            f"{name} has no effect: it belongs to {pb.TrainingMethod.Name(number)}, "
+            f"and the method is {method}",
+            f"{path}.{name}",
+            position=context.block_position(f"{path}.{name}"),
+            remedy="Remove it, or change the method",
+        )
+    if training.environment == pb.ENV_SIMULATION and training.method == pb.METHOD_RL:
+        yield from _backend(context, training)
+
+
+def _backend(context: Context, training: pb.Training) -> Iterator[Diagnostic]:
+    path = "ai.training"
+    if training.simulator_backend == pb.BACKEND_UNSPECIFIED:
+        yield context.error(
+            "required-missing",
+            "Training in simulation needs a simulator_backend",
+            f"{path}.simulator_backend",
+            position=context.position(f"{path}.environment"),
+            allowed=("BACKEND_MJX", "BACKEND_ISAAC", "BACKEND_PLUGIN"),
+            remedy="Add simulator_backend: BACKEND_MJX",
+        )
+    elif training.simulator_backend == pb.BACKEND_PLUGIN and not training.HasField("plugin_config"):
+        yield _lacks_plugin(context, path, f"{path}.simulator_backend", "BACKEND_PLUGIN")
+
+
+def _has(message: Any, name: str) -> bool:
+    return bool(message.HasField(name))

@@ -1,0 +1,97 @@
+"""Node ids and names are unique, and nodes that share a process fit into one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks.context import Context
+from joshua.config.topics import NodeEntry
+from joshua.plan import Diagnostic
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Finds ids and names that two nodes share, and process groups that cannot be one process."""
+    yield from _ids(context)
+    yield from _names(context)
+    yield from _process_groups(context)
+
+
+def title(entry: NodeEntry) -> str:
+    """What a node is called in a message: its name, else the path of its entry."""
+    return entry.node.node_name or entry.owner_path
+
+
+def _ids(context: Context) -> Iterator[Diagnostic]:
+    written = [
+        entry
+        for entry in context.entries
+        if entry.node.node_id or context.loaded.positions.is_set(f"{entry.path}.node_id")
+    ]
+    used = {entry.node.node_id for entry in written}
+    free = next(number for number in range(1, len(used) + 2) if number not in used)
+    first: dict[int, NodeEntry] = {}
+    for entry in written:
+        number = entry.node.node_id
+        other = first.setdefault(number, entry)
+        if other is not entry:
+            path = f"{entry.path}.node_id"
+            yield context.error(
+                "duplicate-node-id",
+                f"{title(entry)} and {title(other)} have the same node_id; each node needs its own",
+                path,
+                found=context.found(path, number),
+                allowed=(f"{free} (the smallest free id)",),
+                remedy="Give this node an id that no other node has",
+                related=context.see(f"{other.path}.node_id", f"{title(other)} has this id"),
+            )
+
+
+def _names(context: Context) -> Iterator[Diagnostic]:
+    taken = {entry.full_name for entry in context.entries}
+    first: dict[str, NodeEntry] = {}
+    for entry in context.entries:
+        if not entry.node.node_name:
+            continue
+        other = first.setdefault(entry.full_name, entry)
+        if other is not entry:
+            path = f"{entry.path}.node_name"
+            suggestion = next(
+                name
+                for number in range(2, len(context.entries) + 3)
+                if f"{entry.namespace.rstrip('/')}/{(name := f'{entry.node.node_name}_{number}')}"
+                not in taken
+            )
+            yield context.error(
+                "duplicate-node-name",
+                f"Two nodes are called {entry.full_name}; names are unique in a ROS 2 graph",
+                path,
+                found=context.found(path, entry.node.node_name),
+                allowed=(f'"{suggestion}"', "the same name in another ros_namespace"),
+                remedy="Rename one of the two",
+                related=context.see(f"{other.path}.node_name", "first node of this name"),
+            )
+
+
+def _process_groups(context: Context) -> Iterator[Diagnostic]:
+    first: dict[str, NodeEntry] = {}
+    for entry in context.entries:
+        group = entry.node.process_group
+        if not group:
+            continue
+        other = first.setdefault(group, entry)
+        for field, what in (("python", "interpreters"), ("host", "machines")):
+            mine, theirs = getattr(entry.node, field), getattr(other.node, field)
+            if mine == theirs:
+                continue
+            path = f"{entry.path}.{field}" if mine else f"{entry.path}.process_group"
+            yield context.error(
+                "process-group-split",
+                f"{title(entry)} and {title(other)} share the process group {group}, "
+                f"so they cannot run with different {what}",
+                path,
+                found=f'{field}: "{mine}" here, "{theirs}" in {title(other)}',
+                remedy=f"Give both the same {field}, or put one of them into another process_group",
+                related=context.see(
+                    f"{other.path}.{field}" if theirs else f"{other.path}.process_group", title(other)
+                ),
+            )

@@ -1,0 +1,155 @@
+"""Names by the rules of ROS 2: topics, nodes, namespaces, frames; and the forms of UUIDs and ids."""
+
+from __future__ import annotations
+
+import re
+import uuid
+from collections.abc import Callable, Iterator
+
+from joshua.config.checks.blocks import Block
+from joshua.config.checks.context import Context
+from joshua.config.field_facts import FieldFacts
+from joshua.config.names import (
+    NameFault,
+    frame_fault,
+    has_repeated_underscores,
+    is_hidden,
+    namespace_fault,
+    node_name_fault,
+    topic_fault,
+)
+from joshua.plan import Diagnostic
+from joshua.schema import options_pb2 as rules
+
+_FAULTS: dict[int, tuple[str, Callable[[str], NameFault | None]]] = {
+    rules.KIND_TOPIC: ("topic-name-invalid", topic_fault),
+    rules.KIND_NODE_NAME: ("node-name-invalid", node_name_fault),
+    rules.KIND_NAMESPACE: ("namespace-invalid", namespace_fault),
+    rules.KIND_FRAME: ("frame-invalid", frame_fault),
+}
+_HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9_.-]*[A-Za-z0-9])?")
+_FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_VID_PID = re.compile(r"[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}")
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Holds every name against the rules of what it names."""
+    for block in context.blocks:
+        for facts in block.facts:
+            if not facts.is_string:
+                continue
+            for path, value in _values(block, facts):
+                if value:
+                    yield from _name(context, facts, path, value)
+    yield from _robot_id(context)
+
+
+def _values(block: Block, facts: FieldFacts) -> list[tuple[str, str]]:
+    path = block.field_path(facts.name)
+    value = getattr(block.message, facts.name)
+    if facts.repeated:
+        return [(f"{path}[{index}]", item) for index, item in enumerate(value)]
+    return [(path, value)]
+
+
+def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterator[Diagnostic]:
+    if facts.kind in _FAULTS:
+        code, find = _FAULTS[facts.kind]
+        fault = find(value)
+        if fault is not None:
+            yield context.error(
+                code,
+                fault.rule,
+                path,
+                position=context.name_position(path, value, fault),
+                found=context.found(path, value),
+                allowed=(f'"{fault.suggestion}"',) if fault.suggestion else (),
+                remedy="Rename it; ROS 2 refuses this name",
+            )
+        elif facts.kind == rules.KIND_TOPIC:
+            yield from _unwise_topic(context, path, value)
+    elif facts.kind == rules.KIND_UUID and not _is_uuid(value):
+        yield context.error(
+            "uuid-invalid",
+            f"{facts.name} must be a UUID of 36 characters: 8-4-4-4-12 hexadecimal digits",
+            path,
+            found=context.found(path, value),
+            allowed=(facts.example,) if facts.example else (),
+            remedy="Copy the service's UUID in full from the device's documentation",
+        )
+    elif facts.kind == rules.KIND_HOST and not _HOST.fullmatch(value):
+        yield context.error(
+            "host-invalid",
+            "A host name may contain only letters, digits, underscores, dots and hyphens",
+            path,
+            found=context.found(path, value),
+            remedy="Write the name that this machine's `joshua --host NAME` is given",
+        )
+    elif facts.name == "pixel_format" and not (len(value) == 4 and value.isascii() and value.isprintable()):
+        yield context.error(
+            "pixel-format-invalid",
+            "A pixel format is a code of exactly four ASCII characters",
+            path,
+            found=context.found(path, value),
+            allowed=('"MJPG"', '"YUYV"', '"RGB3"', '"H264"'),
+            remedy="Write one of the codes that the camera lists (v4l2-ctl --list-formats)",
+        )
+    elif facts.name == "vid_pid" and not _VID_PID.fullmatch(value):
+        yield context.error(
+            "usb-id-invalid",
+            "vid_pid must be vendor and product id, four hexadecimal digits each, with a colon between",
+            path,
+            found=context.found(path, value),
+            allowed=(facts.example,) if facts.example else (),
+            remedy="Copy the ids from the list of `joshua find-port` or lsusb",
+        )
+
+
+def _unwise_topic(context: Context, path: str, value: str) -> Iterator[Diagnostic]:
+    if has_repeated_underscores(value):
+        at = value.index("__")
+        yield context.warning(
+            "topic-name-reserved",
+            "The conventions of ROS 2 keep repeated underscores in topic names for its own use",
+            path,
+            position=context.name_position(path, value, NameFault("", at, 2, "")),
+            found=context.found(path, value),
+            remedy="Use single underscores",
+        )
+    elif is_hidden(value):
+        yield context.note(
+            "topic-name-hidden",
+            "A topic with a part that starts with an underscore is hidden: "
+            "ROS 2 tools list it only on request",
+            path,
+            found=context.found(path, value),
+            remedy="Remove the leading underscore, unless the topic is meant to be hidden",
+        )
+
+
+def _is_uuid(value: str) -> bool:
+    try:
+        return str(uuid.UUID(value)) == value.lower()
+    except ValueError:
+        return False
+
+
+def _robot_id(context: Context) -> Iterator[Diagnostic]:
+    """``general.id`` names a folder and a file, so it may not lead elsewhere."""
+    value = context.config.general.id
+    if value and (not _FILE_NAME.fullmatch(value) or len(value) > 100):
+        yield context.error(
+            "robot-id-invalid",
+            "general.id names the run directory and the calibration file, so it may contain only letters, "
+            "digits, underscores, dots and hyphens, must start with a letter or digit, "
+            "and has at most 100 characters",
+            "general.id",
+            found=context.found("general.id", value),
+            allowed=(f'"{_as_file_name(value)}"',),
+            remedy="Rename it",
+        )
+
+
+def _as_file_name(value: str) -> str:
+    cleaned = re.sub(r"[^A-Za-z0-9_.-]+", "-", value).strip("-.")[:100]
+    return cleaned or "robot-001"

@@ -1,0 +1,222 @@
+"""Files that a run reads: whether they are there, and where they were looked for."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from joshua.config.checks.blocks import Block
+from joshua.config.checks.context import Context, Loaded
+from joshua.config.field_facts import FieldFacts
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+from joshua.schema import options_pb2 as rules
+
+# A hub id is «owner/name»; what starts with a dot, a slash or ~ is always a path.
+_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
+_WEIGHT_SUFFIXES = (".pt", ".pth", ".ckpt", ".zip", ".safetensors", ".onnx", ".npz", ".msgpack")
+_LABELS = {
+    "model_path": "model of the simulation",
+    "motion_file": "motion file",
+    "root_ca_file": "certificate of the authority",
+    "certificate_file": "certificate",
+    "private_key_file": "private key",
+}
+
+
+def check_paths(
+    loaded: Loaded,
+    launch: bool,
+    *,
+    host: str = "",
+    is_packaged: Callable[[str], bool] = lambda name: False,
+) -> list[Diagnostic]:
+    """Looks for every file that the configuration names as input.
+
+    Args:
+        loaded: what ``joshua.config.load`` returned.
+        launch: whether nodes are going to be started: what is missing is an error then, else a note.
+        host: this machine's name in the file; files of other machines' nodes are not looked for.
+        is_packaged: tells whether an installed plugin brings a simulation model of this name.
+    """
+    search = _Search(Context(loaded), launch, host, is_packaged)
+    return [*search.blocks(), *search.data_sets()]
+
+
+class _Search:
+    def __init__(self, context: Context, launch: bool, host: str, is_packaged: Callable[[str], bool]) -> None:
+        self._context = context
+        self._launch = launch
+        self._host = host
+        self._is_packaged = is_packaged
+        self._owners = {entry.owner_path: entry for entry in context.entries}
+
+    def blocks(self) -> Iterator[Diagnostic]:
+        """Looks for the files that fields of any block name."""
+        for block in self._context.blocks:
+            if not self._runs_here(block.path):
+                continue
+            for facts in block.facts:
+                if not facts.is_string or facts.repeated:
+                    continue
+                value = getattr(block.message, facts.name)
+                if value and len(value) < 4096 and "\0" not in value:
+                    yield from self._field(block, facts, value)
+
+    def data_sets(self) -> Iterator[Diagnostic]:
+        """Looks for the data sets that the mode reads."""
+        config = self._context.config
+        store = config.ai.data_store
+        if config.general.mode == pb.MODE_DATA_STORE and store.local_path:
+            reads = {pb.DATA_STORE_UPLOAD: "upload", pb.DATA_STORE_REPLAY: "replay"}.get(store.operation)
+            if reads:
+                yield from self._data_set("ai.data_store.local_path", store.local_path, reads)
+        if config.general.mode == pb.MODE_TRAINING and config.ai.training.method == pb.METHOD_IMITATION:
+            name = config.ai.training.imitation_config.dataset_name
+            if store.local_path and name:
+                yield from self._data_set("ai.data_store.local_path", store.local_path, "train on")
+            elif name and not _HUB_ID.fullmatch(name):
+                path = "ai.training.imitation_config.dataset_name"
+                place = self._resolve(path, name)
+                if not place.exists():
+                    yield self._missing(
+                        "dataset-missing",
+                        f"The data set {name} is neither a folder nor a hub id such as lerobot/pusht",
+                        path,
+                        name,
+                        f"Looked for {place}; record it first, correct the name, or add ai.data_store with "
+                        "its local_path",
+                    )
+
+    def _field(self, block: Block, facts: FieldFacts, value: str) -> Iterator[Diagnostic]:
+        path = block.field_path(facts.name)
+        if facts.kind == rules.KIND_INPUT_FILE:
+            yield from self._input_file(facts, path, value)
+        elif facts.kind == rules.KIND_MODEL:
+            yield from self._model(path, value)
+        elif facts.kind == rules.KIND_INTERPRETER:
+            yield from self._interpreter(path, value)
+        elif facts.kind == rules.KIND_OUTPUT_PATH:
+            place = self._resolve(path, value)
+            if _is_file(place):
+                yield self._missing(
+                    "output-path-is-file",
+                    f"{value} is a file, and a folder is needed here",
+                    path,
+                    value,
+                    f"Choose another path, or move {place} away",
+                )
+
+    def _input_file(self, facts: FieldFacts, path: str, value: str) -> Iterator[Diagnostic]:
+        if facts.name == "model_path" and self._is_packaged(value):
+            return
+        place = self._resolve(path, value)
+        label = _LABELS.get(facts.name, facts.name.replace("_", " "))
+        extra = " and among the packaged models" if facts.name == "model_path" else ""
+        yield from self._need_file(path, value, place, label, extra)
+
+    def _need_file(
+        self, path: str, value: str, place: Path, label: str, extra: str = ""
+    ) -> Iterator[Diagnostic]:
+        if _is_directory(place):
+            yield self._missing(
+                "input-file-is-folder",
+                f"The {label} is a folder, and a file is needed",
+                path,
+                value,
+                f"Name a file in {place}",
+            )
+        elif not _exists(place):
+            yield self._missing(
+                "input-file-missing",
+                f"The {label} does not exist",
+                path,
+                value,
+                f"Looked for {place}{extra}; correct the path or put the file there",
+            )
+        elif not os.access(place, os.R_OK):
+            yield self._missing(
+                "input-file-unreadable",
+                f"The {label} may not be read by this user",
+                path,
+                value,
+                f"Change the permissions of {place}",
+            )
+
+    def _model(self, path: str, value: str) -> Iterator[Diagnostic]:
+        place = self._resolve(path, value)
+        if _exists(place):
+            return
+        if _HUB_ID.fullmatch(value) and not value.endswith(_WEIGHT_SUFFIXES):
+            return  # fetched from the hub when the node starts
+        yield self._missing(
+            "weights-not-found",
+            "The weights do not exist",
+            path,
+            value,
+            f"Looked for {place}; correct the path, train the model first, or write a hub id such as "
+            "lerobot/smolvla_base",
+        )
+
+    def _interpreter(self, path: str, value: str) -> Iterator[Diagnostic]:
+        place = self._resolve(path, value)
+        if not (_is_file(place) and os.access(place, os.X_OK)):
+            yield self._missing(
+                "interpreter-missing",
+                "the Python interpreter of this node does not exist or cannot be run",
+                path,
+                value,
+                f"Looked for {place}; create the environment, or correct the path of its bin/python",
+            )
+
+    def _data_set(self, path: str, value: str, purpose: str) -> Iterator[Diagnostic]:
+        place = self._resolve(path, value)
+        if not _is_directory(place):
+            yield self._missing(
+                "dataset-missing",
+                f"there is no data set to {purpose}",
+                path,
+                value,
+                f"Looked for the folder {place}; record the data set first, or correct local_path",
+            )
+
+    def _missing(self, code: str, message: str, path: str, value: str, remedy: str) -> Diagnostic:
+        make = self._context.error if self._launch else self._context.note
+        return make(code, message, path, found=self._context.found(path, value), remedy=remedy)
+
+    def _resolve(self, path: str, value: str) -> Path:
+        """Makes a path absolute: relative ones start at the file that names them."""
+        expanded = Path(os.path.expanduser(value))  # noqa: PTH111 - an unknown user stays as written
+        if expanded.is_absolute():
+            return expanded
+        position = self._context.loaded.positions.value(path)
+        names = list(self._context.loaded.sources)
+        file = position.file if position is not None and Path(position.file).is_file() else ""
+        base = Path(file or (names[0] if names else ".")).parent
+        return Path(os.path.normpath(base.absolute() / expanded))
+
+    def _runs_here(self, path: str) -> bool:
+        entry = self._owners.get(".".join(path.split(".")[:2]))
+        return entry is None or not entry.node.host or not self._host or entry.node.host == self._host
+
+
+def _exists(place: Path) -> bool:
+    return _ask(place.exists)
+
+
+def _is_file(place: Path) -> bool:
+    return _ask(place.is_file)
+
+
+def _is_directory(place: Path) -> bool:
+    return _ask(place.is_dir)
+
+
+def _ask(question: Callable[[], bool]) -> bool:
+    """Answers a question about a path; a name that the system refuses (too long) does not exist."""
+    try:
+        return question()
+    except OSError:
+        return False

@@ -1,0 +1,151 @@
+"""Quality of service: pairs that ROS 2 connects, and settings that have an effect.
+
+Rules of the ROS 2 documentation, «Quality of Service settings», section «QoS compatibilities»: what a
+publisher offers must be at least what a subscription requests.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from joshua.config.checks.context import Context
+from joshua.config.checks.identity import title
+from joshua.config.checks.topics import usable
+from joshua.config.field_facts import number_text
+from joshua.config.topics import Endpoint
+from joshua.plan import Diagnostic, QosProfile, Related
+from joshua.schema import config_pb2 as pb
+
+
+@dataclass(frozen=True)
+class _Clash:
+    field: str
+    offered: str
+    requested: str
+    remedy: str
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Compares what the publishers of each topic offer with what its subscriptions request."""
+    publishers: dict[str, list[Endpoint]] = defaultdict(list)
+    for item in usable(context):
+        if item.is_publisher:
+            publishers[item.topic].append(item)
+    for item in usable(context):
+        if not item.is_publisher:
+            yield from _subscription(context, item, publishers[item.topic])
+    yield from _depth(context)
+    yield from _deadline(context)
+
+
+def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
+    """The settings in which a publisher offers less than a subscription requests."""
+    found = []
+    if offered.reliability == "BEST_EFFORT" and requested.reliability == "RELIABLE":
+        found.append(
+            _Clash(
+                "reliability",
+                "BEST_EFFORT",
+                "RELIABLE",
+                "set reliability: BEST_EFFORT in the subscription's qos, or RELIABLE in the publisher's",
+            )
+        )
+    if offered.durability == "VOLATILE" and requested.durability == "TRANSIENT_LOCAL":
+        found.append(
+            _Clash(
+                "durability",
+                "VOLATILE",
+                "TRANSIENT_LOCAL",
+                "set durability: VOLATILE in the subscription's qos, or TRANSIENT_LOCAL in the publisher's",
+            )
+        )
+    if offered.liveliness == "AUTOMATIC" and requested.liveliness == "MANUAL_BY_TOPIC":
+        found.append(
+            _Clash(
+                "liveliness",
+                "AUTOMATIC",
+                "MANUAL_BY_TOPIC",
+                "set liveliness: AUTOMATIC in the subscription's qos, or MANUAL_BY_TOPIC in the publisher's",
+            )
+        )
+    for field in ("deadline_s", "lease_duration_s"):
+        mine, theirs = getattr(offered, field), getattr(requested, field)
+        if theirs > 0 and (mine <= 0 or mine > theirs):
+            found.append(
+                _Clash(
+                    field,
+                    f"{number_text(mine)} s" if mine > 0 else "none",
+                    f"{number_text(theirs)} s",
+                    f"set {field} in the publisher's qos to {number_text(theirs)} or less, "
+                    "or raise the subscription's",
+                )
+            )
+    return found
+
+
+def _subscription(context: Context, item: Endpoint, publishers: list[Endpoint]) -> Iterator[Diagnostic]:
+    if not item.qos_path:
+        return  # it adopts its publisher's profile
+    reported = set()
+    for publisher in publishers:
+        for clash in clashes(publisher.qos, item.qos):
+            if clash.field in reported:
+                continue
+            reported.add(clash.field)
+            path = f"{item.qos_path}.{clash.field}"
+            yield context.error(
+                "qos-incompatible",
+                f"{title(publisher.entry)} offers {clash.field} {clash.offered} on {item.topic} and "
+                f"{title(item.entry)} requests {clash.requested}; ROS 2 does not connect such a pair",
+                path,
+                found=f"offered {clash.offered}, requested {clash.requested}",
+                remedy=clash.remedy,
+                related=(*_offer(context, publisher, clash.field), *_request(context, item)),
+            )
+
+
+def _offer(context: Context, publisher: Endpoint, field: str) -> tuple[Related, ...]:
+    if publisher.qos_path:
+        return context.see(f"{publisher.qos_path}.{field}", "offered here")
+    return context.see(f"{publisher.path}.topic_name", "offered here, by default")
+
+
+def _request(context: Context, item: Endpoint) -> tuple[Related, ...]:
+    """The subscription itself, where its node's profile holds for it."""
+    if item.qos_path.startswith(item.path):
+        return ()
+    return context.see(f"{item.path}.topic_name", "subscription that this profile holds for")
+
+
+def _depth(context: Context) -> Iterator[Diagnostic]:
+    for block in context.blocks:
+        if not isinstance(block.message, pb.QoSSettings):
+            continue
+        if block.message.history == pb.KEEP_ALL and block.message.depth > 0:
+            yield context.note(
+                "field-unused",
+                "depth has no effect: KEEP_ALL keeps every message",
+                block.field_path("depth"),
+                remedy="Remove depth, or set history: KEEP_LAST",
+            )
+
+
+def _deadline(context: Context) -> Iterator[Diagnostic]:
+    """A deadline shorter than the publisher's own period is missed with every message."""
+    for item in context.publishers:
+        rate, deadline = item.block.publish_rate_hz, item.qos.deadline_s
+        if not (rate > 0 and deadline > 0 and deadline * rate < 1):
+            continue
+        path = f"{item.qos_path}.deadline_s"
+        yield context.warning(
+            "deadline-below-period",
+            f"{title(item.entry)} publishes {item.topic} every {number_text(1 / rate)} s, "
+            "so each message misses this deadline",
+            path,
+            found=context.found(path, number_text(deadline)),
+            allowed=(f"above {number_text(1 / rate)} s", "0 for none"),
+            remedy="Raise deadline_s or publish_rate_hz",
+            related=context.see(f"{item.path}.publish_rate_hz", "publish rate"),
+        )

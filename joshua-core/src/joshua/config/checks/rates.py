@@ -1,0 +1,90 @@
+"""Publish rates that the device behind them can keep: the camera's frames, the bus's bytes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from joshua.config.checks.bus_load import rate_text, sts3215_cycle
+from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import block_of
+from joshua.config.field_facts import number_text
+from joshua.config.topics import NodeEntry
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
+
+_PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Compares each publish rate with what the device behind it can deliver."""
+    for entry in context.entries:
+        name, block = block_of(entry.owner)
+        if name == "sts3215_config":
+            yield from _bus(context, entry, block)
+        elif name.endswith("camera_config") and block is not None:
+            yield from _camera(context, entry, name, block.fps)
+
+
+def _camera(context: Context, entry: NodeEntry, name: str, fps: int) -> Iterator[Diagnostic]:
+    for index, publisher in enumerate(entry.node.publishers):
+        if publisher.data_type in _PICTURES and _usable(publisher.publish_rate_hz) and fps > 0:
+            rate = publisher.publish_rate_hz
+            if rate <= fps:
+                continue
+            path = f"{entry.path}.publishers[{index}].publish_rate_hz"
+            yield context.error(
+                "rate-above-camera",
+                f"The camera delivers {fps} pictures a second, so {number_text(rate)} cannot be published",
+                path,
+                found=context.found(path, number_text(rate)),
+                allowed=(f"above 0, at most {fps} Hz",),
+                remedy=f"Lower publish_rate_hz to {fps}, or raise fps if the camera offers more",
+                related=context.see(f"{entry.owner_path}.{name}.fps", "pictures per second"),
+            )
+
+
+def _bus(context: Context, entry: NodeEntry, block: pb.STS3215Config) -> Iterator[Diagnostic]:
+    servos, baudrate = len(block.motor_ids), block.comm.serial.baudrate
+    rates = [
+        (publisher.publish_rate_hz, index)
+        for index, publisher in enumerate(entry.node.publishers)
+        if _usable(publisher.publish_rate_hz)
+    ]
+    if not rates or servos == 0 or baudrate <= 0:
+        return
+    # One cycle feeds all publishers of the node, so the fastest decides.
+    rate, index = max(rates)
+    cycle = sts3215_cycle(servos, baudrate, commanded=bool(entry.node.subscriptions))
+    if rate <= cycle.practical_rate_hz:
+        return
+    path = f"{entry.path}.publishers[{index}].publish_rate_hz"
+    related = context.see(f"{entry.owner_path}.sts3215_config.comm.serial.baudrate", "line speed")
+    found = context.found(path, number_text(rate))
+    if rate > cycle.max_rate_hz:
+        yield context.error(
+            "rate-above-bus",
+            f"The servo bus cannot carry this rate ({cycle.calculation()})",
+            path,
+            found=found,
+            allowed=(f"above 0, at most {rate_text(cycle.max_rate_hz)} Hz",),
+            remedy=f"Lower publish_rate_hz to {rate_text(cycle.practical_rate_hz)}, which leaves room for "
+            "the adapter's delay, or raise the baud rate of the servos and of this block",
+            related=related,
+        )
+    else:
+        yield context.warning(
+            "rate-tight-on-bus",
+            f"The servo bus has no room for a USB adapter's delay of 1 to 2 ms at this rate "
+            f"({cycle.calculation()})",
+            path,
+            found=found,
+            allowed=(f"above 0, at most {rate_text(cycle.practical_rate_hz)} Hz",),
+            remedy=f"Lower publish_rate_hz to {rate_text(cycle.practical_rate_hz)} or less",
+            related=related,
+        )
+
+
+def _usable(rate: float) -> bool:
+    return math.isfinite(rate) and rate > 0

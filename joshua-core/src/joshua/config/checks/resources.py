@@ -1,0 +1,151 @@
+"""Serial ports, Bluetooth devices, cameras and motor ids are used once."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from google.protobuf.message import Message
+
+from joshua.config.checks.blocks import Block
+from joshua.config.checks.context import Context
+from joshua.config.checks.identity import title
+from joshua.config.field_facts import FieldFacts, field_facts
+from joshua.config.topics import NodeEntry
+from joshua.plan import Diagnostic
+from joshua.schema import options_pb2 as rules
+
+
+@dataclass(frozen=True)
+class _Kind:
+    code: str
+    message: str
+    remedy: str
+
+
+_EXCLUSIVE: dict[int, _Kind] = {
+    rules.KIND_SERIAL_PORT: _Kind(
+        "serial-port-shared",
+        "{a} and {b} use the same serial port; one node opens a port for itself alone",
+        "Give each device the port of its own adapter; `ls /dev/serial/by-id` lists them",
+    ),
+    rules.KIND_BLE_DEVICE: _Kind(
+        "ble-device-shared",
+        "{a} and {b} use the same Bluetooth device; it accepts one connection",
+        "Rename one of the hubs, or let one node drive all its ports",
+    ),
+    rules.KIND_CAMERA_INDEX: _Kind(
+        "camera-shared",
+        "{a} and {b} use the same camera; one node opens a camera for itself alone",
+        "Give each camera its own device_id; `v4l2-ctl --list-devices` lists them",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class _Use:
+    entry: NodeEntry
+    path: str
+    text: str
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Finds devices that two nodes of one machine would open, and ids that two motors of a bus share."""
+    yield from _devices(context)
+    for block in context.blocks:
+        yield from _motor_ids(context, block)
+
+
+def _devices(context: Context) -> Iterator[Diagnostic]:
+    owners = {entry.owner_path: entry for entry in context.entries}
+    first: dict[tuple[int, str], list[_Use]] = {}
+    for block in context.blocks:
+        entry = owners.get(".".join(block.path.split(".")[:2]))
+        if entry is None:
+            continue
+        for facts in block.facts:
+            if facts.kind not in _EXCLUSIVE or facts.repeated:
+                continue
+            identity, path = _identity(context, block, facts)
+            if not identity:
+                continue
+            uses = first.setdefault((facts.kind, identity), [])
+            # The same name on another machine is another device; a node without a host runs on each.
+            clash = next((use for use in uses if _same_machine(use.entry, entry)), None)
+            uses.append(_Use(entry, path, identity))
+            if clash is None:
+                continue
+            kind = _EXCLUSIVE[facts.kind]
+            yield context.error(
+                kind.code,
+                kind.message.format(a=title(clash.entry), b=title(entry)),
+                path,
+                position=context.position(path),
+                found=context.found(path, getattr(block.message, path.rpartition(".")[2])),
+                remedy=kind.remedy,
+                related=context.see(clash.path, f"{title(clash.entry)} uses it"),
+            )
+
+
+def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, str]:
+    """What a device is told apart by, and the path of the field that says so; "" where nothing does."""
+    path = block.field_path(facts.name)
+    value = getattr(block.message, facts.name)
+    if facts.kind == rules.KIND_CAMERA_INDEX:
+        return (str(value) if value >= 0 else ""), path
+    if facts.kind == rules.KIND_SERIAL_PORT:
+        for name in ("serial_number", "vid_pid"):  # where given, the identity of the adapter decides
+            identity = getattr(block.message, name, "")
+            if identity:
+                return f"{name} {identity.lower()}", block.field_path(name)
+        return (posixpath.normpath(value) if value else ""), path
+    return value, path
+
+
+def _same_machine(one: NodeEntry, other: NodeEntry) -> bool:
+    return not one.node.host or not other.node.host or one.node.host == other.node.host
+
+
+def _motor_ids(context: Context, block: Block) -> Iterator[Diagnostic]:
+    for facts in block.facts:
+        path = block.field_path(facts.name)
+        values = getattr(block.message, facts.name)
+        if facts.repeated and facts.kind == rules.KIND_MOTOR_ID:
+            places = [(f"{path}[{index}]", value) for index, value in enumerate(values)]
+        elif facts.repeated and facts.is_message:
+            places = [
+                (f"{path}[{index}].{name}", getattr(item, name))
+                for index, item in enumerate(values)
+                for name in _motor_id_fields(item)
+            ]
+        else:
+            continue
+        yield from _duplicates(context, places)
+
+
+def _motor_id_fields(message: Message) -> list[str]:
+    return [
+        facts.name
+        for facts in field_facts(message.DESCRIPTOR)
+        if facts.kind == rules.KIND_MOTOR_ID and not facts.repeated
+    ]
+
+
+def _duplicates(context: Context, places: list[tuple[str, int]]) -> Iterator[Diagnostic]:
+    taken = {value for _, value in places}
+    free = next((number for number in range(1, 254) if number not in taken), None)
+    first: dict[int, str] = {}
+    for path, value in places:
+        other = first.setdefault(value, path)
+        if other == path or (value == 0 and not context.loaded.positions.is_set(path)):
+            continue
+        yield context.error(
+            "duplicate-motor-id",
+            f"motor id {value} stands twice on one bus, where each motor answers to an id of its own",
+            path,
+            found=context.found(path, value),
+            allowed=(f"{free} (the smallest free id)",) if free is not None else (),
+            remedy="Write each motor's own id once",
+            related=context.see(other, "first use of this id"),
+        )

@@ -1,0 +1,235 @@
+"""Topics: one type each, somebody who publishes, and nobody who commands beside another."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import block_of, messages_of
+from joshua.config.checks.identity import title
+from joshua.config.names import topic_fault
+from joshua.config.nearest import nearest
+from joshua.config.topics import Endpoint
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
+
+# Every ROS 2 node has these without a publisher in any file.
+_SYSTEM_TOPICS = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/joint_states")
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Holds the endpoints of each topic against each other and against the devices behind them."""
+    by_topic: dict[str, list[Endpoint]] = defaultdict(list)
+    for endpoint in usable(context):
+        by_topic[endpoint.topic].append(endpoint)
+    for group in by_topic.values():
+        publishers = [item for item in group if item.is_publisher]
+        yield from _types(context, group)
+        yield from _publishers(context, publishers, group)
+    for endpoint in context.endpoints:
+        yield from _device_types(context, endpoint)
+    yield from _unpublished(context)
+    yield from _feedback(context)
+    yield from _silent_sensors(context)
+
+
+def usable(context: Context) -> list[Endpoint]:
+    """The endpoints whose topic name is valid; the others are reported by the naming rules."""
+    return [
+        item
+        for item in context.endpoints
+        if item.block.topic_name and topic_fault(item.block.topic_name) is None
+    ]
+
+
+def published_names(context: Context) -> dict[str, int]:
+    """Topics that this file's nodes publish, and their types; what an actuator adds by itself included."""
+    names = {item.topic: item.block.data_type for item in usable(context) if item.is_publisher}
+    for entry in context.entries:
+        if isinstance(entry.owner, pb.SingleAction) and entry.node.node_name:
+            names.setdefault(f"{entry.full_name}/command", types.JOINT_STATE)
+    return names
+
+
+def type_text(number: int) -> str:
+    """Name of a DataType number, the number itself where it has none."""
+    value = types.DataType.DESCRIPTOR.values_by_number.get(number)
+    return value.name if value is not None else str(number)
+
+
+def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
+    """The first publisher's type counts; without a publisher the first subscription's."""
+    typed = [item for item in group if item.block.data_type]
+    typed.sort(key=lambda item: not item.is_publisher)
+    for item in typed[1:]:
+        first = typed[0]
+        if item.block.data_type == first.block.data_type:
+            continue
+        path = f"{item.path}.data_type"
+        expected = type_text(first.block.data_type)
+        verb = "publishes" if first.is_publisher else "subscribes to"
+        yield context.error(
+            "topic-type-mismatch",
+            f"{title(first.entry)} {verb} {item.topic} as {expected}; a topic has one type, "
+            "and endpoints of different types do not connect",
+            path,
+            found=type_text(item.block.data_type),
+            allowed=(expected,),
+            remedy=f"Write data_type: {expected}, or use another topic_name",
+            related=context.see(f"{first.path}.data_type", f"type of {title(first.entry)}"),
+        )
+
+
+def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoint]) -> Iterator[Diagnostic]:
+    commanded = next((item for item in group if _is_command(item)), None)
+    for kind in (False, True):
+        same = [item for item in publishers if bool(item.block.override) is kind]
+        if kind and commanded is None:
+            for item in same:
+                yield context.note(
+                    "field-unused",
+                    f"override has no effect: {item.topic} commands no actuator of this file",
+                    f"{item.path}.override",
+                    remedy="Remove it",
+                )
+            continue
+        if len(same) < 2:
+            continue
+        for item in same[1:]:
+            yield _two_publishers(context, same[0], item, commanded, overriding=kind)
+
+
+def _two_publishers(
+    context: Context, first: Endpoint, item: Endpoint, commanded: Endpoint | None, *, overriding: bool
+) -> Diagnostic:
+    path = f"{item.path}.topic_name"
+    related = context.see(f"{first.path}.topic_name", f"{title(first.entry)} publishes it")
+    names = f"{title(first.entry)} and {title(item.entry)}"
+    if first.entry is item.entry:
+        names = f"Two publishers of {title(item.entry)}"
+    if commanded is None:
+        return context.warning(
+            "topic-two-publishers",
+            f"{names} publish {item.topic}: subscribers get both streams mixed",
+            path,
+            found=context.found(path, item.block.topic_name),
+            remedy="Give each publisher its own topic_name, unless the mixture is meant",
+            related=related,
+        )
+    message = (
+        f"{names} both command {title(commanded.entry)} on {item.topic}, which would jerk between the two"
+    )
+    remedy = "Give one of them its own topic_name, or mark the one that takes over with override: true"
+    if overriding:
+        message = f"{names} both have override: true on {item.topic}; only one publisher may take over"
+        remedy = "Remove override from one of them and give it its own topic_name"
+    return context.error(
+        "command-topic-two-publishers",
+        message,
+        path,
+        found=context.found(path, item.block.topic_name),
+        remedy=remedy,
+        related=(
+            *related,
+            *context.see(f"{commanded.path}.topic_name", f"commands {title(commanded.entry)}"),
+        ),
+    )
+
+
+def _is_command(item: Endpoint) -> bool:
+    return (
+        not item.is_publisher
+        and isinstance(item.entry.owner, pb.SingleAction)
+        and item.block.data_type in (types.JOINT_STATE, types.JOINT_TRAJECTORY)
+    )
+
+
+def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
+    number = item.block.data_type
+    messages = messages_of(item.entry.owner)
+    allowed = messages.publishes if item.is_publisher else messages.hears
+    if not number or allowed is None or number in allowed:
+        return
+    what, _ = block_of(item.entry.owner)
+    device = title(item.entry) + (f" ({what})" if what else "")
+    path = f"{item.path}.data_type"
+    if not allowed:
+        yield context.error(
+            "subscription-unfit",
+            f"{device} listens to no topic, so this subscription would have no effect",
+            item.path,
+            position=context.block_position(item.path),
+            found=f"subscription to {item.topic} as {type_text(number)}",
+            remedy="Remove the subscription",
+        )
+        return
+    verb = "publish" if item.is_publisher else "take commands as"
+    yield context.error(
+        "data-type-unfit",
+        f"{device} cannot {verb} {type_text(number)}",
+        path,
+        found=context.found(path, type_text(number)),
+        allowed=tuple(type_text(entry) for entry in allowed),
+        remedy=f"Write data_type: {type_text(allowed[0])}",
+    )
+
+
+def _unpublished(context: Context) -> Iterator[Diagnostic]:
+    published = published_names(context)
+    for item in usable(context):
+        if item.is_publisher or item.topic in published or item.topic in _SYSTEM_TOPICS:
+            continue
+        path = f"{item.path}.topic_name"
+        written = item.block.topic_name
+        found = context.found(path, written)
+        if written != item.topic:
+            found += f", which is {item.topic} in full"
+        similar = nearest(item.topic, published)
+        same_type = [name for name, number in published.items() if number == item.block.data_type]
+        yield context.warning(
+            "topic-unpublished",
+            f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
+            "ROS 2 system to do so",
+            path,
+            found=found,
+            allowed=tuple(dict.fromkeys([*similar, *same_type])),
+            remedy=f"Did you mean {similar[0]}?" if similar else "Correct the name, or add the publisher",
+        )
+
+
+def _feedback(context: Context) -> Iterator[Diagnostic]:
+    """A node that hears itself: for an actuator a command loop."""
+    own = {(item.entry.path, item.topic): item for item in usable(context) if item.is_publisher}
+    for item in usable(context):
+        publisher = own.get((item.entry.path, item.topic))
+        if item.is_publisher or publisher is None:
+            continue
+        actuator = isinstance(item.entry.owner, pb.SingleAction)
+        make = context.error if actuator else context.warning
+        yield make(
+            "topic-feedback",
+            f"{title(item.entry)} subscribes to the topic that it publishes itself"
+            + (", so its own state would command it" if actuator else ""),
+            f"{item.path}.topic_name",
+            found=context.found(f"{item.path}.topic_name", item.block.topic_name),
+            remedy="Subscribe to the topic of the leader, model or input device"
+            if actuator
+            else "Subscribe to another topic",
+            related=context.see(f"{publisher.path}.topic_name", "published here"),
+        )
+
+
+def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
+    for entry in context.entries:
+        if isinstance(entry.owner, pb.SinglePerception) and not entry.node.publishers:
+            messages = messages_of(entry.owner).publishes or ()
+            sample = f" as {type_text(messages[0])}" if messages else ""
+            yield context.warning(
+                "sensor-unpublished",
+                f"{title(entry)} publishes no topic, so nobody gets what it measures",
+                entry.path,
+                position=context.block_position(entry.path),
+                remedy=f"Add a publishers block{sample}",
+            )

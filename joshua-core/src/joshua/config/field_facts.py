@@ -1,0 +1,132 @@
+"""What the schema says about each field: type, presence and the machine-readable rule beside it.
+
+The one place where checks, `joshua explain` and the reference read the custom field option from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
+
+from joshua.schema import rules
+
+_NUMBERS = frozenset(
+    (
+        FieldDescriptor.CPPTYPE_INT32,
+        FieldDescriptor.CPPTYPE_INT64,
+        FieldDescriptor.CPPTYPE_UINT32,
+        FieldDescriptor.CPPTYPE_UINT64,
+        FieldDescriptor.CPPTYPE_FLOAT,
+        FieldDescriptor.CPPTYPE_DOUBLE,
+    )
+)
+
+
+@dataclass(frozen=True)
+class FieldFacts:
+    """The facts of one field.
+
+    Attributes:
+        name: of the field; kind: what its value names, a ``KIND_…`` number.
+        repeated, has_presence, is_number, is_float, is_string: of its type.
+        message_name: full name of the message type; "" for scalars.
+        enum: descriptor of the enum type, if it is one.
+        unit, example, default: texts of the rule; minimum, maximum, above: bounds, None where open.
+        required, required_unless, allowed, min_items, max_items: further parts of the rule.
+    """
+
+    name: str
+    kind: int
+    repeated: bool
+    has_presence: bool
+    is_number: bool
+    is_float: bool
+    is_string: bool
+    message_name: str
+    enum: EnumDescriptor | None
+    unit: str
+    example: str
+    default: str
+    minimum: float | None
+    maximum: float | None
+    above: float | None
+    required: bool
+    required_unless: tuple[str, ...]
+    allowed: tuple[str, ...]
+    min_items: int
+    max_items: int | None
+
+    @property
+    def is_message(self) -> bool:
+        """Whether the field holds blocks."""
+        return bool(self.message_name)
+
+    def contains(self, value: float) -> bool:
+        """Whether a number lies in the allowed range; NaN never does."""
+        return (
+            (self.minimum is None or value >= self.minimum)
+            and (self.maximum is None or value <= self.maximum)
+            and (self.above is None or value > self.above)
+            and value == value
+        )
+
+    def range_text(self) -> str:
+        """The allowed range in words, such as ``above 0, at most 10000 Hz``; "" where it is open."""
+        parts = []
+        if self.above is not None:
+            parts.append(f"above {number_text(self.above)}")
+        if self.minimum is not None and self.maximum is not None:
+            parts.append(f"{number_text(self.minimum)} to {number_text(self.maximum)}")
+        elif self.minimum is not None:
+            parts.append(f"at least {number_text(self.minimum)}")
+        elif self.maximum is not None:
+            parts.append(f"at most {number_text(self.maximum)}")
+        unit = f" {self.unit}" if self.unit and parts else ""
+        return ", ".join(parts) + unit
+
+
+def number_text(value: float) -> str:
+    """Writes a number without needless digits: ``10000``, ``0.1``, ``nan``."""
+    number = float(value)
+    if number.is_integer() and abs(number) < 1e15:
+        return str(int(number))
+    return f"{number:.7g}"
+
+
+_facts: dict[Any, tuple[FieldFacts, ...]] = {}
+
+
+def field_facts(descriptor: Any) -> tuple[FieldFacts, ...]:
+    """Returns the facts of all fields of a message type (a ``Descriptor``), in the order of the schema."""
+    known = _facts.get(descriptor)
+    if known is None:
+        known = _facts[descriptor] = tuple(_read(field) for field in descriptor.fields)
+    return known
+
+
+def _read(field: FieldDescriptor) -> FieldFacts:
+    rule = rules.rule(field)
+    return FieldFacts(
+        name=field.name,
+        kind=rule.kind,
+        repeated=field.is_repeated,
+        has_presence=field.has_presence,
+        is_number=field.cpp_type in _NUMBERS,
+        is_float=field.cpp_type in (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE),
+        is_string=field.cpp_type == FieldDescriptor.CPPTYPE_STRING,
+        message_name=field.message_type.full_name if field.message_type is not None else "",
+        enum=field.enum_type,
+        unit=rule.unit,
+        example=rule.example,
+        default=rule.default,
+        minimum=rule.min if rule.HasField("min") else None,
+        maximum=rule.max if rule.HasField("max") else None,
+        above=rule.above if rule.HasField("above") else None,
+        required=rule.required,
+        required_unless=tuple(rule.required_unless),
+        allowed=tuple(rule.allowed),
+        min_items=rule.min_items,
+        max_items=rule.max_items if rule.HasField("max_items") else None,
+    )

@@ -1,0 +1,83 @@
+"""MODE_DATA_STORE: episodes are recorded, uploaded or replayed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks import Context
+from joshua.config.checks.topics import usable
+from joshua.modes.parts import actions, commands, lacks
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+
+_STORE = "ai.data_store"
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Asks for the store and for what its operation works on."""
+    if not context.config.ai.HasField("data_store"):
+        yield lacks(
+            context,
+            "mode-lacks-block",
+            "the block ai.data_store, which says where episodes are kept",
+            _STORE,
+            remedy="Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
+            "dataset_name: ... local_path: ... } }",
+        )
+        return
+    store = context.config.ai.data_store
+    if store.operation == pb.DATA_STORE_UPLOAD:
+        yield from _upload(context, store)
+    elif store.operation == pb.DATA_STORE_REPLAY:
+        yield from _replay(context, store)
+    else:
+        yield from _record(context, store)
+
+
+def _record(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
+    if store.storage == pb.STORAGE_LOCAL and not store.local_path:
+        yield _lacks_path(context, "Recording to this machine")
+    if not any(item.is_publisher for item in usable(context)):
+        yield lacks(
+            context,
+            "mode-lacks-publisher",
+            "topics to record, and no node of this file publishes any",
+            "robot",
+            remedy="Add the robot's actuators and cameras with their publishers",
+        )
+
+
+def _upload(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
+    if not store.local_path:
+        yield _lacks_path(context, "An upload")
+    if not store.remote_url:
+        yield context.error(
+            "mode-lacks-field",
+            "An upload needs remote_url, the address that the data set is sent to",
+            f"{_STORE}.remote_url",
+            position=context.block_position(_STORE),
+            remedy='Add remote_url: "hf://datasets/my-name/my-data"',
+        )
+
+
+def _replay(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
+    if not store.local_path and not store.remote_url:
+        yield _lacks_path(context, "A replay")
+    if not any(commands(context, entry) for entry in actions(context)):
+        yield lacks(
+            context,
+            "mode-lacks-actuator",
+            "an actuator to replay on that takes commands from a topic",
+            "robot.actions",
+            remedy="Add an actions block whose node subscribes to a JOINT_STATE topic",
+        )
+
+
+def _lacks_path(context: Context, what: str) -> Diagnostic:
+    return context.error(
+        "mode-lacks-field",
+        f"{what} needs local_path, the folder of the data set",
+        f"{_STORE}.local_path",
+        position=context.block_position(_STORE),
+        remedy='Add local_path: "datasets/my_data"',
+    )

@@ -1,0 +1,88 @@
+"""MODE_INFERENCE: models get observations and drive actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks import Context
+from joshua.config.checks.identity import title
+from joshua.config.topics import NodeEntry
+from joshua.modes.parts import actions, command_sources, commands, lacks, models
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
+
+_PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Follows the road from observations through each model to an actuator."""
+    if not models(context):
+        yield lacks(
+            context,
+            "mode-lacks-model",
+            "a model that drives the robot",
+            "ai.models",
+            allowed=("SMOLVLA", "RANDOM_NOISE", "MODEL_PLUGIN"),
+            remedy="Add ai { models { ... } } with a node that publishes the actions",
+        )
+    if not actions(context):
+        yield lacks(
+            context,
+            "mode-lacks-actuator",
+            "an actuator that a model can drive",
+            "robot.actions",
+            remedy="Add robot { actions { ... } } with a node that subscribes to the model's topic",
+        )
+    heard = {item.topic for entry in actions(context) for item in commands(context, entry)}
+    for entry in models(context):
+        yield from _actions_out(context, entry, heard)
+        yield from _observations_in(context, entry)
+
+
+def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterator[Diagnostic]:
+    own = [
+        item for group in command_sources(context).values() for item in group if item.entry.path == entry.path
+    ]
+    if not entry.node.publishers:
+        yield lacks(
+            context,
+            "mode-lacks-publisher",
+            f"the model {title(entry)} to publish its actions, and it publishes no topic",
+            entry.path,
+            position=context.block_position(entry.path),
+            remedy='Add publishers { data_type: JOINT_STATE topic_name: "/ai/actions" '
+            "publish_rate_hz: 10.0 }",
+        )
+    elif own and actions(context) and not any(item.topic in heard for item in own):
+        actuators = actions(context)
+        yield context.error(
+            "model-drives-nothing",
+            f"No actuator subscribes to {own[0].topic}, so {title(entry)} drives nothing",
+            f"{own[0].path}.topic_name",
+            found=context.found(f"{own[0].path}.topic_name", own[0].block.topic_name),
+            allowed=tuple(sorted(heard)),
+            remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{own[0].topic}" }} to the node '
+            f"{title(actuators[0])}" + (", or publish on the topic that it subscribes to" if heard else ""),
+            related=context.see(f"{actuators[0].path}.subscriptions[0].topic_name", "what the actuator hears")
+            if heard
+            else (),
+        )
+
+
+def _observations_in(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
+    if entry.owner.model_type != pb.SMOLVLA:
+        return
+    if not any(item.data_type in _PICTURES for item in entry.node.subscriptions):
+        cameras = [
+            item.topic for item in context.publishers if item.block.data_type in _PICTURES and item.topic
+        ]
+        sample = cameras[0] if cameras else "/camera/top/image_raw"
+        yield context.error(
+            "model-without-camera",
+            f"{title(entry)} is a vision model and subscribes to no camera",
+            f"{entry.path}.subscriptions",
+            position=context.block_position(entry.path),
+            allowed=tuple(cameras),
+            remedy=f'Add subscriptions {{ data_type: IMAGE topic_name: "{sample}" }}',
+        )

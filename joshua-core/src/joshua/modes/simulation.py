@@ -1,0 +1,96 @@
+"""MODE_SIMULATION: a simulation block, and mappings where the model mirrors a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks import Context
+from joshua.config.checks.topics import published_names, type_text
+from joshua.config.names import topic_fault
+from joshua.config.nearest import nearest
+from joshua.modes.parts import lacks
+from joshua.plan import Diagnostic
+from joshua.schema import data_type_pb2 as types
+from joshua.schema import simulation_pb2 as sim
+
+_MAPPINGS = "simulation.mirror_topic_mappings"
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Asks for the simulation block and what its own mode needs."""
+    simulation = context.config.simulation
+    if not context.config.HasField("simulation"):
+        yield lacks(
+            context,
+            "mode-lacks-block",
+            "the block simulation, which names the model and how it is shown",
+            "simulation",
+            remedy="Add simulation { mode: INTERACTIVE model_path: ... }",
+        )
+        return
+    if simulation.mode == sim.MIRROR:
+        yield from _mirror(context, simulation)
+    elif simulation.mode and simulation.mirror_topic_mappings:
+        yield context.note(
+            "block-unused",
+            f"mirror_topic_mappings have an effect only with mode: MIRROR, and the mode is "
+            f"{sim.SimulationMode.Name(simulation.mode)}",
+            f"{_MAPPINGS}[0]",
+            position=context.block_position(f"{_MAPPINGS}[0]"),
+            remedy="Remove them, or set mode: MIRROR in simulation",
+            related=context.see("simulation.mode", "mode"),
+        )
+
+
+def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diagnostic]:
+    if not simulation.mirror_topic_mappings:
+        yield context.error(
+            "mode-lacks-block",
+            "MIRROR needs mirror_topic_mappings, which say what moves the model",
+            _MAPPINGS,
+            position=context.position("simulation.mode"),
+            remedy='Add mirror_topic_mappings { ros_topic: "/follower/joint_states" '
+            'mujoco_actuator: "gripper" } for each actuator of the model',
+        )
+    published = published_names(context)
+    first: dict[str, int] = {}
+    for index, mapping in enumerate(simulation.mirror_topic_mappings):
+        path = f"{_MAPPINGS}[{index}]"
+        name = mapping.mujoco_actuator
+        if name and first.setdefault(name, index) != index:
+            yield context.error(
+                "mapping-duplicate",
+                f"The actuator {name} of the model is driven twice",
+                f"{path}.mujoco_actuator",
+                found=context.found(f"{path}.mujoco_actuator", name),
+                remedy="Drive each actuator of the model from one topic",
+                related=context.see(f"{_MAPPINGS}[{first[name]}].mujoco_actuator", "first mapping"),
+            )
+        yield from _topic(context, f"{path}.ros_topic", mapping.ros_topic, published)
+
+
+def _topic(context: Context, path: str, topic: str, published: dict[str, int]) -> Iterator[Diagnostic]:
+    """A mirror may follow a robot of another file, so a topic from elsewhere is only worth a note."""
+    if not topic or topic_fault(topic) is not None:
+        return
+    name = topic if topic.startswith("/") else f"/{topic}"
+    if name not in published:
+        similar = nearest(name, published)
+        make = context.warning if similar else context.note
+        yield make(
+            "mapping-unpublished",
+            f"No node of this file publishes {name}; the mirror waits for a robot that runs elsewhere",
+            path,
+            found=context.found(path, topic),
+            allowed=tuple(similar),
+            remedy=f"Did you mean {similar[0]}?" if similar else "Start the robot's own file beside this one",
+        )
+    elif published[name] not in (types.JOINT_STATE, types.DATA_TYPE_UNSPECIFIED):
+        yield context.error(
+            "mapping-type",
+            f"A mirror follows JOINT_STATE topics, and {name} is {type_text(published[name])}",
+            path,
+            found=context.found(path, topic),
+            allowed=tuple(other for other, number in published.items() if number == types.JOINT_STATE),
+            remedy="Map a JOINT_STATE topic",
+        )

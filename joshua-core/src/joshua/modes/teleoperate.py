@@ -1,0 +1,153 @@
+"""MODE_TELEOPERATE: a person drives, so there is something to drive with and something that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks import Context
+from joshua.config.checks.device_table import block_of
+from joshua.config.checks.identity import title
+from joshua.config.nearest import nearest_first
+from joshua.config.topics import Endpoint, NodeEntry
+from joshua.modes.parts import actions, command_sources, commands, lacks, mode_name
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Pairs every follower with what drives it."""
+    sources = command_sources(context)
+    driven = [entry for entry in actions(context) if entry.owner.action_type != pb.ACTION_LEADER]
+    leading = [
+        item
+        for group in sources.values()
+        for item in group
+        if not (isinstance(item.entry.owner, pb.SingleAction) and item.entry in driven)
+    ]
+    if not leading:
+        yield _no_leader(context)
+    if not driven:
+        yield lacks(
+            context,
+            "mode-lacks-follower",
+            "an actuator that follows",
+            "robot.actions",
+            allowed=("ACTION_FOLLOWER", "ACTION_SINGLE", "ACTION_SPIKE", "ACTION_MOCK"),
+            remedy="Add an actions block with action_type: ACTION_FOLLOWER "
+            "that subscribes to the leader's topic",
+        )
+    if not leading or not driven:
+        return
+    followers = [entry for entry in driven if entry.owner.action_type == pb.ACTION_FOLLOWER]
+    for entry in followers:
+        yield from _follower(context, entry, sources, leading)
+    if not followers and not any(
+        item.topic in sources for entry in driven for item in commands(context, entry)
+    ):
+        yield _nobody_listens(context, driven[0], leading)
+    for entry in driven:
+        yield from _joint_counts(context, entry, sources)
+
+
+def _no_leader(context: Context) -> Diagnostic:
+    silent = next((entry for entry in actions(context) if entry.owner.action_type == pb.ACTION_LEADER), None)
+    if silent is not None:
+        return lacks(
+            context,
+            "mode-lacks-publisher",
+            f"the leader {title(silent)} to publish its joints, and it publishes no JOINT_STATE",
+            silent.path,
+            position=context.block_position(silent.path),
+            remedy=f'Add publishers {{ data_type: JOINT_STATE topic_name: "/{title(silent)}/joint_states" '
+            "publish_rate_hz: 50.0 }",
+        )
+    return lacks(
+        context,
+        "mode-lacks-leader",
+        "something to drive with: a leader arm, a gamepad or a keyboard that publishes JOINT_STATE",
+        "robot",
+        allowed=("ACTION_LEADER", "PERCEPTION_GAMEPAD", "PERCEPTION_KEYBOARD"),
+        remedy="Add an actions block with action_type: ACTION_LEADER, or a perceptions block "
+        "with a gamepad or keyboard, that publishes JOINT_STATE",
+    )
+
+
+def _follower(
+    context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]], leading: list[Endpoint]
+) -> Iterator[Diagnostic]:
+    heard = commands(context, entry)
+    topics = tuple(dict.fromkeys(item.topic for item in leading))
+    if any(item.topic in sources for item in heard):
+        return
+    if not heard:
+        yield context.error(
+            "follower-without-leader",
+            f"{title(entry)} follows nobody: it subscribes to no JOINT_STATE topic",
+            f"{entry.path}.subscriptions",
+            position=context.block_position(entry.path),
+            allowed=topics,
+            remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topics[0]}" }}',
+        )
+        return
+    path = f"{heard[0].path}.topic_name"
+    nearby = nearest_first(heard[0].topic, topics)
+    yield context.error(
+        "follower-without-leader",
+        f"{title(entry)} follows {heard[0].topic}, which nobody in this file publishes, "
+        "so it would never move",
+        path,
+        found=context.found(path, heard[0].block.topic_name),
+        allowed=tuple(nearby),
+        remedy=f"Subscribe to the leader's topic {nearby[0]}, "
+        "or choose ACTION_SINGLE for an actuator that another ROS 2 system commands",
+        related=context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}"),
+    )
+
+
+def _nobody_listens(context: Context, entry: NodeEntry, leading: list[Endpoint]) -> Diagnostic:
+    topic = leading[0].topic
+    return context.error(
+        "follower-without-leader",
+        f"{mode_name(context)} needs an actuator that follows, and none subscribes to {topic}",
+        f"{entry.path}.subscriptions",
+        position=context.block_position(entry.path),
+        allowed=tuple(dict.fromkeys(item.topic for item in leading)),
+        remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topic}" }} to {title(entry)}',
+        related=context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}"),
+    )
+
+
+def _joint_counts(
+    context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]]
+) -> Iterator[Diagnostic]:
+    """A leader and its follower have as many joints, or one of them has joints that nobody pairs."""
+    mine = joint_count(entry)
+    for item in commands(context, entry):
+        for source in sources.get(item.topic, ()):
+            if getattr(source.entry.owner, "action_type", None) != pb.ACTION_LEADER:
+                continue
+            theirs = joint_count(source.entry)
+            if mine and theirs and mine != theirs:
+                block, _ = block_of(entry.owner)
+                path = f"{entry.owner_path}.{block}"
+                other, _ = block_of(source.entry.owner)
+                yield context.warning(
+                    "joint-count-mismatch",
+                    f"{title(entry)} has {mine} motors and its leader {title(source.entry)} has {theirs}: "
+                    "joints without a partner stay where they are",
+                    path,
+                    position=context.block_position(path),
+                    found=f"{mine} and {theirs} motors",
+                    remedy="List as many motors in both blocks, or ignore this if the arms differ",
+                    related=context.see(f"{source.entry.owner_path}.{other}", "block of the leader"),
+                )
+
+
+def joint_count(entry: NodeEntry) -> int:
+    """Motors of an actuator; 0 where the file does not say."""
+    name, block = block_of(entry.owner)
+    if name == "plugin_config" or block is None:
+        return 0
+    if hasattr(block, "num_motors"):
+        return int(block.num_motors)
+    return len(getattr(block, "motor_ids", ()) or getattr(block, "port_names", ()))

@@ -1,0 +1,53 @@
+"""MODE_TRAINING: a training block, its data set, and a robot where training happens on one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks import Context
+from joshua.modes.parts import actions, lacks
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Asks for what the chosen method and environment need."""
+    ai = context.config.ai
+    if not ai.HasField("training"):
+        yield lacks(
+            context,
+            "mode-lacks-block",
+            "the block ai.training, which says what is trained and how",
+            "ai.training",
+            remedy="Add ai { training { environment: ... method: ... } }; "
+            "`joshua explain ai.training` lists its fields",
+        )
+        return
+    if ai.training.environment == pb.ENV_REAL and not actions(context):
+        yield lacks(
+            context,
+            "mode-lacks-actuator",
+            "an actuator, because ENV_REAL trains on the robot itself",
+            "robot.actions",
+            position=context.position("ai.training.environment"),
+            remedy="Add robot { actions { ... } }, or choose ENV_SIMULATION",
+        )
+    yield from _data_set(context)
+
+
+def _data_set(context: Context) -> Iterator[Diagnostic]:
+    """A data store beside imitation learning is where the data set is looked for."""
+    ai = context.config.ai
+    wanted, stored = ai.training.imitation_config.dataset_name, ai.data_store.dataset_name
+    if ai.training.method != pb.METHOD_IMITATION or not wanted or not stored or wanted == stored:
+        return
+    path = "ai.training.imitation_config.dataset_name"
+    yield context.error(
+        "dataset-mismatch",
+        f"The data store beside the training holds {stored}, not {wanted}",
+        path,
+        found=context.found(path, wanted),
+        allowed=(f'"{stored}"',),
+        remedy="Write the same name in both blocks, or remove data_store to take the data set from the hub",
+        related=context.see("ai.data_store.dataset_name", "data set of the store"),
+    )
