@@ -206,7 +206,7 @@ AUTOMATIC: Liveliness
 MANUAL_BY_TOPIC: Liveliness
 
 class Config(_message.Message):
-    __slots__ = ("general", "robot", "ai", "calibration", "simulation", "include", "test", "transport")
+    __slots__ = ("general", "robot", "ai", "calibration", "simulation", "include", "test", "transport", "calibration_run")
     GENERAL_FIELD_NUMBER: _ClassVar[int]
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     AI_FIELD_NUMBER: _ClassVar[int]
@@ -215,6 +215,7 @@ class Config(_message.Message):
     INCLUDE_FIELD_NUMBER: _ClassVar[int]
     TEST_FIELD_NUMBER: _ClassVar[int]
     TRANSPORT_FIELD_NUMBER: _ClassVar[int]
+    CALIBRATION_RUN_FIELD_NUMBER: _ClassVar[int]
     general: General
     robot: Robot
     ai: Ai
@@ -223,7 +224,8 @@ class Config(_message.Message):
     include: _containers.RepeatedScalarFieldContainer[str]
     test: TestConfig
     transport: _transport_pb2.TransportConfig
-    def __init__(self, general: _Optional[_Union[General, _Mapping]] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., ai: _Optional[_Union[Ai, _Mapping]] = ..., calibration: _Optional[_Union[_calibration_pb2.Calibration, _Mapping]] = ..., simulation: _Optional[_Union[_simulation_pb2.SimulationConfig, _Mapping]] = ..., include: _Optional[_Iterable[str]] = ..., test: _Optional[_Union[TestConfig, _Mapping]] = ..., transport: _Optional[_Union[_transport_pb2.TransportConfig, _Mapping]] = ...) -> None: ...
+    calibration_run: CalibrationRun
+    def __init__(self, general: _Optional[_Union[General, _Mapping]] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., ai: _Optional[_Union[Ai, _Mapping]] = ..., calibration: _Optional[_Union[_calibration_pb2.Calibration, _Mapping]] = ..., simulation: _Optional[_Union[_simulation_pb2.SimulationConfig, _Mapping]] = ..., include: _Optional[_Iterable[str]] = ..., test: _Optional[_Union[TestConfig, _Mapping]] = ..., transport: _Optional[_Union[_transport_pb2.TransportConfig, _Mapping]] = ..., calibration_run: _Optional[_Union[CalibrationRun, _Mapping]] = ...) -> None: ...
 
 class General(_message.Message):
     __slots__ = ("mode", "robot_type", "name", "id")
@@ -246,20 +248,22 @@ class Robot(_message.Message):
     def __init__(self, actions: _Optional[_Iterable[_Union[SingleAction, _Mapping]]] = ..., perceptions: _Optional[_Iterable[_Union[SinglePerception, _Mapping]]] = ...) -> None: ...
 
 class SingleAction(_message.Message):
-    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config")
+    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "sim_config")
     NODE_FIELD_NUMBER: _ClassVar[int]
     ACTION_TYPE_FIELD_NUMBER: _ClassVar[int]
     STS3215_CONFIG_FIELD_NUMBER: _ClassVar[int]
     MOCK_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
     SPIKE_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    SIM_CONFIG_FIELD_NUMBER: _ClassVar[int]
     node: Node
     action_type: ActionType
     sts3215_config: STS3215Config
     mock_motor_config: MockMotorConfig
     spike_motor_config: SpikeMotorConfig
     plugin_config: _any_pb2.Any
-    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
+    sim_config: SimActuatorConfig
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ...) -> None: ...
 
 class STS3215Config(_message.Message):
     __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration")
@@ -297,6 +301,12 @@ class MockMotorConfig(_message.Message):
     time_constant_s: float
     def __init__(self, num_motors: _Optional[int] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., time_constant_s: _Optional[float] = ...) -> None: ...
 
+class SimActuatorConfig(_message.Message):
+    __slots__ = ("actuators",)
+    ACTUATORS_FIELD_NUMBER: _ClassVar[int]
+    actuators: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, actuators: _Optional[_Iterable[str]] = ...) -> None: ...
+
 class SpikeMotorConfig(_message.Message):
     __slots__ = ("comm", "port_names")
     COMM_FIELD_NUMBER: _ClassVar[int]
@@ -306,7 +316,7 @@ class SpikeMotorConfig(_message.Message):
     def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., port_names: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class SinglePerception(_message.Message):
-    __slots__ = ("node", "perception_type", "camera_config", "encoder_config", "lidar_config", "plugin_config", "mock_camera_config", "mock_encoder_config", "mock_lidar_config", "gamepad_config", "keyboard_config")
+    __slots__ = ("node", "perception_type", "camera_config", "encoder_config", "lidar_config", "plugin_config", "mock_camera_config", "mock_encoder_config", "mock_lidar_config", "gamepad_config", "keyboard_config", "sim_camera_config")
     NODE_FIELD_NUMBER: _ClassVar[int]
     PERCEPTION_TYPE_FIELD_NUMBER: _ClassVar[int]
     CAMERA_CONFIG_FIELD_NUMBER: _ClassVar[int]
@@ -318,6 +328,7 @@ class SinglePerception(_message.Message):
     MOCK_LIDAR_CONFIG_FIELD_NUMBER: _ClassVar[int]
     GAMEPAD_CONFIG_FIELD_NUMBER: _ClassVar[int]
     KEYBOARD_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    SIM_CAMERA_CONFIG_FIELD_NUMBER: _ClassVar[int]
     node: Node
     perception_type: PerceptionType
     camera_config: CameraConfig
@@ -329,10 +340,11 @@ class SinglePerception(_message.Message):
     mock_lidar_config: MockLidarConfig
     gamepad_config: GamepadConfig
     keyboard_config: KeyboardConfig
-    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., perception_type: _Optional[_Union[PerceptionType, str]] = ..., camera_config: _Optional[_Union[CameraConfig, _Mapping]] = ..., encoder_config: _Optional[_Union[EncoderConfig, _Mapping]] = ..., lidar_config: _Optional[_Union[LidarConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., mock_camera_config: _Optional[_Union[MockCameraConfig, _Mapping]] = ..., mock_encoder_config: _Optional[_Union[MockEncoderConfig, _Mapping]] = ..., mock_lidar_config: _Optional[_Union[MockLidarConfig, _Mapping]] = ..., gamepad_config: _Optional[_Union[GamepadConfig, _Mapping]] = ..., keyboard_config: _Optional[_Union[KeyboardConfig, _Mapping]] = ...) -> None: ...
+    sim_camera_config: SimCameraConfig
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., perception_type: _Optional[_Union[PerceptionType, str]] = ..., camera_config: _Optional[_Union[CameraConfig, _Mapping]] = ..., encoder_config: _Optional[_Union[EncoderConfig, _Mapping]] = ..., lidar_config: _Optional[_Union[LidarConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., mock_camera_config: _Optional[_Union[MockCameraConfig, _Mapping]] = ..., mock_encoder_config: _Optional[_Union[MockEncoderConfig, _Mapping]] = ..., mock_lidar_config: _Optional[_Union[MockLidarConfig, _Mapping]] = ..., gamepad_config: _Optional[_Union[GamepadConfig, _Mapping]] = ..., keyboard_config: _Optional[_Union[KeyboardConfig, _Mapping]] = ..., sim_camera_config: _Optional[_Union[SimCameraConfig, _Mapping]] = ...) -> None: ...
 
 class CameraConfig(_message.Message):
-    __slots__ = ("device_id", "width", "height", "fps", "pixel_format", "brightness", "contrast", "saturation", "exposure")
+    __slots__ = ("device_id", "width", "height", "fps", "pixel_format", "brightness", "contrast", "saturation", "exposure", "display")
     DEVICE_ID_FIELD_NUMBER: _ClassVar[int]
     WIDTH_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
@@ -342,6 +354,7 @@ class CameraConfig(_message.Message):
     CONTRAST_FIELD_NUMBER: _ClassVar[int]
     SATURATION_FIELD_NUMBER: _ClassVar[int]
     EXPOSURE_FIELD_NUMBER: _ClassVar[int]
+    DISPLAY_FIELD_NUMBER: _ClassVar[int]
     device_id: int
     width: int
     height: int
@@ -351,7 +364,20 @@ class CameraConfig(_message.Message):
     contrast: int
     saturation: int
     exposure: int
-    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ...) -> None: ...
+    display: bool
+    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ..., display: _Optional[bool] = ...) -> None: ...
+
+class SimCameraConfig(_message.Message):
+    __slots__ = ("camera", "width", "height", "fps")
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    FPS_FIELD_NUMBER: _ClassVar[int]
+    camera: str
+    width: int
+    height: int
+    fps: int
+    def __init__(self, camera: _Optional[str] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ...) -> None: ...
 
 class MockCameraConfig(_message.Message):
     __slots__ = ("width", "height", "fps")
@@ -384,18 +410,20 @@ class MockEncoderConfig(_message.Message):
     def __init__(self, resolution: _Optional[int] = ..., speed_rad_s: _Optional[float] = ..., inverted: _Optional[bool] = ...) -> None: ...
 
 class LidarConfig(_message.Message):
-    __slots__ = ("comm", "angle_min", "angle_max", "range_min", "range_max")
+    __slots__ = ("comm", "angle_min", "angle_max", "range_min", "range_max", "display")
     COMM_FIELD_NUMBER: _ClassVar[int]
     ANGLE_MIN_FIELD_NUMBER: _ClassVar[int]
     ANGLE_MAX_FIELD_NUMBER: _ClassVar[int]
     RANGE_MIN_FIELD_NUMBER: _ClassVar[int]
     RANGE_MAX_FIELD_NUMBER: _ClassVar[int]
+    DISPLAY_FIELD_NUMBER: _ClassVar[int]
     comm: _comm_pb2.Comm
     angle_min: float
     angle_max: float
     range_min: float
     range_max: float
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ...) -> None: ...
+    display: bool
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ..., display: _Optional[bool] = ...) -> None: ...
 
 class MockLidarConfig(_message.Message):
     __slots__ = ("angle_min", "angle_max", "range_min", "range_max", "num_beams", "room_length_m", "room_width_m")
@@ -458,18 +486,20 @@ class Ai(_message.Message):
     def __init__(self, models: _Optional[_Iterable[_Union[SingleModel, _Mapping]]] = ..., data_store: _Optional[_Union[DataStore, _Mapping]] = ..., training: _Optional[_Union[Training, _Mapping]] = ...) -> None: ...
 
 class SingleModel(_message.Message):
-    __slots__ = ("model_type", "pretrained_model_name_or_path", "node", "plugin_config", "random_noise_config")
+    __slots__ = ("model_type", "pretrained_model_name_or_path", "node", "plugin_config", "random_noise_config", "smolvla_config")
     MODEL_TYPE_FIELD_NUMBER: _ClassVar[int]
     PRETRAINED_MODEL_NAME_OR_PATH_FIELD_NUMBER: _ClassVar[int]
     NODE_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
     RANDOM_NOISE_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    SMOLVLA_CONFIG_FIELD_NUMBER: _ClassVar[int]
     model_type: ModelType
     pretrained_model_name_or_path: str
     node: Node
     plugin_config: _any_pb2.Any
     random_noise_config: RandomNoiseConfig
-    def __init__(self, model_type: _Optional[_Union[ModelType, str]] = ..., pretrained_model_name_or_path: _Optional[str] = ..., node: _Optional[_Union[Node, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., random_noise_config: _Optional[_Union[RandomNoiseConfig, _Mapping]] = ...) -> None: ...
+    smolvla_config: SmolVlaConfig
+    def __init__(self, model_type: _Optional[_Union[ModelType, str]] = ..., pretrained_model_name_or_path: _Optional[str] = ..., node: _Optional[_Union[Node, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., random_noise_config: _Optional[_Union[RandomNoiseConfig, _Mapping]] = ..., smolvla_config: _Optional[_Union[SmolVlaConfig, _Mapping]] = ...) -> None: ...
 
 class RandomNoiseConfig(_message.Message):
     __slots__ = ("seed", "amplitude_rad")
@@ -479,8 +509,20 @@ class RandomNoiseConfig(_message.Message):
     amplitude_rad: float
     def __init__(self, seed: _Optional[int] = ..., amplitude_rad: _Optional[float] = ...) -> None: ...
 
+class SmolVlaConfig(_message.Message):
+    __slots__ = ("task", "device", "precision", "actions_per_chunk")
+    TASK_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    PRECISION_FIELD_NUMBER: _ClassVar[int]
+    ACTIONS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
+    task: str
+    device: str
+    precision: str
+    actions_per_chunk: int
+    def __init__(self, task: _Optional[str] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., actions_per_chunk: _Optional[int] = ...) -> None: ...
+
 class DataStore(_message.Message):
-    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation")
+    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes")
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     STORAGE_FIELD_NUMBER: _ClassVar[int]
     DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
@@ -488,6 +530,8 @@ class DataStore(_message.Message):
     REMOTE_URL_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
     OPERATION_FIELD_NUMBER: _ClassVar[int]
+    TASK_FIELD_NUMBER: _ClassVar[int]
+    EPISODES_FIELD_NUMBER: _ClassVar[int]
     format: DataFormat
     storage: StorageBackend
     dataset_name: str
@@ -495,7 +539,9 @@ class DataStore(_message.Message):
     remote_url: str
     plugin_config: _any_pb2.Any
     operation: DataStoreOperation
-    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ...) -> None: ...
+    task: str
+    episodes: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class Training(_message.Message):
     __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config")
@@ -636,3 +682,9 @@ class TestConfig(_message.Message):
     DURATION_S_FIELD_NUMBER: _ClassVar[int]
     duration_s: float
     def __init__(self, duration_s: _Optional[float] = ...) -> None: ...
+
+class CalibrationRun(_message.Message):
+    __slots__ = ("display",)
+    DISPLAY_FIELD_NUMBER: _ClassVar[int]
+    display: bool
+    def __init__(self, display: _Optional[bool] = ...) -> None: ...
