@@ -1,0 +1,152 @@
+"""A path to one merged configuration: reads the file, what it includes, and the ``--set`` options."""
+
+from __future__ import annotations
+
+import os.path
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from joshua.config.binder import Binder, Merge
+from joshua.config.files import FileId, file_id, read_source
+from joshua.config.limits import MAX_FILES
+from joshua.config.overrides import OPTION, Overrides
+from joshua.config.parser import parse
+from joshua.config.plugin_types import PluginTypes
+from joshua.config.positions import Positions
+from joshua.config.problems import Problems, Span
+from joshua.schema.config_pb2 import Config
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from google.protobuf.message import Message
+
+    from joshua.plan import Diagnostic
+
+
+@dataclass
+class LoadedConfig:
+    """A configuration as its files give it; with errors in them it holds what could be read.
+
+    Attributes:
+        path: of the file that was asked for.
+        config: the merged message; ``include`` keeps the paths that the files name.
+        positions: where each field stands. A field whose value could not be read is set and broken
+            (``positions.is_broken``): the message holds its default, about which no more need be said.
+        diagnostics: what reading found, file by file and from top to bottom.
+        sources: file name, as positions give it, to text; the file itself first, the options of
+            ``--set`` last, one to a line.
+        is_readable: False where the file itself could not be read, so that nothing is known about it.
+    """
+
+    path: str
+    config: Config
+    positions: Positions
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    sources: dict[str, str] = field(default_factory=dict)
+    is_readable: bool = True
+
+
+def load(
+    path: str | os.PathLike[str],
+    overrides: Sequence[str] = (),
+    message_types: Iterable[str | type[Message]] = (),
+) -> LoadedConfig:
+    """Loads a configuration file; never raises for what stands in it.
+
+    Args:
+        path: of the file.
+        overrides: options of ``--set``, such as ``general.name=demo``; the last one wins.
+        message_types: types for ``plugin_config`` blocks: message classes, or import strings of
+            compiled ``_pb2`` modules. They are looked at only when a block asks.
+    """
+    return _Loading(os.fspath(path), PluginTypes(message_types)).run(overrides)
+
+
+@dataclass(frozen=True)
+class _OpenFile:
+    """A file that is being read, for the chain of includes."""
+
+    identity: FileId
+    name: str
+
+
+class _Loading:
+    def __init__(self, path: str, types: PluginTypes) -> None:
+        self._path = path
+        self._config = Config()
+        self._positions = Positions()
+        self._problems = Problems()
+        self._merge = Merge(self._positions, self._problems, types)
+        self._sources: dict[str, str] = {}
+        self._chain: list[_OpenFile] = []
+        self._included: dict[FileId, tuple[str, Span | None]] = {}
+
+    def run(self, overrides: Sequence[str]) -> LoadedConfig:
+        self._read(self._path, None)
+        is_readable = self._path in self._sources
+        if overrides and is_readable:
+            self._sources[OPTION] = Overrides(self._config, self._merge).apply(overrides)
+        return LoadedConfig(
+            self._path,
+            self._config,
+            self._positions,
+            self._problems.diagnostics(),
+            self._sources,
+            is_readable,
+        )
+
+    def _read(self, path: str, at: Span | None) -> None:
+        identity = file_id(path)
+        if identity is not None and not self._may_read(identity, path, at):
+            return
+        source = read_source(path, self._problems, at)
+        if source is None or identity is None:
+            return
+        self._sources[path] = source.text
+        self._included[identity] = (path, at)
+        self._chain.append(_OpenFile(identity, path))
+        fields = parse(source, self._problems)
+        Binder(source, self._merge, self._include).block(self._config, fields, "")
+        self._chain.pop()
+
+    def _include(self, value: str, at: Span) -> None:
+        folder = os.path.dirname(at.source.name)  # noqa: PTH120 - keeps the path as the user wrote it
+        if not value:
+            self._problems.error(
+                "include-missing", "The path of the included file is empty.", at, path="include", found='""'
+            )
+        else:
+            self._read(os.path.normpath(os.path.join(folder, value)), at)  # noqa: PTH118
+
+    def _may_read(self, identity: FileId, path: str, at: Span | None) -> bool:
+        """Reports a cycle of includes, a second include of one file, and too many files."""
+        names = [file.name for file in self._chain]
+        identities = [file.identity for file in self._chain]
+        if identity in identities:
+            chain = [*names[identities.index(identity) :], path]
+            self._problems.error(
+                "include-cycle",
+                f"The file includes itself: {' → '.join(chain)}.",
+                at,
+                path="include",
+                found=path,
+            )
+            return False
+        if identity in self._included:
+            name, first = self._included[identity]
+            self._problems.error(
+                "include-twice",
+                f"{name} is included already; its content would be added twice.",
+                at,
+                path="include",
+                found=path,
+                related=[] if first is None else [(first, "it is included first here")],
+            )
+            return False
+        if len(self._included) >= MAX_FILES:
+            self._problems.error(
+                "too-many-files", f"More than {MAX_FILES} files are included.", at, path="include", found=path
+            )
+            return False
+        return True

@@ -1,0 +1,68 @@
+"""One text of a configuration and the places in it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from joshua.plan import Position
+
+
+class Source:
+    """A named text; offsets into it become lines and columns, which count characters from 1.
+
+    Attributes:
+        name: as diagnostics show it: the path of the file, or ``--set``.
+        text: with plain line feeds as line ends and without a byte order mark.
+        first_line: number of its first line.
+    """
+
+    __slots__ = ("_starts", "first_line", "name", "text")
+
+    def __init__(self, name: str, text: str, first_line: int = 1) -> None:
+        self.name = name
+        self.text = text
+        self.first_line = first_line
+        self._starts: list[int] | None = None
+
+    def line(self, offset: int) -> int:
+        """Returns the number of the line that holds an offset."""
+        return bisect_right(self._line_starts(), offset) + self.first_line - 1
+
+    def column(self, offset: int) -> int:
+        """Returns the column of an offset."""
+        starts = self._line_starts()
+        return offset - starts[bisect_right(starts, offset) - 1] + 1
+
+    def indentation(self, offset: int) -> int:
+        """Returns the column of the first visible character in the line that holds an offset."""
+        start = offset - self.column(offset) + 1
+        end = start
+        while end < offset and self.text[end].isspace():
+            end += 1
+        return end - start + 1
+
+    def is_first_on_line(self, offset: int) -> bool:
+        """Tells whether only white space stands before an offset on its line."""
+        return self.indentation(offset) == self.column(offset)
+
+    def position(self, start: int, end: int) -> Position:
+        """Returns the place of a span, cut at the end of its first line."""
+        from joshua.plan import Position
+
+        line_end = self.text.find("\n", start)
+        if line_end == -1:
+            line_end = len(self.text)
+        length = max(1, min(end, line_end) - start)
+        return Position(file=self.name, line=self.line(start), column=self.column(start), length=length)
+
+    def _line_starts(self) -> list[int]:
+        if self._starts is None:
+            starts = [0]
+            at = self.text.find("\n")
+            while at != -1:
+                starts.append(at + 1)
+                at = self.text.find("\n", at + 1)
+            self._starts = starts
+        return self._starts
