@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
 
@@ -102,3 +103,29 @@ class Actuator(ABC):
     @abstractmethod
     def disconnect(self) -> None:
         """Closes the device; a second call does nothing."""
+
+    def require_connected(self, verb: str) -> None:
+        """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""
+        if not self.connected:
+            raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")
+
+    def checked_goal(self, goal_rad: FloatArray) -> FloatArray:
+        """Returns a goal as a new float array of shape (N,).
+
+        Raises:
+            ValueError: the shape is another one, or a value is not finite; says which joint.
+        """
+        names = self.joint_names
+        goal = np.array(goal_rad, dtype=np.float64)
+        if goal.shape != (len(names),):
+            raise ValueError(
+                f"{type(self).__name__}.write: the goal has shape {goal.shape}; "
+                f"{len(names)} joints ({', '.join(names)}) need ({len(names)},)"
+            )
+        if not np.isfinite(goal).all():
+            index = int(np.flatnonzero(~np.isfinite(goal))[0])
+            raise ValueError(
+                f"{type(self).__name__}.write: the goal of {names[index]} is {goal[index]}; "
+                "a position in radians is a finite number"
+            )
+        return goal

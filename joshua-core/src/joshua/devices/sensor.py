@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.devices.errors import DeviceError
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -61,3 +63,13 @@ class Sensor(ABC):
     @abstractmethod
     def disconnect(self) -> None:
         """Closes the device; a second call does nothing."""
+
+    def implausible(self, reading: Reading) -> str:
+        """What cannot be true about a reading, one sentence for MODE_TEST; "" where all is well."""
+        del reading
+        return ""
+
+    def require_connected(self, verb: str) -> None:
+        """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""
+        if not self.connected:
+            raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")

@@ -10,7 +10,7 @@ from typing import Any
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import Message
 
-from joshua.schema import options_pb2
+from joshua.schema.rules import rule
 
 _FLOATS = (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE)
 _INTEGERS = (
@@ -19,13 +19,6 @@ _INTEGERS = (
     FieldDescriptor.CPPTYPE_UINT32,
     FieldDescriptor.CPPTYPE_UINT64,
 )
-
-
-def field_rule(field: FieldDescriptor) -> options_pb2.FieldRule:
-    """The machine-readable facts that a proto file declares for a field; empty where it declares none."""
-    extension: Any = options_pb2.rule  # its stub does not say which options it extends
-    rule: options_pb2.FieldRule = field.GetOptions().Extensions[extension]
-    return rule
 
 
 @lru_cache(maxsize=256)
@@ -71,7 +64,7 @@ def _plain(field: FieldDescriptor, value: Any) -> Any:
 
 
 def _default(field: FieldDescriptor) -> Any:
-    text = field_rule(field).default
+    text = rule(field).default
     if field.is_repeated:
         return json.loads(text) if text else []
     if field.cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:

@@ -75,13 +75,14 @@ def distribution_for(block: str, enum_value: str = "") -> str:
     """Names the published plugin for a block, else for an enum value; "" where none is known.
 
     The simulator of ``rl_config`` decides its trainer, so that an enum value of a backend goes first there.
+    A block with a dot is a message of a third party, whose package nobody here knows.
     """
     if enum_value.startswith("BACKEND_"):
         return _by_enum_value(enum_value)
     for known in KNOWN_PLUGINS:
         if block and block in known.blocks:
             return known.distribution
-    return "" if block else _by_enum_value(enum_value)
+    return "" if "." in block else _by_enum_value(enum_value)
 
 
 def subject(block: str, enum_value: str = "") -> str:

@@ -33,6 +33,8 @@ class Provision:
         message_module: import string of the ``_pb2`` module that registers the block's message;
             "" for built-in blocks.
         behaviour: import string of the node behaviour; "" takes the standard one of the kind.
+        data_types: ROS 2 types that a sensor's readings can be published as, such as
+            ``("sensor_msgs/msg/Image",)``, so that a file is checked without the driver; () says nothing.
         native: import string of the native implementation that ``node_type: CPP`` asks for; "" if none.
         summary: one line for ``joshua plugins``.
     """
@@ -45,4 +47,5 @@ class Provision:
     message_module: str = ""
     behaviour: str = ""
     native: str = ""
+    data_types: tuple[str, ...] = ()
     summary: str = ""

@@ -41,7 +41,7 @@ def blocks_of(kind: ProvisionKind) -> tuple[str, ...]:
         ProvisionKind.SENSOR: sensors,
         ProvisionKind.MODEL: _message_fields(config_pb2.SingleModel, ("node",)),
         ProvisionKind.STORE: ("data_store",),
-        ProvisionKind.TRAINER: _message_fields(config_pb2.Training),
+        ProvisionKind.TRAINER: ("training", *_message_fields(config_pb2.Training)),
         ProvisionKind.SIMULATOR: ("simulation",),
         ProvisionKind.EMULATOR: actuators + sensors,
     }[kind]

@@ -1,0 +1,189 @@
+"""Settings of the mock devices, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from google.protobuf.message import Message
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from joshua.devices.units import ticks_to_rad
+from joshua.plugins.settings import BlockSettings, FieldError, FromField
+
+_MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
+
+
+def _motion(name: str) -> str:
+    return _MOTIONS.get(name, name)
+
+
+class JointRange(BaseModel):
+    """One joint: its name and its range."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    min_rad: float
+    max_rad: float
+
+
+class MockMotorSettings(BlockSettings):
+    """Settings of a group of virtual motors.
+
+    Attributes:
+        num_motors: number of motors.
+        position_min_rad, position_max_rad: range that the block allows to every motor.
+        motion: own motion of motors without torque: none, sine, or file.
+        motion_amplitude_rad, motion_frequency_hz: of the sine.
+        motion_file: CSV file to replay; "" for none.
+        time_constant_s: of the first-order motion towards the goal.
+        joint_ranges: one entry for each motor; the tightest of block and calibration.
+    """
+
+    num_motors: int
+    position_min_rad: Annotated[float, FromField("position_min", ticks_to_rad)]
+    position_max_rad: Annotated[float, FromField("position_max", ticks_to_rad)]
+    motion: Annotated[Literal["none", "sine", "file"], FromField("motion", _motion)]
+    motion_amplitude_rad: float
+    motion_frequency_hz: float
+    motion_file: str
+    time_constant_s: float
+    joint_ranges: tuple[JointRange, ...] = ()
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds the joints, named and narrowed by the calibration where there is one."""
+        result = super().si_values(values, node, context)
+        low, high = result["position_min_rad"], result["position_max_rad"]
+        calibrated = {motor["id"]: motor for motor in context.get("calibration", {}).get("motors", ())}
+        result["joint_ranges"] = [
+            _joint_range(number, calibrated.get(number), low, high)
+            for number in range(1, values["num_motors"] + 1)
+        ]
+        return result
+
+    @model_validator(mode="after")
+    def _check_range(self) -> MockMotorSettings:
+        if not self.position_min_rad < self.position_max_rad:
+            raise FieldError(
+                "position_max",
+                "position_max is not above position_min, so that the motors have no range",
+                allowed=("more than position_min",),
+                remedy="set position_max above position_min",
+            )
+        for joint in self.joint_ranges:
+            if not joint.min_rad < joint.max_rad:
+                raise FieldError(
+                    "position_max",
+                    f"the calibrated range of {joint.name} lies outside position_min to position_max",
+                    remedy="widen position_min and position_max, or calibrate anew",
+                )
+        if self.motion == "file" and not self.motion_file:
+            raise FieldError(
+                "motion_file",
+                "motion is MOCK_MOTION_FILE, and motion_file names no file",
+                remedy="name a CSV file in motion_file, or choose another motion",
+            )
+        return self
+
+    def joints(self) -> list[dict[str, Any]]:
+        """Names and limits of the joints, known without a connection."""
+        return [joint.model_dump() for joint in self.joint_ranges]
+
+
+def _joint_range(
+    number: int, calibrated: Mapping[str, Any] | None, low_rad: float, high_rad: float
+) -> dict[str, Any]:
+    if calibrated is None:
+        return {"name": f"joint_{number}", "min_rad": low_rad, "max_rad": high_rad}
+    return {
+        "name": calibrated["joint_name"] or f"joint_{number}",
+        "min_rad": max(low_rad, ticks_to_rad(calibrated["range_min"])),
+        "max_rad": min(high_rad, ticks_to_rad(calibrated["range_max"])),
+    }
+
+
+class MockCameraSettings(BlockSettings):
+    """Settings of a virtual camera: size in pixels, frames per second."""
+
+    width: int
+    height: int
+    fps: int
+
+
+def _sample_rate_hz(node: Message | None, otherwise_hz: float) -> float:
+    """The rate at which a virtual sensor samples: its fastest publisher's."""
+    rates = [publisher.publish_rate_hz for publisher in getattr(node, "publishers", ())]
+    return max((rate for rate in rates if rate > 0), default=otherwise_hz)
+
+
+class MockEncoderSettings(BlockSettings):
+    """Settings of a virtual encoder.
+
+    Attributes:
+        resolution: ticks in one revolution.
+        speed_rad_s: speed of the shaft.
+        inverted: counts the other way round.
+        sample_rate_hz: rate of its readings, that of the node's fastest publisher.
+    """
+
+    resolution: int
+    speed_rad_s: float
+    inverted: bool
+    sample_rate_hz: float = 100.0
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds the sample rate."""
+        return super().si_values(values, node, context) | {"sample_rate_hz": _sample_rate_hz(node, 100.0)}
+
+
+class MockLidarSettings(BlockSettings):
+    """Settings of a virtual laser scanner in the middle of a rectangular room.
+
+    Attributes:
+        angle_min_rad, angle_max_rad: first and last beam, counter-clockwise positive (REP 103).
+        range_min_m, range_max_m: distances that count as measurements.
+        num_beams: beams of one scan.
+        room_length_m, room_width_m: size of the room along x and y.
+        scan_rate_hz: scans per second, the rate of the node's fastest publisher.
+    """
+
+    angle_min_rad: Annotated[float, FromField("angle_min")]
+    angle_max_rad: Annotated[float, FromField("angle_max")]
+    range_min_m: Annotated[float, FromField("range_min")]
+    range_max_m: Annotated[float, FromField("range_max")]
+    num_beams: int
+    room_length_m: float
+    room_width_m: float
+    scan_rate_hz: float = 10.0
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds the scan rate."""
+        return super().si_values(values, node, context) | {"scan_rate_hz": _sample_rate_hz(node, 10.0)}
+
+    @model_validator(mode="after")
+    def _check_spans(self) -> MockLidarSettings:
+        if not self.angle_min_rad < self.angle_max_rad:
+            raise FieldError(
+                "angle_max",
+                "angle_max is not above angle_min, so that the scan has no width",
+                allowed=("more than angle_min",),
+                remedy="set angle_max above angle_min",
+            )
+        if not self.range_min_m < self.range_max_m:
+            raise FieldError(
+                "range_max",
+                "range_max is not above range_min, so that nothing can be measured",
+                allowed=("more than range_min",),
+                remedy="set range_max above range_min",
+            )
+        return self

@@ -1,0 +1,19 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from joshua.devices.mock_actuator import MockActuator
+from joshua.devices.mock_settings import MockMotorSettings
+from joshua.schema import config_pb2
+
+
+@pytest.fixture
+def mock_arm() -> Any:
+    """Makes mock actuators: ``mock_arm(num_motors=3, context=…, position_max=…)``."""
+
+    def make(context: dict[str, Any] | None = None, **fields: Any) -> MockActuator:
+        block = config_pb2.MockMotorConfig(**{"num_motors": 3, "position_max": 4095, **fields})
+        return MockActuator(MockMotorSettings.from_block(block, context=context), context)
+
+    return make
