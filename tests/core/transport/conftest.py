@@ -61,6 +61,17 @@ def router(zenoh_spec: TransportSpec) -> Iterator[RouterHandle]:
     handle.close()
 
 
+@pytest.fixture(params=["zenoh", "dds"])
+def spec(request: pytest.FixtureRequest) -> Iterator[TransportSpec]:
+    """A domain of its own on each transport; over Zenoh with its router."""
+    if request.param == "dds":
+        yield TransportSpec(kind="dds", domain_id=random.randrange(233))
+        return
+    made: TransportSpec = request.getfixturevalue("zenoh_spec")
+    request.getfixturevalue("router")
+    yield made
+
+
 @pytest.fixture
 def opener() -> Iterator[Callable[[TransportSpec], Transport]]:
     """Opens transports that are closed at the end of the test."""

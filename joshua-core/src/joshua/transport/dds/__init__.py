@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from joshua.plan import TransportSpec
 from joshua.transport.api import Transport
+from joshua.transport.choose import dds_installed
 from joshua.transport.errors import TransportMissingError
 
 
@@ -12,5 +13,13 @@ def open_dds(spec: TransportSpec) -> Transport:
 
     Raises:
         TransportMissingError: the extra is not installed.
+        TransportError: DDS refuses the settings.
     """
-    raise TransportMissingError("DDS needs the extra joshua-core[dds]: pip install 'joshua-core[dds]'")
+    if not dds_installed():
+        raise TransportMissingError(
+            "the transport is DDS, which needs the extra joshua-core[dds]: pip install 'joshua-core[dds]'; "
+            "or set kind: TRANSPORT_ZENOH in the file's transport block"
+        )
+    from joshua.transport.dds.transport import DdsTransport
+
+    return DdsTransport(spec)

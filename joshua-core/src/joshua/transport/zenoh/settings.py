@@ -13,6 +13,7 @@ from joshua.transport.errors import TransportError
 
 # The router answers within milliseconds; this only bounds the wait where none runs.
 _OPEN_WAIT_MS = 200
+_ANSWER_MS = 1000
 # A router that was replaced is found again well within a second.
 _RETRY = {"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 2}
 
@@ -100,6 +101,8 @@ def guest_config(spec: TransportSpec) -> zenoh.Config:
             "connect/endpoints": [str(own_router(spec))],
             "connect/exit_on_failure": False,
             "connect/retry": _RETRY,
+            # what holds the port may be no router and never answer
+            "transport/unicast/open_timeout": _ANSWER_MS,
         }
     )
     return _config(values)

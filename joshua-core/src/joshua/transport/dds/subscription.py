@@ -1,0 +1,97 @@
+"""A subscription over DDS: a thread that waits for its reader and hands out what it takes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from cyclonedds.core import GuardCondition, InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.internal import dds_infinity
+from cyclonedds.sub import DataReader
+
+from joshua.plan import QosProfile
+from joshua.transport.api import Sample, Subscription
+from joshua.transport.dds import raw
+from joshua.transport.dds.qos import endpoint_qos
+
+if TYPE_CHECKING:
+    from cyclonedds.domain import DomainParticipant
+
+_log = logging.getLogger("joshua.transport")
+
+
+class DdsSubscription(Subscription):
+    """Takes one sample at a time, so that the reader's own history is the receive queue."""
+
+    def __init__(
+        self,
+        participant: DomainParticipant,
+        topic: Any,
+        name: str,
+        type_name: str,
+        qos: QosProfile,
+        callback: Callable[[Sample], None],
+        leave: Callable[[DdsSubscription], None],
+    ) -> None:
+        self.name = name
+        self._callback, self._leave = callback, leave
+        self._lock = threading.Lock()
+        self._closed = False
+        self._gids: dict[int, bytes] = {}
+        self.entity: Any = DataReader(participant, topic, qos=endpoint_qos(qos, type_name, is_writer=False))
+        self.gid: bytes = self.entity.guid.bytes
+        self._data = ReadCondition(self.entity, SampleState.Any | ViewState.Any | InstanceState.Any)
+        self._stop = GuardCondition(participant)
+        self._waitset: Any = WaitSet(participant)
+        self._waitset.attach(self._data)
+        self._waitset.attach(self._stop)
+        self._thread = threading.Thread(target=self._run, name=f"joshua-sub {name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def publisher_count(self) -> int:
+        """Matched publishers."""
+        return 0 if self._closed else len(self.entity.get_matched_publications())
+
+    def close(self) -> None:
+        """Leaves the graph."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        raw.trigger(self._stop)
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+        self._leave(self)
+        for condition in (self._data, self._stop):
+            self._waitset.detach(condition)
+        for entity in (self._waitset, self._data, self._stop, self.entity):
+            raw.delete(entity)
+
+    def _run(self) -> None:
+        wait, reader, callback = self._waitset.wait, self.entity, self._callback
+        while True:
+            wait(dds_infinity)
+            if self._closed:
+                return
+            for cdr, info in raw.take(reader, 1):
+                if not info.valid_data:
+                    continue
+                gid = self._gids.get(info.publication_handle) or self._look_up(info.publication_handle)
+                sample = Sample(cdr, info.source_timestamp, time.time_ns(), 0, gid)
+                try:
+                    callback(sample)
+                except Exception:  # noqa: BLE001 - a failing callback must not end the subscription
+                    _log.exception("the callback of joshua-sub %s failed", self.name)
+                # a sample kept here would keep its buffer until the next one arrives
+                del cdr, info, sample
+
+    def _look_up(self, handle: int) -> bytes:
+        publisher = self.entity.get_matched_publication_data(handle)
+        if publisher is None:
+            return b""  # it left before its last message was taken
+        self._gids[handle] = publisher.key.bytes
+        return self._gids[handle]

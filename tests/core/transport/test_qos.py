@@ -1,0 +1,205 @@
+"""What each QoS setting does, on both transports."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+from joshua.messages import decode, encode, message_class
+from joshua.plan import QosProfile
+
+UINT32 = "std_msgs/msg/UInt32"
+
+
+def number(value):
+    return encode(message_class(UINT32)(value))
+
+
+def values(samples):
+    return [decode(UINT32, sample.cdr).data for sample in samples]
+
+
+@pytest.fixture
+def pair(spec, opener, eventually):
+    """Opens two sessions, one for each side, and connects a publisher and a subscription."""
+    near, far = opener(spec), opener(spec) if spec.kind == "zenoh" else None
+    talker = near.create_node("talker")
+    listener = (far or near).create_node("listener")
+
+    def connect(offered, requested, callback, *, wait=True, pub_event=None, sub_event=None):
+        publisher = talker.create_publisher("/topic", UINT32, offered, on_event=pub_event)
+        subscription = listener.create_subscription("/topic", UINT32, requested, callback, on_event=sub_event)
+        if wait:
+            eventually(lambda: publisher.subscription_count and subscription.publisher_count)
+        return publisher, subscription
+
+    return connect
+
+
+@pytest.mark.parametrize("reliability", ["RELIABLE", "BEST_EFFORT"])
+@pytest.mark.parametrize("history", ["KEEP_LAST", "KEEP_ALL"])
+def test_every_message_arrives_in_order_when_there_is_time(pair, eventually, reliability, history):
+    got = []
+    profile = QosProfile(reliability=reliability, history=history, depth=50)
+    publisher, _ = pair(profile, profile, got.append)
+    for value in range(50):
+        publisher.publish(number(value))
+    eventually(lambda: len(got) == 50)
+    assert values(got) == list(range(50))
+
+
+def test_a_reliable_publisher_serves_a_best_effort_subscription(pair, eventually):
+    got = []
+    publisher, _ = pair(QosProfile(), QosProfile(reliability="BEST_EFFORT"), got.append)
+    publisher.publish(number(7))
+    eventually(lambda: values(got) == [7])
+
+
+def slow_reader():
+    """A callback that holds the first message until it is let go."""
+    got, entered, go = [], threading.Event(), threading.Event()
+
+    def callback(sample):
+        got.append(sample)
+        entered.set()
+        assert go.wait(30)
+
+    return got, entered, go, callback
+
+
+def test_keep_last_keeps_the_newest_for_a_slow_callback(pair, eventually):
+    got, entered, go, callback = slow_reader()
+    publisher, _ = pair(QosProfile(depth=50), QosProfile(depth=3), callback)
+    publisher.publish(number(0))
+    assert entered.wait(30)
+    # a second subscription sees when everything has come over
+    witness = []
+    _, late = pair(QosProfile(), QosProfile(depth=50), witness.append)
+    for value in range(1, 21):
+        publisher.publish(number(value))
+    eventually(lambda: len(witness) == 20)
+    time.sleep(0.1)  # the slow one has its own path; it may lag behind the witness by a little
+    go.set()
+    eventually(lambda: values(got)[-1] == 20)
+    assert values(got) == [0, 18, 19, 20]
+    late.close()
+
+
+def test_keep_all_drops_nothing_for_a_slow_callback(pair, eventually):
+    got, entered, go, callback = slow_reader()
+    profile = QosProfile(history="KEEP_ALL", depth=1)
+    publisher, _ = pair(profile, profile, callback)
+    publisher.publish(number(0))
+    assert entered.wait(30)
+    for value in range(1, 501):
+        publisher.publish(number(value))
+    go.set()
+    eventually(lambda: len(got) == 501)
+    assert values(got) == list(range(501))
+
+
+def test_a_late_subscription_gets_the_kept_messages(pair, eventually):
+    kept = QosProfile(durability="TRANSIENT_LOCAL", depth=3)
+    publisher, first = pair(kept, QosProfile(), lambda sample: None)
+    for value in range(5):
+        publisher.publish(number(value))
+    late, volatile = [], []
+    _, a = pair(kept.model_copy(update={"depth": 1}), kept, late.append)
+    _, b = pair(kept.model_copy(update={"depth": 1}), QosProfile(), volatile.append)
+    eventually(lambda: len(late) == 3)
+    publisher.publish(number(5))
+    eventually(lambda: values(late) == [2, 3, 4, 5])
+    eventually(lambda: values(volatile) == [5])
+    for subscription in (first, a, b):
+        subscription.close()
+
+
+@pytest.mark.parametrize(
+    ("offered", "requested", "word"),
+    [
+        (QosProfile(reliability="BEST_EFFORT"), QosProfile(), "reliability"),
+        (QosProfile(), QosProfile(durability="TRANSIENT_LOCAL"), "durability"),
+        (QosProfile(), QosProfile(deadline_s=0.5), "deadline"),
+        (QosProfile(), QosProfile(liveliness="MANUAL_BY_TOPIC"), "liveliness"),
+    ],
+)
+def test_profiles_that_do_not_fit_do_not_connect_and_both_sides_hear_of_it(
+    pair, eventually, offered, requested, word
+):
+    got, events = [], {"publisher": [], "subscription": []}
+    publisher, subscription = pair(
+        offered,
+        requested,
+        got.append,
+        wait=False,
+        pub_event=lambda event, detail: events["publisher"].append((event, detail)),
+        sub_event=lambda event, detail: events["subscription"].append((event, detail)),
+    )
+    eventually(lambda: events["publisher"] and events["subscription"], what="the events of both sides")
+    for side in events.values():
+        assert side[0][0] == "incompatible-qos"
+        assert word in side[0][1]
+        assert "/topic" in side[0][1]
+    assert publisher.subscription_count == 0
+    assert subscription.publisher_count == 0
+    # the pair that fits, beside it, shows that the message was really on its way
+    witness = []
+    _, other = pair(QosProfile(), offered.model_copy(update={"deadline_s": 0}), witness.append)
+    publisher.publish(number(1))
+    eventually(lambda: values(witness) == [1])
+    assert not got
+    other.close()
+
+
+def test_a_missed_deadline_is_reported_to_both_sides(pair, eventually):
+    profile = QosProfile(deadline_s=0.2)
+    events = {"publisher": [], "subscription": []}
+    publisher, _ = pair(
+        profile,
+        profile,
+        lambda sample: None,
+        pub_event=lambda event, detail: events["publisher"].append((event, detail)),
+        sub_event=lambda event, detail: events["subscription"].append((event, detail)),
+    )
+    publisher.publish(number(1))
+    eventually(lambda: events["publisher"] and events["subscription"])
+    assert events["publisher"][0] == ("deadline-missed", "no message was published on /topic within 0.2 s")
+    assert events["subscription"][0] == ("deadline-missed", "no message came on /topic within 0.2 s")
+
+
+def test_old_messages_are_not_delivered(pair, eventually):
+    kept = QosProfile(durability="TRANSIENT_LOCAL", depth=5, lifespan_s=0.3)
+    publisher, first = pair(kept, QosProfile(), lambda sample: None)
+    publisher.publish(number(1))
+    published_s = time.monotonic()
+    eventually(lambda: time.monotonic() > published_s + 0.5, what="the end of the life span")
+    late = []
+    _, second = pair(kept.model_copy(update={"depth": 1}), kept, late.append)
+    publisher.publish(number(2))
+    eventually(lambda: late)
+    assert values(late) == [2]
+    for subscription in (first, second):
+        subscription.close()
+
+
+def test_liveliness_that_is_not_asserted_is_reported_to_both_sides(pair, eventually):
+    profile = QosProfile(liveliness="MANUAL_BY_TOPIC", lease_duration_s=0.4)
+    events = {"publisher": [], "subscription": []}
+    publisher, _ = pair(
+        profile,
+        profile,
+        lambda sample: None,
+        pub_event=lambda event, detail: events["publisher"].append((event, detail)),
+        sub_event=lambda event, detail: events["subscription"].append((event, detail)),
+    )
+    publisher.publish(number(1))
+    end_s = time.monotonic() + 1.2
+    while time.monotonic() < end_s:
+        publisher.assert_liveliness()
+        time.sleep(0.02)
+    on_time = {side: list(seen) for side, seen in events.items()}
+    eventually(lambda: events["publisher"] and events["subscription"])
+    assert {event for side in events.values() for event, _ in side} == {"liveliness-lost"}
+    # asserting keeps the publisher alive, unless the machine held the thread for longer than the lease
+    assert on_time == {"publisher": [], "subscription": []} or len(events["publisher"]) > 1
