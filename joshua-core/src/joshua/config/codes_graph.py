@@ -28,7 +28,7 @@ GRAPH_CODES: dict[str, CodeDoc] = {
     ),
     "camera-shared": CodeDoc(
         "Two nodes of one machine would open the same camera; device_id is 0 where it is left out.",
-        "Give each camera its own device_id.",
+        "Give each camera its own device_id, or its own source.",
     ),
     "duplicate-motor-id": CodeDoc(
         "Two motors of one bus have the same id.",

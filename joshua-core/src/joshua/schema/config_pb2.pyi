@@ -344,7 +344,7 @@ class SinglePerception(_message.Message):
     def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., perception_type: _Optional[_Union[PerceptionType, str]] = ..., camera_config: _Optional[_Union[CameraConfig, _Mapping]] = ..., encoder_config: _Optional[_Union[EncoderConfig, _Mapping]] = ..., lidar_config: _Optional[_Union[LidarConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., mock_camera_config: _Optional[_Union[MockCameraConfig, _Mapping]] = ..., mock_encoder_config: _Optional[_Union[MockEncoderConfig, _Mapping]] = ..., mock_lidar_config: _Optional[_Union[MockLidarConfig, _Mapping]] = ..., gamepad_config: _Optional[_Union[GamepadConfig, _Mapping]] = ..., keyboard_config: _Optional[_Union[KeyboardConfig, _Mapping]] = ..., sim_camera_config: _Optional[_Union[SimCameraConfig, _Mapping]] = ...) -> None: ...
 
 class CameraConfig(_message.Message):
-    __slots__ = ("device_id", "width", "height", "fps", "pixel_format", "brightness", "contrast", "saturation", "exposure", "display")
+    __slots__ = ("device_id", "width", "height", "fps", "pixel_format", "brightness", "contrast", "saturation", "exposure", "display", "source", "intrinsics_file")
     DEVICE_ID_FIELD_NUMBER: _ClassVar[int]
     WIDTH_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
@@ -355,6 +355,8 @@ class CameraConfig(_message.Message):
     SATURATION_FIELD_NUMBER: _ClassVar[int]
     EXPOSURE_FIELD_NUMBER: _ClassVar[int]
     DISPLAY_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    INTRINSICS_FILE_FIELD_NUMBER: _ClassVar[int]
     device_id: int
     width: int
     height: int
@@ -365,7 +367,9 @@ class CameraConfig(_message.Message):
     saturation: int
     exposure: int
     display: bool
-    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ..., display: _Optional[bool] = ...) -> None: ...
+    source: str
+    intrinsics_file: str
+    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ..., display: _Optional[bool] = ..., source: _Optional[str] = ..., intrinsics_file: _Optional[str] = ...) -> None: ...
 
 class SimCameraConfig(_message.Message):
     __slots__ = ("camera", "width", "height", "fps")
