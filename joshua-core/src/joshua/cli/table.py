@@ -15,5 +15,7 @@ class Command:
 
 
 COMMANDS: tuple[Command, ...] = (
+    Command("presets", "joshua.cli.commands.presets", "list the presets, or print one"),
+    Command("new", "joshua.cli.commands.new", "copy a preset, to make it your own"),
     Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
 )
