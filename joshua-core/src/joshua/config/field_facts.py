@@ -31,7 +31,7 @@ class FieldFacts:
     Attributes:
         name: of the field; kind: what its value names, a ``KIND_…`` number.
         repeated, has_presence, is_number, is_float, is_string: of its type.
-        message_name: full name of the message type; "" for scalars.
+        message_type: descriptor of the message type; None for scalars.
         enum: descriptor of the enum type, if it is one.
         unit, example, default: texts of the rule; minimum, maximum, above: bounds, None where open.
         required, required_unless, allowed, min_items, max_items: further parts of the rule.
@@ -44,7 +44,7 @@ class FieldFacts:
     is_number: bool
     is_float: bool
     is_string: bool
-    message_name: str
+    message_type: Any
     enum: EnumDescriptor | None
     unit: str
     example: str
@@ -61,7 +61,7 @@ class FieldFacts:
     @property
     def is_message(self) -> bool:
         """Whether the field holds blocks."""
-        return bool(self.message_name)
+        return self.message_type is not None
 
     def contains(self, value: float) -> bool:
         """Whether a number lies in the allowed range; NaN never does."""
@@ -83,8 +83,26 @@ class FieldFacts:
             parts.append(f"at least {number_text(self.minimum)}")
         elif self.maximum is not None:
             parts.append(f"at most {number_text(self.maximum)}")
-        unit = f" {self.unit}" if self.unit and parts else ""
-        return ", ".join(parts) + unit
+        unit = self.unit if parts else ""
+        if unit[:1].isdigit():
+            unit = f"(unit: {unit})"
+        return f"{', '.join(parts)} {unit}".rstrip()
+
+    def sample(self) -> str:
+        """The field with a typical value, as it may stand in a file."""
+        if self.message_type is not None:
+            inner = [facts for facts in field_facts(self.message_type) if facts.required]
+            return f"{self.name} {{ {' '.join(facts.sample() for facts in inner) or '...'} }}"
+        if not self.example and self.enum is not None:
+            return f"{self.name}: {self.value_names()[0]}"
+        return f"{self.name}: {self.example or '...'}"
+
+    def value_names(self) -> tuple[str, ...]:
+        """Names of an enum field's values, without the one that stands for «not chosen»."""
+        values = self.enum.values if self.enum is not None else ()
+        return tuple(
+            value.name for value in values if not (value.number == 0 and value.name.endswith("_UNSPECIFIED"))
+        )
 
 
 def number_text(value: float) -> str:
@@ -116,7 +134,7 @@ def _read(field: FieldDescriptor) -> FieldFacts:
         is_number=field.cpp_type in _NUMBERS,
         is_float=field.cpp_type in (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE),
         is_string=field.cpp_type == FieldDescriptor.CPPTYPE_STRING,
-        message_name=field.message_type.full_name if field.message_type is not None else "",
+        message_type=field.message_type,
         enum=field.enum_type,
         unit=rule.unit,
         example=rule.example,

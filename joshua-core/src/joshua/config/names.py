@@ -73,10 +73,10 @@ def node_name_fault(name: str) -> NameFault | None:
 
 def frame_fault(name: str) -> NameFault | None:
     """Finds the first rule that a tf2 frame id breaks."""
+    suggestion = re.sub(r"\s+", "_", name.lstrip("/"))
     if name.startswith("/"):
-        return NameFault("tf2 frame ids may not start with /", 0, 1, name.lstrip("/"))
+        return NameFault("A frame id may not start with / since tf2", 0, 1, suggestion)
     if bad := re.search(r"\s", name):
-        suggestion = re.sub(r"\s+", "_", name)
         return NameFault("A frame id may not contain white space", bad.start(), 1, suggestion)
     return None
 

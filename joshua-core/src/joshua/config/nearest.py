@@ -8,6 +8,7 @@ from collections.abc import Iterable
 # Beyond these sizes a suggestion costs more time than it is worth.
 _MOST_CANDIDATES = 500
 _LONGEST_NAME = 200
+_SHORTEST_PART = 3
 
 
 def nearest(name: str, candidates: Iterable[str], most: int = 3) -> list[str]:
@@ -19,6 +20,9 @@ def nearest(name: str, candidates: Iterable[str], most: int = 3) -> list[str]:
     for candidate in known:
         folded.setdefault(candidate.lower(), candidate)
     matches = difflib.get_close_matches(name.lower(), folded, n=most, cutoff=0.6)
+    if not matches and len(name) >= _SHORTEST_PART:
+        # MOCK stands for ACTION_MOCK: a part of a longer name between its underscores.
+        matches = [known for known in folded if name.lower() in known.split("_")][:most]
     return [folded[match] for match in matches]
 
 

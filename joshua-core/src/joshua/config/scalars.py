@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from joshua.config import literals
 from joshua.config.field_table import Kind
-from joshua.config.nearest import nearest_first
+from joshua.config.nearest import nearest, nearest_first
 from joshua.config.problems import Span, shortened
 from joshua.config.syntax import Scalar, ScalarKind
 
@@ -109,6 +109,7 @@ class ScalarReader:
             path=path,
             found=text,
             allowed=nearest_first(text, _names(info.enum)),
+            remedy="".join(f"Did you mean {name}?" for name in nearest(text, _names(info.enum), most=1)),
         )
         return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from joshua.config.nearest import nearest_first
+from joshua.config.nearest import nearest, nearest_first
 from joshua.config.problems import Span, shortened
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ def report_unknown_field(
         home = _home_of(descriptor, field.name)
         if home:
             remedy = f"Move it into the block {home}, where {shown} is a field."
+    if not remedy and nearest(field.name, allowed):
+        remedy = f"Did you mean {allowed[0]}?"
     problems.error(
         "unknown-field",
         f"{descriptor.name} has no field {shown}.",

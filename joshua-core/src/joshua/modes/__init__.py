@@ -61,4 +61,4 @@ def check_mode(loaded: Loaded) -> list[Diagnostic]:
     if check is None:
         return []
     findings = [*check(context), *unused.check(context)]
-    return without_cascades(findings, loaded.diagnostics, absent=ABSENT)
+    return without_cascades(findings, loaded, absent=ABSENT)

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from joshua.config.checks import Context
 from joshua.config.checks.identity import title
+from joshua.config.checks.topics import unpublished
 from joshua.config.topics import NodeEntry
-from joshua.modes.parts import actions, command_sources, commands, lacks, models
+from joshua.modes.parts import actions, command_sources, commands, is_model, lacks, models
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
@@ -34,10 +35,20 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "robot.actions",
             remedy="Add robot { actions { ... } } with a node that subscribes to the model's topic",
         )
+    yield from _commands(context)
     heard = {item.topic for entry in actions(context) for item in commands(context, entry)}
     for entry in models(context):
         yield from _actions_out(context, entry, heard)
         yield from _observations_in(context, entry)
+
+
+def _commands(context: Context) -> Iterator[Diagnostic]:
+    """Actuators that nobody commands, unless that follows from a model that drives nothing."""
+    sources = command_sources(context)
+    driving = [topic for topic, group in sources.items() if any(is_model(item.entry) for item in group)]
+    heard = [item for entry in actions(context) for item in commands(context, entry)]
+    if any(item.topic in driving for item in heard):
+        yield from (unpublished(context, item) for item in heard if item.topic not in sources)
 
 
 def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterator[Diagnostic]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from joshua.config.checks import Context
-from joshua.config.checks.topics import usable
+from joshua.config.checks.topics import is_command, usable
 from joshua.config.topics import Endpoint, NodeEntry
 from joshua.plan import Diagnostic, Position
 from joshua.schema import config_pb2 as pb
@@ -46,16 +46,17 @@ def perceptions(context: Context) -> list[NodeEntry]:
 
 def models(context: Context) -> list[NodeEntry]:
     """The models of the file."""
-    return [entry for entry in context.entries if isinstance(entry.owner, pb.SingleModel)]
+    return [entry for entry in context.entries if is_model(entry)]
+
+
+def is_model(entry: NodeEntry) -> bool:
+    """Whether a node runs a model."""
+    return isinstance(entry.owner, pb.SingleModel)
 
 
 def commands(context: Context, entry: NodeEntry) -> list[Endpoint]:
     """Subscriptions by which an actuator takes commands."""
-    return [
-        item
-        for item in usable(context)
-        if not item.is_publisher and item.entry.path == entry.path and item.block.data_type in COMMAND_TYPES
-    ]
+    return [item for item in usable(context) if item.entry.path == entry.path and is_command(item)]
 
 
 def command_sources(context: Context) -> dict[str, list[Endpoint]]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from joshua.config.checks import Context
 from joshua.config.checks.device_table import block_of
 from joshua.config.checks.identity import title
+from joshua.config.checks.topics import unpublished
 from joshua.config.nearest import nearest_first
 from joshua.config.topics import Endpoint, NodeEntry
 from joshua.modes.parts import actions, command_sources, commands, lacks, mode_name
@@ -41,10 +42,13 @@ def check(context: Context) -> Iterator[Diagnostic]:
     followers = [entry for entry in driven if entry.owner.action_type == pb.ACTION_FOLLOWER]
     for entry in followers:
         yield from _follower(context, entry, sources, leading)
-    if not followers and not any(
-        item.topic in sources for entry in driven for item in commands(context, entry)
-    ):
+    others = [
+        item for entry in actions(context) if entry not in followers for item in commands(context, entry)
+    ]
+    if not followers and not any(item.topic in sources for item in others):
         yield _nobody_listens(context, driven[0], leading)
+    else:
+        yield from (unpublished(context, item) for item in others if item.topic not in sources)
     for entry in driven:
         yield from _joint_counts(context, entry, sources)
 

@@ -47,6 +47,8 @@ def check(loaded: Loaded) -> list[Diagnostic]:
     Returns:
         Every problem, in the order of the families of rules; rendering sorts them by place.
     """
+    if not loaded.is_readable:
+        return []
     context = Context(loaded)
     findings = [item for family in _FAMILIES for item in family(context)]
-    return without_cascades(findings, loaded.diagnostics)
+    return without_cascades(findings, loaded)

@@ -56,7 +56,7 @@ def _inner(block: Block) -> Iterator[Block]:
         else:
             continue
         for child_path, child in children:
-            message = unpacked(child) if facts.message_name == _ANY else child
+            message = unpacked(child) if facts.message_type.full_name == _ANY else child
             if message is not None:
                 yield Block(child_path, message, field_facts(message.DESCRIPTOR))
 

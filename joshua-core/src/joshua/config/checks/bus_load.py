@@ -68,7 +68,7 @@ class BusCycle:
         return (
             f"{servos}: sync read {self.request} + replies {self.replies}"
             f"{command} = {self.total_bytes} bytes = {self.total_bytes * BITS_PER_BYTE} bits; "
-            f"at {self.baudrate} bit/s {self.duration_s * 1000:.3g} ms a cycle, "
+            f"at {self.baudrate} bit/s {_milliseconds(self.duration_s)} ms a cycle, "
             f"at most {rate_text(self.max_rate_hz)} Hz"
         )
 
@@ -93,3 +93,8 @@ def rate_text(rate_hz: float) -> str:
     """A rate rounded down to three digits, so that the figure shown is allowed."""
     step = 10 ** max(len(str(int(rate_hz))) - 3, 0) if rate_hz >= 100 else 0.1
     return f"{int(rate_hz / step) * step:.4g}"
+
+
+def _milliseconds(duration_s: float) -> str:
+    value = duration_s * 1000
+    return f"{value:.3g}" if value < 100 else f"{value:.0f}"

@@ -86,7 +86,8 @@ def _motors(
                 related=related,
             )
     absent = [str(number) for number in dict.fromkeys(bus) if number not in calibrated]
-    if absent:
+    # Foreign or doubled ids are reported for themselves, and the same remedy cures what is absent then.
+    if absent and calibrated <= set(bus) and len(calibrated) == len(arm.motors):
         motors = f"motor{'s' if len(absent) > 1 else ''} {', '.join(absent)}"
         yield context.error(
             "calibration-incomplete",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
 from joshua.config.checks.blocks import Block, all_blocks
+from joshua.config.field_facts import number_text
 from joshua.config.names import NameFault
 from joshua.config.topics import Endpoint, NodeEntry, endpoints, node_entries
 from joshua.plan import Diagnostic, Position, Related, Severity
@@ -23,7 +24,13 @@ class Positions(Protocol):
         """Place of a field's name; None where it is not written."""
 
     def is_set(self, field_path: str, /) -> bool:
-        """Whether a field is written, be it with its default value."""
+        """Whether a field is written, be it with its default value or one that could not be read."""
+
+    def is_broken(self, field_path: str, /) -> bool:
+        """Whether a field is written with a value that could not be read."""
+
+    def paths(self) -> Iterable[str]:
+        """Every path that is written."""
 
 
 class Loaded(Protocol):
@@ -44,6 +51,10 @@ class Loaded(Protocol):
     @property
     def sources(self) -> Mapping[str, str]:
         """File name to text, root file first."""
+
+    @property
+    def is_readable(self) -> bool:
+        """Whether the root file could be read at all."""
 
 
 class Context:
@@ -90,6 +101,11 @@ class Context:
             return bool(message.HasField(name))
         return bool(getattr(message, name)) or self.loaded.positions.is_set(block.field_path(name))
 
+    def is_known(self, path: str, value: int) -> bool:
+        """Whether a number is what the user wrote: set, be it to 0, and not broken."""
+        positions = self.loaded.positions
+        return (value != 0 or positions.is_set(path)) and not positions.is_broken(path)
+
     def position(self, path: str) -> Position | None:
         """Place of a field's value, else of the innermost block around it, else the start of the file."""
         positions = self.loaded.positions
@@ -116,7 +132,11 @@ class Context:
         if isinstance(value, str) and len(value) > 200:
             return f'"{value}"'
         written = self.text_at(self.loaded.positions.value(path))
-        return written or (f'"{value}"' if isinstance(value, str) else str(value))
+        if written:
+            return written
+        if isinstance(value, str):
+            return f'"{value}"'
+        return number_text(value) if isinstance(value, float) else str(value)
 
     def name_position(self, path: str, value: str, fault: NameFault) -> Position | None:
         """Place of the part of a name that breaks a rule, else of the whole value."""

@@ -50,7 +50,7 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
     what = f"the required {noun}{'' if single else 's'} {in_words(names)}"
     allowed: tuple[str, ...] = ()
     if single is not None and single.enum is not None:
-        allowed = _enum_names(single)
+        allowed = single.value_names()
     elif single is not None and single.range_text():
         allowed = (single.range_text(),)
     return context.error(
@@ -59,18 +59,8 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
         block.field_path(single.name) if single else block.path,
         position=context.block_position(block.path),
         allowed=allowed,
-        remedy=f"Add {in_words([_sample(facts) for facts in missing])}",
+        remedy=f"Add {in_words([facts.sample() for facts in missing])}",
     )
-
-
-def _sample(facts: FieldFacts) -> str:
-    if facts.is_message:
-        return f"a block {facts.name} {{ ... }}"
-    if facts.example:
-        return f"{facts.name}: {facts.example}"
-    if facts.enum is not None:
-        return f"{facts.name}: {_enum_names(facts)[0]}"
-    return f"{facts.name}: ..."
 
 
 def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
@@ -86,7 +76,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
                 path,
                 position=context.block_position(path),
                 found=f"{count} entries",
-                remedy=f"Add {_sample(facts)}",
+                remedy=f"Add {facts.sample()}",
             )
         if facts.max_items is not None and count > facts.max_items:
             last = f"{path}[{facts.max_items}]"
@@ -131,7 +121,7 @@ def _number(context: Context, facts: FieldFacts, path: str, value: float) -> Ite
     if facts.is_float and not math.isfinite(value):
         yield context.error(
             "not-finite",
-            f"{facts.name} must be a finite number",
+            f"{_subject(facts)} must be a finite number",
             path,
             found=context.found(path, value),
             allowed=(limits,) if limits else ("any finite number",),
@@ -140,12 +130,16 @@ def _number(context: Context, facts: FieldFacts, path: str, value: float) -> Ite
     elif not facts.contains(value):
         yield context.error(
             "out-of-range",
-            f"{facts.name} must be {limits}",
+            f"{_subject(facts)} must be {limits}",
             path,
-            found=context.found(path, number_text(value)),
+            found=context.found(path, value),
             allowed=(limits,),
             remedy=_range_remedy(facts, value),
         )
+
+
+def _subject(facts: FieldFacts) -> str:
+    return f"Each entry of {facts.name}" if facts.repeated else facts.name
 
 
 def _range_remedy(facts: FieldFacts, value: float) -> str:
@@ -166,8 +160,8 @@ def _enum(context: Context, facts: FieldFacts, path: str, value: int) -> Iterato
             f"{facts.name} must be chosen; {facts.enum.values[0].name} stands for «not chosen»",
             path,
             found=facts.enum.values[0].name,
-            allowed=_enum_names(facts),
-            remedy=f"Write one of these names, such as {facts.example or _enum_names(facts)[0]}",
+            allowed=facts.value_names(),
+            remedy=f"Write one of these names, such as {facts.example or facts.value_names()[0]}",
         )
 
 
@@ -183,19 +177,9 @@ def _string(context: Context, facts: FieldFacts, path: str, value: str) -> Itera
     elif facts.allowed and value and value not in facts.allowed:
         yield context.error(
             "not-allowed",
-            f"{facts.name} has a fixed set of values",
+            f'"{value}" is no value of {facts.name}',
             path,
             found=context.found(path, value),
             allowed=tuple(f'"{entry}"' for entry in nearest_first(value, facts.allowed)),
             remedy="Write one of the allowed values",
         )
-
-
-def _enum_names(facts: FieldFacts) -> tuple[str, ...]:
-    assert facts.enum is not None
-    names = [
-        value.name
-        for value in facts.enum.values
-        if not (value.number == 0 and value.name.endswith("_UNSPECIFIED"))
-    ]
-    return tuple(names)

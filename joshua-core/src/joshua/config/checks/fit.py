@@ -9,6 +9,7 @@ from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import LINKS, block_of, fitting_blocks, fitting_types
 from joshua.config.checks.identity import title
+from joshua.config.field_facts import FieldFacts, field_facts
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
 from joshua.schema import comm_pb2
@@ -43,7 +44,7 @@ def _device(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
     name, _ = block_of(owner)
     blocks = fitting_blocks(owner)
     if not name:
-        needed = _one_of(blocks)
+        needed = _one_of(_samples(field_facts(owner.DESCRIPTOR), blocks) if len(blocks) == 1 else blocks)
         yield context.error(
             "block-missing",
             f"{title(entry)} has no settings block, so nothing says which device it drives"
@@ -86,7 +87,7 @@ def _link(context: Context, block: Block) -> Iterator[Diagnostic]:
             block.path,
             position=context.block_position(block.path),
             allowed=allowed,
-            remedy=f"Add a block {_one_of(allowed)} {{ ... }}",
+            remedy="Add " + _one_of(_samples(block.facts, allowed)),
         )
     elif needed and link != needed:
         path = f"{block.path}.{link}"
@@ -97,8 +98,13 @@ def _link(context: Context, block: Block) -> Iterator[Diagnostic]:
             position=context.block_position(path),
             found=link,
             allowed=(needed,),
-            remedy=f"Write {needed} {{ ... }} in place of {link}, or choose the block of another device",
+            remedy=f"Write {_samples(block.facts, (needed,))[0]} in its place, or choose another device",
         )
+
+
+def _samples(facts: tuple[FieldFacts, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    by_name = {item.name: item for item in facts}
+    return tuple(by_name[name].sample() for name in names)
 
 
 def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:

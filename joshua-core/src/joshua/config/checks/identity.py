@@ -23,9 +23,7 @@ def title(entry: NodeEntry) -> str:
 
 def _ids(context: Context) -> Iterator[Diagnostic]:
     written = [
-        entry
-        for entry in context.entries
-        if entry.node.node_id or context.loaded.positions.is_set(f"{entry.path}.node_id")
+        entry for entry in context.entries if context.is_known(f"{entry.path}.node_id", entry.node.node_id)
     ]
     used = {entry.node.node_id for entry in written}
     free = next(number for number in range(1, len(used) + 2) if number not in used)

@@ -16,7 +16,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         by_name = {facts.name: facts for facts in block.facts if facts.is_number and not facts.repeated}
         for name, lower in by_name.items():
             upper = by_name.get(f"{name.removesuffix('_min')}_max") if name.endswith("_min") else None
-            if upper is not None and context.is_set(block, upper.name):
+            if upper is not None and context.is_set(block, upper.name) and not _broken(context, block, name):
                 yield from _pair(context, block, lower, upper)
 
 
@@ -39,3 +39,7 @@ def _pair(context: Context, block: Block, lower: FieldFacts, upper: FieldFacts) 
         if context.is_set(block, lower.name)
         else (),
     )
+
+
+def _broken(context: Context, block: Block, name: str) -> bool:
+    return context.loaded.positions.is_broken(block.field_path(name))

@@ -64,7 +64,7 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
                 position=context.name_position(path, value, fault),
                 found=context.found(path, value),
                 allowed=(f'"{fault.suggestion}"',) if fault.suggestion else (),
-                remedy="Rename it; ROS 2 refuses this name",
+                remedy=f"Rename it; {'tf2' if facts.kind == rules.KIND_FRAME else 'ROS 2'} refuses this name",
             )
         elif facts.kind == rules.KIND_TOPIC:
             yield from _unwise_topic(context, path, value)

@@ -13,10 +13,12 @@ from joshua.config.field_facts import FieldFacts
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import options_pb2 as rules
+from joshua.schema import transport_pb2
 
 # A hub id is «owner/name»; what starts with a dot, a slash or ~ is always a path.
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 _WEIGHT_SUFFIXES = (".pt", ".pth", ".ckpt", ".zip", ".safetensors", ".onnx", ".npz", ".msgpack")
+_FOLDER_NAMES = ("checkpoints", "models", "outputs", "policies", "runs", "weights")
 _LABELS = {
     "model_path": "model of the simulation",
     "motion_file": "motion file",
@@ -31,6 +33,7 @@ def check_paths(
     launch: bool,
     *,
     host: str = "",
+    simulated: bool = False,
     is_packaged: Callable[[str], bool] = lambda name: False,
 ) -> list[Diagnostic]:
     """Looks for every file that the configuration names as input.
@@ -39,24 +42,33 @@ def check_paths(
         loaded: what ``joshua.config.load`` returned.
         launch: whether nodes are going to be started: what is missing is an error then, else a note.
         host: this machine's name in the file; files of other machines' nodes are not looked for.
+        simulated: whether devices are replaced by the physics of the ``simulation`` block (``--sim``).
         is_packaged: tells whether an installed plugin brings a simulation model of this name.
     """
-    search = _Search(Context(loaded), launch, host, is_packaged)
+    search = _Search(Context(loaded), launch, host, simulated, is_packaged)
     return [*search.blocks(), *search.data_sets()]
 
 
 class _Search:
-    def __init__(self, context: Context, launch: bool, host: str, is_packaged: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        context: Context,
+        launch: bool,
+        host: str,
+        simulated: bool,
+        is_packaged: Callable[[str], bool],
+    ) -> None:
         self._context = context
         self._launch = launch
         self._host = host
+        self._simulated = simulated
         self._is_packaged = is_packaged
         self._owners = {entry.owner_path: entry for entry in context.entries}
 
     def blocks(self) -> Iterator[Diagnostic]:
         """Looks for the files that fields of any block name."""
         for block in self._context.blocks:
-            if not self._runs_here(block.path):
+            if not self._counts(block.path):
                 continue
             for facts in block.facts:
                 if not facts.is_string or facts.repeated:
@@ -80,14 +92,13 @@ class _Search:
             elif name and not _HUB_ID.fullmatch(name):
                 path = "ai.training.imitation_config.dataset_name"
                 place = self._resolve(path, name)
-                if not place.exists():
+                if not _exists(place):
                     yield self._missing(
                         "dataset-missing",
-                        f"The data set {name} is neither a folder nor a hub id such as lerobot/pusht",
+                        f"The data set is neither the folder {place} nor a hub id such as lerobot/pusht",
                         path,
                         name,
-                        f"Looked for {place}; record it first, correct the name, or add ai.data_store with "
-                        "its local_path",
+                        "Record it first, correct the name, or add ai.data_store with its local_path",
                     )
 
     def _field(self, block: Block, facts: FieldFacts, value: str) -> Iterator[Diagnostic]:
@@ -131,10 +142,10 @@ class _Search:
         elif not _exists(place):
             yield self._missing(
                 "input-file-missing",
-                f"The {label} does not exist",
+                f"The {label} does not exist: looked for {place}{extra}",
                 path,
                 value,
-                f"Looked for {place}{extra}; correct the path or put the file there",
+                "Correct the path or put the file there",
             )
         elif not os.access(place, os.R_OK):
             yield self._missing(
@@ -149,15 +160,24 @@ class _Search:
         place = self._resolve(path, value)
         if _exists(place):
             return
-        if _HUB_ID.fullmatch(value) and not value.endswith(_WEIGHT_SUFFIXES):
+        if self._is_hub_id(path, value):
             return  # fetched from the hub when the node starts
         yield self._missing(
             "weights-not-found",
-            "The weights do not exist",
+            f"The weights do not exist: looked for {place}",
             path,
             value,
-            f"Looked for {place}; correct the path, train the model first, or write a hub id such as "
-            "lerobot/smolvla_base",
+            "Correct the path, train the model first, or write a hub id such as lerobot/smolvla_base",
+        )
+
+    def _is_hub_id(self, path: str, value: str) -> bool:
+        """Tells ``lerobot/smolvla_base`` from ``checkpoints/policy``, which look alike."""
+        folder = value.partition("/")[0]
+        return (
+            _HUB_ID.fullmatch(value) is not None
+            and not value.endswith(_WEIGHT_SUFFIXES)
+            and folder not in _FOLDER_NAMES
+            and not _is_directory(self._resolve(path, folder))
         )
 
     def _interpreter(self, path: str, value: str) -> Iterator[Diagnostic]:
@@ -165,10 +185,10 @@ class _Search:
         if not (_is_file(place) and os.access(place, os.X_OK)):
             yield self._missing(
                 "interpreter-missing",
-                "the Python interpreter of this node does not exist or cannot be run",
+                f"The Python interpreter of this node does not exist or cannot be run: looked for {place}",
                 path,
                 value,
-                f"Looked for {place}; create the environment, or correct the path of its bin/python",
+                "Create the environment, or correct the path of its bin/python",
             )
 
     def _data_set(self, path: str, value: str, purpose: str) -> Iterator[Diagnostic]:
@@ -176,10 +196,10 @@ class _Search:
         if not _is_directory(place):
             yield self._missing(
                 "dataset-missing",
-                f"there is no data set to {purpose}",
+                f"There is no data set to {purpose}: looked for the folder {place}",
                 path,
                 value,
-                f"Looked for the folder {place}; record the data set first, or correct local_path",
+                "Record the data set first, or correct local_path",
             )
 
     def _missing(self, code: str, message: str, path: str, value: str, remedy: str) -> Diagnostic:
@@ -197,7 +217,15 @@ class _Search:
         base = Path(file or (names[0] if names else ".")).parent
         return Path(os.path.normpath(base.absolute() / expanded))
 
-    def _runs_here(self, path: str) -> bool:
+    def _counts(self, path: str) -> bool:
+        """Whether this run reads what a block names: the block has an effect, and its node runs here."""
+        config = self._context.config
+        if path == "transport.tls" and config.transport.kind == transport_pb2.TRANSPORT_DDS:
+            return False
+        if path.startswith("ai.training") and config.general.mode != pb.MODE_TRAINING:
+            return False
+        if path == "simulation" and config.general.mode not in (pb.MODE_SIMULATION, pb.MODE_TRAINING):
+            return self._simulated
         entry = self._owners.get(".".join(path.split(".")[:2]))
         return entry is None or not entry.node.host or not self._host or entry.node.host == self._host
 

@@ -49,7 +49,7 @@ def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
                 "reliability",
                 "BEST_EFFORT",
                 "RELIABLE",
-                "set reliability: BEST_EFFORT in the subscription's qos, or RELIABLE in the publisher's",
+                "Set reliability: BEST_EFFORT in the subscription's qos, or RELIABLE in the publisher's",
             )
         )
     if offered.durability == "VOLATILE" and requested.durability == "TRANSIENT_LOCAL":
@@ -58,7 +58,7 @@ def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
                 "durability",
                 "VOLATILE",
                 "TRANSIENT_LOCAL",
-                "set durability: VOLATILE in the subscription's qos, or TRANSIENT_LOCAL in the publisher's",
+                "Set durability: VOLATILE in the subscription's qos, or TRANSIENT_LOCAL in the publisher's",
             )
         )
     if offered.liveliness == "AUTOMATIC" and requested.liveliness == "MANUAL_BY_TOPIC":
@@ -67,7 +67,7 @@ def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
                 "liveliness",
                 "AUTOMATIC",
                 "MANUAL_BY_TOPIC",
-                "set liveliness: AUTOMATIC in the subscription's qos, or MANUAL_BY_TOPIC in the publisher's",
+                "Set liveliness: AUTOMATIC in the subscription's qos, or MANUAL_BY_TOPIC in the publisher's",
             )
         )
     for field in ("deadline_s", "lease_duration_s"):
@@ -78,7 +78,7 @@ def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
                     field,
                     f"{number_text(mine)} s" if mine > 0 else "none",
                     f"{number_text(theirs)} s",
-                    f"set {field} in the publisher's qos to {number_text(theirs)} or less, "
+                    f"Set {field} in the publisher's qos to {number_text(theirs)} or less, "
                     "or raise the subscription's",
                 )
             )
@@ -97,7 +97,7 @@ def _subscription(context: Context, item: Endpoint, publishers: list[Endpoint]) 
             path = f"{item.qos_path}.{clash.field}"
             yield context.error(
                 "qos-incompatible",
-                f"{title(publisher.entry)} offers {clash.field} {clash.offered} on {item.topic} and "
+                f"{title(publisher.entry)} offers {clash.field}: {clash.offered} on {item.topic} and "
                 f"{title(item.entry)} requests {clash.requested}; ROS 2 does not connect such a pair",
                 path,
                 found=f"offered {clash.offered}, requested {clash.requested}",
@@ -144,7 +144,7 @@ def _deadline(context: Context) -> Iterator[Diagnostic]:
             f"{title(item.entry)} publishes {item.topic} every {number_text(1 / rate)} s, "
             "so each message misses this deadline",
             path,
-            found=context.found(path, number_text(deadline)),
+            found=context.found(path, deadline),
             allowed=(f"above {number_text(1 / rate)} s", "0 for none"),
             remedy="Raise deadline_s or publish_rate_hz",
             related=context.see(f"{item.path}.publish_rate_hz", "publish rate"),

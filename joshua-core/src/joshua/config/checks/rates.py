@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 from joshua.config.checks.bus_load import rate_text, sts3215_cycle
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of
-from joshua.config.field_facts import number_text
+from joshua.config.field_facts import field_facts, number_text
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
@@ -38,7 +39,7 @@ def _camera(context: Context, entry: NodeEntry, name: str, fps: int) -> Iterator
                 "rate-above-camera",
                 f"The camera delivers {fps} pictures a second, so {number_text(rate)} cannot be published",
                 path,
-                found=context.found(path, number_text(rate)),
+                found=context.found(path, rate),
                 allowed=(f"above 0, at most {fps} Hz",),
                 remedy=f"Lower publish_rate_hz to {fps}, or raise fps if the camera offers more",
                 related=context.see(f"{entry.owner_path}.{name}.fps", "pictures per second"),
@@ -52,7 +53,7 @@ def _bus(context: Context, entry: NodeEntry, block: pb.STS3215Config) -> Iterato
         for index, publisher in enumerate(entry.node.publishers)
         if _usable(publisher.publish_rate_hz)
     ]
-    if not rates or servos == 0 or baudrate <= 0:
+    if not rates or servos == 0 or not _allowed(block.comm.serial, "baudrate"):
         return
     # One cycle feeds all publishers of the node, so the fastest decides.
     rate, index = max(rates)
@@ -61,7 +62,7 @@ def _bus(context: Context, entry: NodeEntry, block: pb.STS3215Config) -> Iterato
         return
     path = f"{entry.path}.publishers[{index}].publish_rate_hz"
     related = context.see(f"{entry.owner_path}.sts3215_config.comm.serial.baudrate", "line speed")
-    found = context.found(path, number_text(rate))
+    found = context.found(path, rate)
     if rate > cycle.max_rate_hz:
         yield context.error(
             "rate-above-bus",
@@ -84,6 +85,12 @@ def _bus(context: Context, entry: NodeEntry, block: pb.STS3215Config) -> Iterato
             remedy=f"Lower publish_rate_hz to {rate_text(cycle.practical_rate_hz)} or less",
             related=related,
         )
+
+
+def _allowed(message: Any, name: str) -> bool:
+    """Whether a number lies in its range; what does not is reported for itself."""
+    facts = next(item for item in field_facts(message.DESCRIPTOR) if item.name == name)
+    return facts.contains(getattr(message, name))
 
 
 def _usable(rate: float) -> bool:

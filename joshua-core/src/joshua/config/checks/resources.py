@@ -156,12 +156,14 @@ def _duplicates(context: Context, places: list[tuple[str, int]]) -> Iterator[Dia
     free = next((number for number in range(1, 254) if number not in taken), None)
     first: dict[int, str] = {}
     for path, value in places:
+        if not context.is_known(path, value):
+            continue
         other = first.setdefault(value, path)
-        if other == path or (value == 0 and not context.loaded.positions.is_set(path)):
+        if other == path:
             continue
         yield context.error(
             "duplicate-motor-id",
-            f"motor id {value} stands twice on one bus, where each motor answers to an id of its own",
+            f"Motor id {value} stands twice on one bus, where each motor answers to an id of its own",
             path,
             found=context.found(path, value),
             allowed=(f"{free} (the smallest free id)",) if free is not None else (),

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import block_of, messages_of
+from joshua.config.checks.device_table import block_of, fitting_blocks, messages_of
 from joshua.config.checks.identity import title
 from joshua.config.names import topic_fault
 from joshua.config.nearest import nearest
@@ -83,7 +83,7 @@ def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
 
 
 def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoint]) -> Iterator[Diagnostic]:
-    commanded = next((item for item in group if _is_command(item)), None)
+    commanded = next((item for item in group if is_command(item)), None)
     for kind in (False, True):
         same = [item for item in publishers if bool(item.block.override) is kind]
         if kind and commanded is None:
@@ -138,7 +138,8 @@ def _two_publishers(
     )
 
 
-def _is_command(item: Endpoint) -> bool:
+def is_command(item: Endpoint) -> bool:
+    """Whether a subscription commands an actuator."""
     return (
         not item.is_publisher
         and isinstance(item.entry.owner, pb.SingleAction)
@@ -148,11 +149,14 @@ def _is_command(item: Endpoint) -> bool:
 
 def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     number = item.block.data_type
-    messages = messages_of(item.entry.owner)
+    owner = item.entry.owner
+    messages = messages_of(owner)
     allowed = messages.publishes if item.is_publisher else messages.hears
     if not number or allowed is None or number in allowed:
         return
-    what, _ = block_of(item.entry.owner)
+    what, _ = block_of(owner)
+    if what and what not in fitting_blocks(owner):
+        return  # it is not known which of the two is meant
     device = title(item.entry) + (f" ({what})" if what else "")
     path = f"{item.path}.data_type"
     if not allowed:
@@ -178,25 +182,38 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
 
 def _unpublished(context: Context) -> Iterator[Diagnostic]:
     published = published_names(context)
+    # In these modes an actuator without a commander breaks the mode, whose own checks say so.
+    by_mode = context.config.general.mode in (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE)
     for item in usable(context):
         if item.is_publisher or item.topic in published or item.topic in _SYSTEM_TOPICS:
             continue
-        path = f"{item.path}.topic_name"
-        written = item.block.topic_name
-        found = context.found(path, written)
-        if written != item.topic:
-            found += f", which is {item.topic} in full"
-        similar = nearest(item.topic, published)
-        same_type = [name for name, number in published.items() if number == item.block.data_type]
-        yield context.warning(
-            "topic-unpublished",
-            f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
-            "ROS 2 system to do so",
-            path,
-            found=found,
-            allowed=tuple(dict.fromkeys([*similar, *same_type])),
-            remedy=f"Did you mean {similar[0]}?" if similar else "Correct the name, or add the publisher",
-        )
+        if not (by_mode and is_command(item)):
+            yield unpublished(context, item)
+
+
+def unpublished(context: Context, item: Endpoint) -> Diagnostic:
+    """Makes the warning that nobody publishes what a subscription wants."""
+    path = f"{item.path}.topic_name"
+    written = item.block.topic_name
+    found = context.found(path, written)
+    if written != item.topic:
+        found += f", which is {item.topic} in full"
+    others = [endpoint for endpoint in usable(context) if endpoint.entry.path != item.entry.path]
+    names = [endpoint.topic for endpoint in others if endpoint.is_publisher]
+    similar = nearest(item.topic, names)
+    number = item.block.data_type
+    same_type = [
+        endpoint.topic for endpoint in others if endpoint.is_publisher and endpoint.block.data_type == number
+    ]
+    return context.warning(
+        "topic-unpublished",
+        f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
+        "ROS 2 system to do so",
+        path,
+        found=found,
+        allowed=tuple(dict.fromkeys([*similar, *same_type])),
+        remedy=f"Did you mean {similar[0]}?" if similar else "Correct the name, or add the publisher",
+    )
 
 
 def _feedback(context: Context) -> Iterator[Diagnostic]:
@@ -224,12 +241,14 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
 def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
     for entry in context.entries:
         if isinstance(entry.owner, pb.SinglePerception) and not entry.node.publishers:
-            messages = messages_of(entry.owner).publishes or ()
-            sample = f" as {type_text(messages[0])}" if messages else ""
+            messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
+            sample = (
+                f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}" publish_rate_hz: 30.0'
+            )
             yield context.warning(
                 "sensor-unpublished",
                 f"{title(entry)} publishes no topic, so nobody gets what it measures",
                 entry.path,
                 position=context.block_position(entry.path),
-                remedy=f"Add a publishers block{sample}",
+                remedy=f"Add publishers {{ {sample} }}",
             )

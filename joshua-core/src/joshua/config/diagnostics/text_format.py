@@ -89,9 +89,9 @@ def _finding(item: Diagnostic, lines: Lines, paint: _Paint, columns: int) -> str
     if item.remedy:
         parts += _labelled("do:", item.remedy, columns)
     for other in item.related[:_SHOWN_RELATED]:
-        parts.append(f"  see:     {clean(str(other.position))}: {clean(other.label)}")
+        parts += _labelled("see:", f"{other.position}: {other.label}", columns)
     if len(item.related) > _SHOWN_RELATED:
-        parts.append(f"  see:     and {len(item.related) - _SHOWN_RELATED} more places")
+        parts += _labelled("see:", f"and {len(item.related) - _SHOWN_RELATED} more places", columns)
     return "\n".join(parts)
 
 
