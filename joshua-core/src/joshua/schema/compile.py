@@ -1,0 +1,116 @@
+"""Compiles proto files to Python modules with their comments: ``python -m joshua.schema.compile FILE.proto``.
+
+For authors of plugins: the proto may ``import "joshua/schema/options.proto"`` and describe its fields by
+the same rule option as the built-in blocks. Needs ``grpcio-tools``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.schema.comment_table import comment_json, read_descriptor_set
+from joshua.schema.comments import SUFFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# The folder from which "joshua/schema/options.proto" is found.
+PACKAGE_ROOT = Path(__file__).resolve().parents[2]
+
+
+class CompileError(Exception):
+    """A proto file that cannot be compiled; the text is for the author of the file."""
+
+
+def compile_protos(names: Sequence[str], search: Sequence[str], out: Path) -> list[Path]:
+    """Compiles proto files.
+
+    Args:
+        names: of the files, as other files import them: ``acme_gripper/gripper.proto``.
+        search: folders that names are looked up in, or ``virtual=folder`` pairs, as protoc takes them.
+        out: folder that the modules are written below, at the names' paths.
+
+    Returns:
+        The files written: for each name the module, its type stub and its comments.
+
+    Raises:
+        CompileError: if the compiler is not installed or refuses a file.
+    """
+    if importlib.util.find_spec("grpc_tools") is None:
+        raise CompileError(
+            "grpcio-tools is not installed, which compiles proto files: pip install grpcio-tools"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        descriptors = Path(folder, "descriptors.bin")
+        command = [sys.executable, "-m", "grpc_tools.protoc"]
+        command += [f"-I{entry}" for entry in search]
+        command += [f"--python_out={out}", f"--pyi_out={out}"]
+        command += [f"--descriptor_set_out={descriptors}", "--include_source_info", *names]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise CompileError(done.stderr.strip() or f"the compiler ended with status {done.returncode}")
+        files = read_descriptor_set(descriptors.read_bytes(), names)
+    written: list[Path] = []
+    for name, file in zip(names, files, strict=True):
+        module = out / f"{name.removesuffix('.proto').replace('-', '_')}_pb2.py"
+        table = module.with_suffix(SUFFIX)
+        table.write_text(comment_json(file), encoding="utf-8")
+        written += [module, module.with_suffix(".pyi"), table]
+    return written
+
+
+def import_root(proto: Path) -> Path:
+    """Returns the folder that a proto's package is imported from: the first above without ``__init__.py``."""
+    folder = proto.resolve().parent
+    while (folder / "__init__.py").is_file():
+        folder = folder.parent
+    return folder
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command; 0 when all files are compiled, 2 when one cannot be."""
+    parser = argparse.ArgumentParser(
+        prog="python -m joshua.schema.compile",
+        description="Compile a plugin's proto file, with the comments that `joshua explain` shows.",
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE.proto", help="proto file to compile")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder that modules are written below (default: beside the proto)"
+    )
+    parser.add_argument(
+        "--root",
+        metavar="DIR",
+        help="folder that Python imports and proto imports start from (default: the first folder above "
+        "the file that is no Python package)",
+    )
+    options = parser.parse_args(arguments)
+    for file in options.files:
+        proto = Path(file)
+        if not proto.is_file():
+            sys.stderr.write(f"{file}: there is no such file; give the path of a .proto file\n")
+            return 2
+        root = Path(options.root).resolve() if options.root else import_root(proto)
+        if not proto.resolve().is_relative_to(root):
+            sys.stderr.write(f"{file} is not below {root}; give a --root that holds it\n")
+            return 2
+        name = proto.resolve().relative_to(root).as_posix()
+        out = Path(options.out) if options.out else root
+        try:
+            written = compile_protos([name], [str(root), str(PACKAGE_ROOT)], out)
+        except CompileError as fault:
+            sys.stderr.write(f"{file} cannot be compiled: {fault}\n")
+            return 2
+        for path in written:
+            sys.stdout.write(f"{path}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""Regenerates everything that is derived from ``proto/``; ``--check`` only says whether it is up to date.
+
+Derived are, in ``joshua-core/src/joshua/schema``: the compiled modules and their type stubs, the comments
+beside them, copies of the proto files (so that plugins can import them), and the table of ROS 2 type names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PROTOS = ROOT / "proto"
+CORE = ROOT / "joshua-core" / "src"
+SCHEMA = CORE / "joshua" / "schema"
+IMPORT_PATH = "joshua/schema"
+DERIVED = ("*_pb2.py", "*_pb2.pyi", "*_pb2.comments.json", "*.proto", "data_type_names.py")
+_ROS_TYPE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
+_NUMBER = re.compile(r"^ +(?P<name>[A-Z][A-Z0-9_]*) = (?P<number>\d+);", re.MULTILINE)
+
+
+def generate(schema: Path) -> None:
+    """Writes all derived files into a folder, which stands for ``joshua/schema``."""
+    sys.path.insert(0, str(CORE))
+    from joshua.schema.compile import compile_protos
+
+    protos = sorted(PROTOS.glob("*.proto"))
+    with tempfile.TemporaryDirectory() as folder:
+        names = [f"{IMPORT_PATH}/{proto.name}" for proto in protos]
+        for path in compile_protos(names, [f"{IMPORT_PATH}={PROTOS}"], Path(folder)):
+            (schema / path.name).write_bytes(path.read_bytes())
+    for proto in protos:
+        (schema / proto.name).write_bytes(proto.read_bytes())
+    comments = json.loads((schema / "data_type_pb2.comments.json").read_text(encoding="utf-8"))
+    text = (PROTOS / "data_type.proto").read_text(encoding="utf-8")
+    (schema / "data_type_names.py").write_text(type_name_module(text, comments), encoding="utf-8")
+
+
+def type_name_module(proto: str, comments: dict[str, str]) -> str:
+    """Makes the table of ROS 2 type names from the enum's numbers and the comments of its values."""
+    names: dict[int, str] = {}
+    for match in _NUMBER.finditer(proto):
+        found = _ROS_TYPE.match(comments.get(f"joshua.DataType.{match['name']}", ""))
+        if found is not None:
+            names.setdefault(int(match["number"]), found.group())
+    rows = "".join(f'    {number}: "{name}",\n' for number, name in sorted(names.items()))
+    head = '"""ROS 2 type names by DataType number. Generated from ``data_type.proto``; do not edit."""'
+    return f"{head}\n\nTYPE_NAMES: dict[int, str] = {{\n{rows}}}\n"
+
+
+def derived_files(schema: Path) -> dict[str, bytes]:
+    """Reads the derived files of a folder by name."""
+    return {path.name: path.read_bytes() for pattern in DERIVED for path in schema.glob(pattern)}
+
+
+def stale_files() -> list[str]:
+    """Names the committed files that differ from what the protos give, with the reason."""
+    with tempfile.TemporaryDirectory() as folder:
+        generate(Path(folder))
+        wanted = derived_files(Path(folder))
+    present = derived_files(SCHEMA)
+    faults = [f"{name} is missing" for name in wanted.keys() - present.keys()]
+    faults += [f"{name} has no proto file" for name in present.keys() - wanted.keys()]
+    faults += [f"{name} is stale" for name in wanted.keys() & present.keys() if wanted[name] != present[name]]
+    return sorted(faults)
+
+
+def main() -> int:
+    """Generates or checks; 0 when the committed files are up to date."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--check", action="store_true", help="change nothing; fail when a file is stale")
+    if parser.parse_args().check:
+        faults = stale_files()
+        for fault in faults:
+            sys.stderr.write(f"{SCHEMA.relative_to(ROOT)}: {fault}\n")
+        if faults:
+            sys.stderr.write("Run `nox -s proto` and commit the result.\n")
+        return 1 if faults else 0
+    for path in [path for pattern in DERIVED for path in SCHEMA.glob(pattern)]:
+        path.unlink()
+    generate(SCHEMA)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
