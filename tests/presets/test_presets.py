@@ -12,6 +12,10 @@ from pathlib import Path
 import pytest
 from google.protobuf import text_format
 from joshua.cli.presets import FOLDER, Preset, preset_names, read_preset, read_presets
+from joshua.config import check, load
+from joshua.config.checks.paths import check_paths
+from joshua.modes import check_mode
+from joshua.plan import Severity
 from joshua.plugins.hints import KNOWN_PLUGINS, distribution_for
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2 as sim
@@ -158,3 +162,19 @@ def test_wheel_and_source_archive_contain_every_preset(tmp_path: Path):
     for name in preset_names():
         assert f"joshua/presets/{name}.pbtxt" in in_wheel
         assert in_archive[f"src/joshua/presets/{name}.pbtxt"].isreg()
+
+
+@each_preset
+def test_each_is_valid_and_only_what_comes_from_elsewhere_is_noted(
+    preset: Preset, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(FOLDER)
+    loaded = load(f"{preset.name}.pbtxt")
+    found = [*loaded.diagnostics, *check(loaded), *check_mode(loaded), *check_paths(loaded, launch=False)]
+    assert {(item.code, item.severity) for item in found} <= {
+        ("input-file-missing", Severity.NOTE),
+        ("dataset-missing", Severity.NOTE),
+        ("weights-not-found", Severity.NOTE),
+        ("mapping-unpublished", Severity.NOTE),
+    }
+    assert len(found) <= 2, "a note is worth reading once"

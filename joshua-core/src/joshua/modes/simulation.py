@@ -54,6 +54,7 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
         )
     published = published_names(context)
     first: dict[str, int] = {}
+    noted: set[str] = set()
     for index, mapping in enumerate(simulation.mirror_topic_mappings):
         path = f"{_MAPPINGS}[{index}]"
         name = mapping.mujoco_actuator
@@ -66,16 +67,21 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
                 remedy="Drive each actuator of the model from one topic",
                 related=context.see(f"{_MAPPINGS}[{first[name]}].mujoco_actuator", "first mapping"),
             )
-        yield from _topic(context, f"{path}.ros_topic", mapping.ros_topic, published)
+        yield from _topic(context, f"{path}.ros_topic", mapping.ros_topic, published, noted)
 
 
-def _topic(context: Context, path: str, topic: str, published: dict[str, int]) -> Iterator[Diagnostic]:
-    """A mirror may follow a robot of another file, so a topic from elsewhere is only worth a note."""
+def _topic(
+    context: Context, path: str, topic: str, published: dict[str, int], noted: set[str]
+) -> Iterator[Diagnostic]:
+    """A mirror may follow a robot of another file, so a topic from elsewhere is only worth one note."""
     if not topic or topic_fault(topic) is not None:
         return
     name = topic if topic.startswith("/") else f"/{topic}"
     if name not in published:
         similar = nearest(name, published)
+        if not similar and name in noted:
+            return
+        noted.add(name)
         make = context.warning if similar else context.note
         yield make(
             "mapping-unpublished",

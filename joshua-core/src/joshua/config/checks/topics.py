@@ -45,12 +45,24 @@ def usable(context: Context) -> list[Endpoint]:
 
 
 def published_names(context: Context) -> dict[str, int]:
-    """Topics that this file's nodes publish, and their types; what an actuator adds by itself included."""
+    """Topics that this file's run publishes, and their types.
+
+    That is what its nodes name, what an actuator adds by itself, and what a replay commands.
+    """
     names = {item.topic: item.block.data_type for item in usable(context) if item.is_publisher}
     for entry in context.entries:
         if isinstance(entry.owner, pb.SingleAction) and entry.node.node_name:
             names.setdefault(f"{entry.full_name}/command", types.JOINT_STATE)
+    if _replays(context.config):
+        names |= {item.topic: item.block.data_type for item in usable(context) if is_command(item)}
     return names
+
+
+def _replays(config: pb.Config) -> bool:
+    """A replay speaks on the topics by which the actuators take commands."""
+    return (
+        config.general.mode == pb.MODE_DATA_STORE and config.ai.data_store.operation == pb.DATA_STORE_REPLAY
+    )
 
 
 def type_text(number: int) -> str:
