@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -32,11 +33,10 @@ def findings_of(path: str) -> tuple[list[Diagnostic], dict[str, str]]:
     found = [*loaded.diagnostics, *check(loaded), *check_mode(loaded), *check_paths(loaded, launch=launch)]
     here = str(Path.cwd())
     return [
-        item.model_copy(
-            update={
-                "message": item.message.replace(here, "/home/user"),
-                "remedy": item.remedy.replace(here, "/home/user"),
-            }
+        replace(
+            item,
+            message=item.message.replace(here, "/home/user"),
+            remedy=item.remedy.replace(here, "/home/user"),
         )
         for item in found
     ], loaded.sources

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 from joshua.messages import decode, encode, message_class
@@ -105,8 +106,8 @@ def test_a_late_subscription_gets_the_kept_messages(pair, eventually):
     for value in range(5):
         publisher.publish(number(value))
     late, volatile = [], []
-    _, a = pair(kept.model_copy(update={"depth": 1}), kept, late.append)
-    _, b = pair(kept.model_copy(update={"depth": 1}), QosProfile(), volatile.append)
+    _, a = pair(replace(kept, depth=1), kept, late.append)
+    _, b = pair(replace(kept, depth=1), QosProfile(), volatile.append)
     eventually(lambda: len(late) == 3)
     publisher.publish(number(5))
     eventually(lambda: values(late) == [2, 3, 4, 5])
@@ -145,7 +146,7 @@ def test_profiles_that_do_not_fit_do_not_connect_and_both_sides_hear_of_it(
     assert subscription.publisher_count == 0
     # the pair that fits, beside it, shows that the message was really on its way
     witness = []
-    _, other = pair(QosProfile(), offered.model_copy(update={"deadline_s": 0}), witness.append)
+    _, other = pair(QosProfile(), replace(offered, deadline_s=0), witness.append)
     publisher.publish(number(1))
     eventually(lambda: values(witness) == [1])
     assert not got
@@ -175,7 +176,7 @@ def test_old_messages_are_not_delivered(pair, eventually):
     published_s = time.monotonic()
     eventually(lambda: time.monotonic() > published_s + 0.5, what="the end of the life span")
     late = []
-    _, second = pair(kept.model_copy(update={"depth": 1}), kept, late.append)
+    _, second = pair(replace(kept, depth=1), kept, late.append)
     publisher.publish(number(2))
     eventually(lambda: late)
     assert values(late) == [2]

@@ -11,19 +11,20 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.generator.examination import Examination, Request
+    from joshua.generator.examination import Examination
+    from joshua.generator.request import Purpose, Request
 
 
-def request_of(arguments: argparse.Namespace, *, launch: bool) -> Request:
+def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
     """Turns the options of a command line into the request that ``examine`` takes."""
-    from joshua.generator.examination import Request
+    from joshua.generator.request import Request
 
     return Request(
         path=arguments.config,
         overrides=tuple(arguments.overrides),
+        purpose=purpose,
         host=arguments.host or "",
         blocked_plugins=tuple(arguments.blocked_plugins),
-        launch=launch,
         duration_s=getattr(arguments, "duration", None),
     )
 
@@ -41,11 +42,8 @@ def show_findings(examination: Examination, output_format: str) -> None:
 
 def exit_code_of(examination: Examination) -> ExitCode:
     """Names the exit code of an examination: a missing plugin counts only when nothing else is wrong."""
-    from joshua.plan import Severity
-
-    errors = [item for item in examination.diagnostics if item.severity is Severity.ERROR]
-    if not errors:
+    if not examination.errors:
         return ExitCode.OK
-    if all(item.code in ("plugin-missing", "extra-missing") for item in errors):
+    if all(item.code in ("plugin-missing", "extra-missing") for item in examination.errors):
         return ExitCode.NOT_INSTALLED
     return ExitCode.INVALID

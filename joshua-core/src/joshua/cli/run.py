@@ -32,8 +32,9 @@ def examine(arguments: argparse.Namespace) -> Examination:
     """Loads, checks and plans the file, and shows every finding."""
     from joshua.cli.report import request_of, show_findings
     from joshua.generator.examination import examine as examine_request
+    from joshua.generator.request import Purpose
 
-    examination = examine_request(request_of(arguments, launch=True))
+    examination = examine_request(request_of(arguments, Purpose.LAUNCH))
     show_findings(examination, arguments.format)
     return examination
 

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 def validate(arguments: argparse.Namespace) -> int:
     """Checks the file and reports every problem; exit code 0 or 2."""
     from joshua.generator.examination import examine
+    from joshua.generator.request import Purpose
 
-    examination = examine(request_of(arguments, launch=False))
+    examination = examine(request_of(arguments, Purpose.VALIDATE))
     show_findings(examination, arguments.format)
     code = exit_code_of(examination)
     if code is ExitCode.OK and arguments.format == "text":

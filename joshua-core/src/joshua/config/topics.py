@@ -94,7 +94,7 @@ def resolve_topic(name: str, namespace: str, node_name: str) -> str:
 
 def profile(block: pb.QoSSettings) -> QosProfile:
     """Turns a ``qos`` block into a profile, defaults filled in."""
-    return QosProfile.model_construct(
+    return QosProfile(
         reliability="BEST_EFFORT" if block.reliability == pb.BEST_EFFORT else "RELIABLE",
         durability="TRANSIENT_LOCAL" if block.durability == pb.TRANSIENT_LOCAL else "VOLATILE",
         history="KEEP_ALL" if block.history == pb.KEEP_ALL else "KEEP_LAST",

@@ -1,10 +1,20 @@
-"""The values on the road from text to processes: inert, printable, JSON."""
+"""The values on the road from text to processes: inert, printable, JSON.
+
+The plan itself is loaded at first use: a file is checked without it, and it needs pydantic.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from joshua.plan.diagnostic import Diagnostic, Position, Related, Severity
-from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
-from joshua.plan.plan import Plan, TlsSpec, TransportSpec
 from joshua.plan.qos import QosProfile
-from joshua.plan.report import CheckResult, NodeReport, RunReport, TimerReport, TopicReport
+
+if TYPE_CHECKING:
+    from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
+    from joshua.plan.plan import Plan, TlsSpec, TransportSpec
+    from joshua.plan.report import CheckResult, NodeReport, RunReport, TimerReport, TopicReport
 
 __all__ = [
     "CheckResult",
@@ -24,3 +34,16 @@ __all__ = [
     "TopicSpec",
     "TransportSpec",
 ]
+
+_LATER = {
+    "joshua.plan.node_spec": ("NodeKind", "NodeSpec", "TopicSpec"),
+    "joshua.plan.plan": ("Plan", "TlsSpec", "TransportSpec"),
+    "joshua.plan.report": ("CheckResult", "NodeReport", "RunReport", "TimerReport", "TopicReport"),
+}
+_MODULE_OF = {name: module for module, names in _LATER.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)

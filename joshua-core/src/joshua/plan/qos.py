@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
 
-
-class QosProfile(BaseModel):
+@dataclass(frozen=True)
+class QosProfile:
     """ROS 2 quality of service; the defaults are the specification's (and ROS 2's).
 
     Durations are in seconds; 0 means that none is set.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     reliability: Literal["RELIABLE", "BEST_EFFORT"] = "RELIABLE"
     durability: Literal["VOLATILE", "TRANSIENT_LOCAL"] = "VOLATILE"

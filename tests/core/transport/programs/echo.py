@@ -1,5 +1,6 @@
 """A process with one node: sends everything that comes on /ping back on /pong, until its input ends."""
 
+import json
 import sys
 
 from joshua.plan import QosProfile, TransportSpec
@@ -7,7 +8,7 @@ from joshua.transport import open_transport
 
 spec = TransportSpec.model_validate_json(sys.argv[1])
 type_name = sys.argv[2]
-qos = QosProfile.model_validate_json(sys.argv[3]) if len(sys.argv) > 3 else QosProfile()
+qos = QosProfile(**json.loads(sys.argv[3])) if len(sys.argv) > 3 else QosProfile()
 transport = open_transport(spec)
 node = transport.create_node("echo", "/far")
 publisher = node.create_publisher("/pong", type_name, qos)

@@ -28,8 +28,9 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stderr.write("joshua plan: no file given: add --config PATH\n")
         return ExitCode.INVALID
     from joshua.generator.examination import examine
+    from joshua.generator.request import Purpose
 
-    examination = examine(request_of(arguments, launch=False))
+    examination = examine(request_of(arguments, Purpose.SHOW))
     if examination.plan is None:
         show_findings(examination, arguments.format)
         return exit_code_of(examination)

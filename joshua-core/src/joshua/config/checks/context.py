@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -142,9 +143,7 @@ class Context:
         """Place of the part of a name that breaks a rule, else of the whole value."""
         place = self.position(path)
         if place is not None and self.text_at(place)[1:-1] == value:
-            return place.model_copy(
-                update={"column": place.column + 1 + fault.offset, "length": max(fault.length, 1)}
-            )
+            return replace(place, column=place.column + 1 + fault.offset, length=max(fault.length, 1))
         return place
 
     def see(self, path: str, label: str) -> tuple[Related, ...]:

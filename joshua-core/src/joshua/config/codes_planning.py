@@ -1,0 +1,41 @@
+"""Diagnostic codes of planning: plugins, settings, hosts and the transport."""
+
+from __future__ import annotations
+
+from joshua.config.code_doc import CodeDoc
+
+PLANNING_CODES: dict[str, CodeDoc] = {
+    "plugin-missing": CodeDoc(
+        "A block or a model needs a plugin that is not installed, is blocked or is broken.",
+        "Install the distribution that the message names; `joshua plugins` lists what is installed.",
+    ),
+    "extra-missing": CodeDoc(
+        "The chosen transport needs an extra of joshua-core that is not installed.",
+        "Install the extra that the message names, or choose another transport.",
+    ),
+    "broken-plugin": CodeDoc(
+        "A plugin is installed and its settings cannot be loaded.",
+        "Install the plugin anew, or leave it out with --block-plugin.",
+    ),
+    "invalid-setting": CodeDoc(
+        "A block breaks a rule of the plugin that runs it.",
+        "Change the value as the message says.",
+    ),
+    "native-missing": CodeDoc(
+        "A node asks for node_type CPP, and its plugin has no native implementation.",
+        "Nothing: the Python implementation runs. Set node_type to PYTHON to silence the note.",
+    ),
+    "unknown-host": CodeDoc(
+        "--host names a machine that no node of the file names.",
+        "Name a host of the file, or set `host` in its nodes.",
+    ),
+    "host-needed": CodeDoc(
+        "Every node of the file names a host, so this machine's share is not known.",
+        "Add --host with the name of this machine.",
+    ),
+    "transport-environment": CodeDoc(
+        "RMW_IMPLEMENTATION, ROS_DOMAIN_ID or ROS_AUTOMATIC_DISCOVERY_RANGE has a value that ROS 2 does "
+        "not know.",
+        "Set one of the allowed values, or unset the variable.",
+    ),
+}

@@ -1,0 +1,1 @@
+"""Config to Plan, and the supervisor that runs a plan."""

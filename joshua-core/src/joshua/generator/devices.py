@@ -1,0 +1,126 @@
+"""From the device and model blocks of a file to the implementations and settings that run them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from joshua.config.topics import NodeEntry, node_entries
+from joshua.plugins import ProvisionKind
+from joshua.schema import calibration_pb2
+from joshua.schema import config_pb2 as pb
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One node that the mode starts: its entry in the file, and what its implementation is asked by.
+
+    Attributes:
+        block_name: member of the oneof, or the full message name of an ``Any`` block; "" where none is set.
+        block: the block's message, unpacked; None where none is set.
+        block_path: field path of the block.
+        enum_value: name such as ``PERCEPTION_LIDAR``.
+    """
+
+    entry: NodeEntry
+    kind: ProvisionKind
+    block_name: str
+    block: Any
+    block_path: str
+    enum_value: str
+
+
+STANDARD_BEHAVIOURS = {
+    ProvisionKind.ACTUATOR: "joshua.devices.actuator_node:ActuatorNode",
+    ProvisionKind.SENSOR: "joshua.devices.sensor_node:SensorNode",
+    ProvisionKind.MODEL: "joshua.models.inference_node:InferenceNode",
+}
+
+
+def wanted_nodes(config: pb.Config, *, devices: bool, models: bool) -> list[Wanted]:
+    """Lists the nodes that a mode starts, in the order of the file."""
+    wanted = []
+    for entry in node_entries(config):
+        is_model = isinstance(entry.owner, pb.SingleModel)
+        if models if is_model else devices:
+            wanted.append(_wanted(entry))
+    return wanted
+
+
+def _wanted(entry: NodeEntry) -> Wanted:
+    owner = entry.owner
+    if isinstance(owner, pb.SingleAction):
+        name = owner.WhichOneof("actuator_config") or ""
+        enum_value = _value_name(pb.ActionType, owner.action_type)
+        kind = ProvisionKind.ACTUATOR
+    elif isinstance(owner, pb.SinglePerception):
+        name = owner.WhichOneof("device_config") or ""
+        enum_value = _value_name(pb.PerceptionType, owner.perception_type)
+        kind = ProvisionKind.SENSOR
+    else:
+        name = next((n for n in ("plugin_config", "random_noise_config") if owner.HasField(n)), "")
+        enum_value = _value_name(pb.ModelType, owner.model_type)
+        kind = ProvisionKind.MODEL
+    path = f"{entry.owner_path}.{name}" if name else entry.owner_path
+    block = getattr(owner, name) if name else (owner if kind is ProvisionKind.MODEL else None)
+    if name == "plugin_config":
+        name, block = unpack(block)
+    return Wanted(entry, kind, name, block, path, enum_value)
+
+
+def unpack(block: Any) -> tuple[str, Any]:
+    """Opens an ``Any`` block: full message name, and the message or None where its type is unknown."""
+    from google.protobuf import symbol_database
+
+    full_name = block.type_url.rpartition("/")[2]
+    try:
+        message = symbol_database.Default().GetSymbol(full_name)()
+    except KeyError:
+        return full_name, None
+    block.Unpack(message)
+    return full_name, message
+
+
+def _value_name(enum: Any, number: int) -> str:
+    try:
+        return cast(str, enum.Name(number))
+    except ValueError:
+        return str(number)
+
+
+def joints_of(
+    settings: Any, block: Any, calibration: calibration_pb2.ArmCalibration | None
+) -> list[dict[str, Any]]:
+    """Names the joints of an actuator with their limits in radians, without a connection.
+
+    A settings model that offers ``joints()`` decides; else motors of 4096 ticks a turn are assumed, zero in
+    the middle, named by the calibration or ``joint_<id>``.
+    """
+    if settings is not None and hasattr(settings, "joints"):
+        return list(settings.joints())
+    identities = _motor_ids(block)
+    names = {motor.id: motor for motor in calibration.motors} if calibration else {}
+    joints = []
+    for identity in identities:
+        motor = names.get(identity)
+        low = motor.range_min if motor else getattr(block, "position_min", 0)
+        high = motor.range_max if motor else getattr(block, "position_max", 4095)
+        name = motor.joint_name if motor and motor.joint_name else f"joint_{identity}"
+        joints.append({"name": name, "min_rad": _radians(low), "max_rad": _radians(high)})
+    return joints
+
+
+def _motor_ids(block: Any) -> Sequence[int]:
+    if block is None:
+        return ()
+    names = block.DESCRIPTOR.fields_by_name
+    if "motor_ids" in names:
+        return list(cast(Iterable[int], block.motor_ids))
+    if "num_motors" in names:
+        return range(1, min(block.num_motors, 64) + 1)
+    return ()
+
+
+def _radians(ticks: int) -> float:
+    return (ticks - 2048) * 6.283185307179586 / 4096

@@ -1,0 +1,107 @@
+"""The findings of planning: missing plugins, refused settings, hosts without a share."""
+
+from __future__ import annotations
+
+from difflib import SequenceMatcher
+from typing import TYPE_CHECKING
+
+from joshua.plan import Diagnostic, Position, Severity
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+    from joshua.generator.devices import Wanted
+    from joshua.plugins import ProvisionKind, Registry
+
+
+class Findings:
+    """Collects what planning finds, with positions."""
+
+    def __init__(self, loaded: LoadedConfig, *, launch: bool) -> None:
+        self.positions = loaded.positions
+        self.launch = launch
+        self.items: list[Diagnostic] = []
+
+    def add(
+        self,
+        code: str,
+        severity: Severity,
+        message: str,
+        path: str = "",
+        *,
+        remedy: str = "",
+        found: str = "",
+        allowed: tuple[str, ...] = (),
+    ) -> None:
+        """Adds one finding at a field path; the position is that of the value, else of its name."""
+        self.items.append(
+            Diagnostic(code, severity, message, self._position(path), path, found, allowed, remedy)
+        )
+
+    def _position(self, path: str) -> Position | None:
+        return (self.positions.name(path) or self.positions.value(path)) if path else None
+
+    def plugin_missing(self, want: Wanted, registry: Registry) -> None:
+        """A device or model whose plugin is not installed: an error at launch, else a note."""
+        node = want.entry.node.node_name or want.entry.owner_path
+        self.add(
+            "plugin-missing",
+            Severity.ERROR if self.launch else Severity.NOTE,
+            registry.missing(node, want.kind, want.block_name, want.enum_value),
+            want.block_path,
+            remedy="install the plugin, then see what `joshua plugins` lists",
+        )
+
+    def service_missing(
+        self, path: str, kind: ProvisionKind, value: str, registry: Registry, *, required: bool
+    ) -> None:
+        """A service block whose plugin is not installed: the mode needs it, or it can do without."""
+        block = path.rpartition(".")[2]
+        sentence = registry.missing(block, kind, block, value)
+        if not self.launch:
+            self.add("plugin-missing", Severity.NOTE, sentence, path, remedy="install it before the launch")
+        elif required:
+            self.add("plugin-missing", Severity.ERROR, sentence, path, remedy="install the plugin")
+        else:
+            self.add(
+                "plugin-missing",
+                Severity.WARNING,
+                f"{sentence}; the run goes on without it",
+                path,
+                remedy=f"install the plugin, or remove the {block} block",
+            )
+
+    def native_missing(self, want: Wanted, distribution: str) -> None:
+        """A node that asks for a native implementation that its plugin does not have."""
+        if self.launch:
+            self.add(
+                "native-missing",
+                Severity.NOTE,
+                f"{distribution} has no native implementation for {want.entry.node.node_name}: "
+                "the Python implementation runs",
+                f"{want.entry.path}.node_type",
+            )
+
+    def no_share(self, host: str, hosts: list[str]) -> None:
+        """No node of the file runs on this machine."""
+        if host:
+            self.add(
+                "unknown-host",
+                Severity.ERROR,
+                f"no node of the file runs on the host {host!r}",
+                found=host,
+                allowed=tuple(nearest_first(host, hosts)),
+                remedy="name a host of the file with --host, or set `host` in its nodes",
+            )
+            return
+        self.add(
+            "host-needed",
+            Severity.ERROR,
+            "every node of the file names a host, so this machine's share is not known",
+            allowed=tuple(hosts),
+            remedy=f"add --host {hosts[0]}",
+        )
+
+
+def nearest_first(word: str, names: list[str]) -> list[str]:
+    """Sorts names by their likeness to a word."""
+    return sorted(names, key=lambda name: -SequenceMatcher(None, word, name).ratio())

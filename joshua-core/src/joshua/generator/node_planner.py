@@ -1,0 +1,131 @@
+"""The node specs of devices and models, with what each must know of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from joshua.config.topics import Endpoint, endpoints
+from joshua.generator.devices import STANDARD_BEHAVIOURS, Wanted
+from joshua.generator.findings import Findings
+from joshua.generator.resolution import Resolved
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plugins import ProvisionKind, Registry
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2, data_types
+
+RESTART = {
+    pb.RESTART_DEFAULT: "on-failure",
+    pb.RESTART_ON_FAILURE: "on-failure",
+    pb.RESTART_NEVER: "never",
+    pb.RESTART_STOP_RUN: "stop-run",
+}
+
+
+class NodePlanner:
+    """Makes the node specs of one configuration.
+
+    Args:
+        joints: joints of each actuator by field path of its node block.
+    """
+
+    def __init__(
+        self,
+        config: pb.Config,
+        registry: Registry,
+        joints: Mapping[str, list[dict[str, Any]]],
+        findings: Findings,
+    ) -> None:
+        self._registry = registry
+        self._joints = joints
+        self._findings = findings
+        self._endpoints = endpoints(config)
+
+    def spec(self, resolved: Resolved) -> NodeSpec:
+        """Makes the spec of one resolved node."""
+        want, provision = resolved.want, resolved.provision
+        node = want.entry.node
+        plugin = self._registry.owner(provision).distribution
+        native = node.node_type == pb.CPP and bool(provision.native)
+        if node.node_type == pb.CPP and not native:
+            self._findings.native_missing(want, plugin)
+        settings = resolved.settings
+        return NodeSpec(
+            name=node.node_name,
+            namespace=want.entry.namespace,
+            frame_id=node.frame_id or node.node_name,
+            node_id=node.node_id,
+            kind=NodeKind(want.kind.value),
+            role=want.enum_value,
+            block=want.block_name,
+            plugin=plugin,
+            behaviour=provision.behaviour or STANDARD_BEHAVIOURS[want.kind],
+            implementation=provision.native if native else provision.implementation,
+            settings_type=provision.settings,
+            settings=settings.model_dump(mode="json") if settings is not None else {},
+            context=resolved.context | self._shared_context(want),
+            backend="native" if native else "python",
+            publishers=tuple(self._topics(want, publishers=True)),
+            subscriptions=tuple(self._topics(want, publishers=False)),
+            process_group=node.process_group,
+            interpreter=node.python,
+            host=node.host,
+            restart=RESTART.get(node.restart, "on-failure"),
+        )
+
+    def _own(self, want: Wanted, *, publishers: bool) -> list[Endpoint]:
+        return [
+            endpoint
+            for endpoint in self._endpoints
+            if endpoint.entry.path == want.entry.path and endpoint.is_publisher is publishers
+        ]
+
+    def _topics(self, want: Wanted, *, publishers: bool) -> Iterable[TopicSpec]:
+        for endpoint in self._own(want, publishers=publishers):
+            yield TopicSpec(
+                name=endpoint.topic,
+                type_name=data_types.type_name(endpoint.block.data_type),
+                qos=endpoint.qos,
+                rate_hz=endpoint.block.publish_rate_hz if publishers else 0.0,
+            )
+
+    def _shared_context(self, want: Wanted) -> dict[str, Any]:
+        """What a node must know of others: its own joints and its leader's, or those that it commands."""
+        if want.kind is ProvisionKind.ACTUATOR:
+            leader = self._leader(want)
+            joints = {"joints": self._joints[want.entry.path]}
+            return joints | ({"leader": leader} if leader else {})
+        commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
+        return {"joints": commanded} if commanded else {}
+
+    def _leader(self, want: Wanted) -> dict[str, Any] | None:
+        heard = {
+            endpoint.topic
+            for endpoint in self._own(want, publishers=False)
+            if endpoint.block.data_type == data_type_pb2.JOINT_STATE
+        }
+        for other in self._endpoints:
+            owner = other.entry.owner
+            if (
+                other.is_publisher
+                and other.topic in heard
+                and other.entry.path != want.entry.path
+                and isinstance(owner, pb.SingleAction)
+                and owner.action_type == pb.ACTION_LEADER
+            ):
+                return {
+                    "node": other.entry.full_name,
+                    "topic": other.topic,
+                    "joints": self._joints.get(other.entry.path, []),
+                }
+        return None
+
+    def _commanded(self, want: Wanted) -> list[str]:
+        spoken = {endpoint.topic for endpoint in self._own(want, publishers=True)}
+        return [
+            endpoint.entry.path
+            for endpoint in self._endpoints
+            if not endpoint.is_publisher
+            and endpoint.topic in spoken
+            and isinstance(endpoint.entry.owner, pb.SingleAction)
+        ]

@@ -1,0 +1,104 @@
+"""Config to Plan: which nodes start, with which implementation, settings and topics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from joshua.generator.devices import wanted_nodes
+from joshua.generator.findings import Findings
+from joshua.generator.resolution import Resolved, Resolver
+from joshua.generator.services import ResolvedService, resolve_services
+from joshua.modes.share import mode_share
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+    from joshua.generator.request import Request
+    from joshua.plan import NodeSpec, Plan
+    from joshua.plugins import Registry
+
+
+class Planning:
+    """One configuration on its way to a plan.
+
+    Attributes:
+        findings: every problem so far; ``resolve`` and ``plan`` add to it.
+    """
+
+    def __init__(self, loaded: LoadedConfig, registry: Registry, request: Request) -> None:
+        self._config = loaded.config
+        self._registry = registry
+        self._request = request
+        self._findings = Findings(loaded, launch=request.launch)
+        self._resolver = Resolver(loaded.config, registry, self._findings)
+        self._nodes: list[Resolved] = []
+        self._services: list[ResolvedService] = []
+
+    @property
+    def findings(self) -> list[Diagnostic]:
+        """What was found so far."""
+        return self._findings.items
+
+    def resolve(self) -> None:
+        """Finds the implementations and checks the settings, which is all that validation needs."""
+        config, share = self._config, mode_share(self._config)
+        wanted = wanted_nodes(config, devices=share.devices, models=share.models)
+        self._nodes = self._resolver.resolve(wanted)
+        self._services = resolve_services(config, self._registry, share, self._findings)
+
+    def plan(self) -> Plan | None:
+        """Makes the plan of what was resolved; None where the transport cannot be chosen."""
+        from joshua.generator.node_planner import NodePlanner
+        from joshua.generator.services import service_spec
+        from joshua.generator.transport_choice import transport_spec
+        from joshua.plan import Plan
+
+        config, request = self._config, self._request
+        planner = NodePlanner(config, self._registry, self._resolver.joints, self._findings)
+        nodes = [planner.spec(resolved) for resolved in self._nodes]
+        nodes += [service_spec(resolved, self._registry) for resolved in self._services]
+        nodes = _share_of_host(nodes, request.host, self._findings)
+        transport = transport_spec(config, request.path, self._findings)
+        if transport is None:
+            return None
+        return Plan(
+            source=request.path,
+            mode=_mode_name(config),
+            robot_id=config.general.id,
+            robot_name=config.general.name,
+            nodes=tuple(_start_order(nodes)),
+            transport=transport,
+            duration_s=_duration_s(config, request),
+        )
+
+
+def _mode_name(config: pb.Config) -> str:
+    mode = config.general.mode
+    return pb.OperationMode.Name(mode) if mode in pb.OperationMode.values() else ""
+
+
+def _share_of_host(nodes: list[NodeSpec], host: str, findings: Findings) -> list[NodeSpec]:
+    """Keeps the nodes that this machine runs: those of ``--host``, or those that name no host."""
+    hosts = sorted({node.host for node in nodes if node.host})
+    mine = [node for node in nodes if node.host == host]
+    if nodes and not mine:
+        findings.no_share(host, hosts)
+    return mine
+
+
+def _start_order(nodes: list[NodeSpec]) -> list[NodeSpec]:
+    """Puts nodes that only publish before those that listen, each group in the order of the file."""
+    return sorted(nodes, key=lambda node: bool(node.subscriptions))
+
+
+def _duration_s(config: pb.Config, request: Request) -> float | None:
+    if request.duration_s is not None:
+        return request.duration_s
+    if config.general.mode != pb.MODE_TEST:
+        return None
+    if config.test.HasField("duration_s"):
+        return float(config.test.duration_s)
+    from joshua.schema.rules import rule
+
+    return float(rule(pb.TestConfig.DESCRIPTOR.fields_by_name["duration_s"]).default)

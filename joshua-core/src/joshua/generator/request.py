@@ -1,0 +1,43 @@
+"""What the user asked for: a file, changes to it, and how far to go with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Purpose(Enum):
+    """How far a configuration is taken."""
+
+    VALIDATE = "validate"
+    """Only its findings are wanted."""
+    SHOW = "show"
+    """The plan is wanted, and nothing will be started."""
+    LAUNCH = "launch"
+    """The nodes are going to be started, which turns missing files and plugins into errors."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for.
+
+    Attributes:
+        path: configuration file; overrides: ``--set`` options, in order.
+        purpose: how far to go.
+        host: this machine's name in the file; "" starts the nodes that name no host.
+        blocked_plugins: plugins that are left out.
+        duration_s: length of the run; None leaves it to the mode.
+    """
+
+    path: str
+    overrides: Sequence[str] = ()
+    purpose: Purpose = Purpose.SHOW
+    host: str = ""
+    blocked_plugins: Sequence[str] = ()
+    duration_s: float | None = None
+
+    @property
+    def launch(self) -> bool:
+        """Whether nodes are going to be started."""
+        return self.purpose is Purpose.LAUNCH

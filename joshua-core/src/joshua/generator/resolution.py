@@ -1,0 +1,104 @@
+"""From the blocks of a file to installed implementations and checked settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from joshua.generator.devices import Wanted, joints_of
+from joshua.generator.findings import Findings
+from joshua.plan import Diagnostic
+from joshua.plugins import Provision, ProvisionKind, Registry
+from joshua.schema import calibration_pb2
+from joshua.schema import config_pb2 as pb
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """One wanted node with its implementation.
+
+    Attributes:
+        settings: the checked settings model; None where the provision has none.
+        context: further facts for the driver, such as its calibration.
+    """
+
+    want: Wanted
+    provision: Provision
+    settings: Any
+    context: dict[str, Any]
+
+
+class Resolver:
+    """Finds the implementation of each wanted node and makes its settings; problems become findings.
+
+    Attributes:
+        joints: joints of each actuator by field path of its node block, known without a connection.
+    """
+
+    def __init__(self, config: pb.Config, registry: Registry, findings: Findings) -> None:
+        self._registry = registry
+        self._findings = findings
+        self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
+        self.joints: dict[str, list[dict[str, Any]]] = {}
+
+    def resolve(self, wanted: list[Wanted]) -> list[Resolved]:
+        """Resolves all nodes whose plugin is installed; the others become findings."""
+        resolved = []
+        for want in wanted:
+            provision = self._provision(want)
+            calibration = self._calibrations.get(want.entry.node.node_name)
+            context = {"calibration": calibration_values(calibration)} if calibration else {}
+            settings = None
+            if provision is not None:
+                settings, problems = self._settings(want, provision, context)
+                self._findings.items += problems
+                resolved.append(Resolved(want, provision, settings, context))
+            if want.kind is ProvisionKind.ACTUATOR:
+                self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
+        return resolved
+
+    def _provision(self, want: Wanted) -> Provision | None:
+        if want.kind is not ProvisionKind.MODEL and not want.block_name:
+            return None  # the checks have reported the missing block
+        if want.enum_value.endswith("_UNSPECIFIED"):
+            return None  # the checks have reported the missing type
+        provision = self._registry.find(want.kind, want.block_name, want.enum_value)
+        if provision is None:
+            self._findings.plugin_missing(want, self._registry)
+        return provision
+
+    def _settings(
+        self, want: Wanted, provision: Provision, context: dict[str, Any]
+    ) -> tuple[Any, list[Diagnostic]]:
+        if want.block is None or not provision.settings:
+            return None, []
+        # Imported here, because it needs pydantic, which a file without such a block need not wait for.
+        from joshua.plugins.settings import make_settings
+
+        return make_settings(
+            provision,
+            want.block,
+            node=want.entry.node,
+            context=context,
+            field_path=want.block_path,
+            positions=self._findings.positions,
+        )
+
+
+def calibration_values(calibration: calibration_pb2.ArmCalibration) -> dict[str, Any]:
+    """Turns a calibration block into the plain values that a driver's context carries."""
+    return {
+        "device_identity": calibration.device_identity,
+        "calibrated_at": calibration.calibrated_at,
+        "motors": [
+            {
+                "id": motor.id,
+                "joint_name": motor.joint_name,
+                "homing_offset": motor.homing_offset,
+                "range_min": motor.range_min,
+                "range_max": motor.range_max,
+                "inverted": motor.inverted,
+            }
+            for motor in calibration.motors
+        ],
+    }

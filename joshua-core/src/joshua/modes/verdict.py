@@ -1,0 +1,54 @@
+"""The pass/fail table of MODE_TEST: one row for each check of each device."""
+
+from __future__ import annotations
+
+from joshua.plan import CheckResult, NodeReport, Plan, RunReport
+
+
+def verdict(plan: Plan, report: RunReport) -> list[tuple[str, CheckResult]]:
+    """Judges a test run.
+
+    Returns:
+        Pairs of node name and check, in the order of the plan: first whether the node ran to the end,
+        then what the node measured itself.
+    """
+    reports = {node.full_name: node for node in report.nodes}
+    rows: list[tuple[str, CheckResult]] = []
+    for spec in plan.nodes:
+        node = reports.get(spec.full_name)
+        if node is None:
+            rows.append((spec.full_name, CheckResult(check="starts", passed=False, measured="never started")))
+            continue
+        rows.append((spec.full_name, _ran(node)))
+        rows += [(spec.full_name, check) for check in node.checks]
+    return rows
+
+
+def _ran(node: NodeReport) -> CheckResult:
+    good = node.state == "stopped" and node.restarts == 0
+    measured = node.reason or node.state
+    if node.restarts:
+        measured += f", {node.restarts} restarts"
+    return CheckResult(check="runs to the end", passed=good, measured=measured)
+
+
+def passed(rows: list[tuple[str, CheckResult]]) -> bool:
+    """Whether every check passed; a test without a single check has not passed."""
+    return bool(rows) and all(check.passed for _, check in rows)
+
+
+def verdict_text(rows: list[tuple[str, CheckResult]]) -> str:
+    """Prints the table: result, node, check and what was measured."""
+    node_width = max((len(name) for name, _ in rows), default=0)
+    check_width = max((len(check.check) for _, check in rows), default=0)
+    lines = []
+    for name, check in rows:
+        result = "PASS" if check.passed else "FAIL"
+        lines.append(f"{result}  {name:<{node_width}}  {check.check:<{check_width}}  {check.measured}")
+    failed = sum(not check.passed for _, check in rows)
+    summary = (
+        f"test passed: {len(rows)} checks" if not failed else f"test failed: {failed} of {len(rows)} checks"
+    )
+    return (
+        "\n".join([*(line.rstrip() for line in lines), summary if rows else "test failed: no checks"]) + "\n"
+    )

@@ -1,0 +1,175 @@
+"""From a file to a plan."""
+
+from pathlib import Path
+
+import pytest
+from joshua.generator.examination import Examination, examine
+from joshua.generator.request import Purpose, Request
+from joshua.plan import NodeKind, Severity
+
+GENERAL = 'general { mode: MODE_TELEOPERATE name: "rig" id: "rig-1" }\n'
+
+LEADER = """
+  actions {
+    node {
+      node_name: "leader" node_id: 1 node_type: PYTHON
+      publishers { data_type: JOINT_STATE topic_name: "/leader/joint_states" publish_rate_hz: 50 }
+    }
+    action_type: ACTION_LEADER
+    mock_motor_config { num_motors: 2 position_min: 1024 position_max: 3072 }
+  }
+"""
+
+FOLLOWER = """
+  actions {
+    node {
+      node_name: "follower" node_id: 2 node_type: PYTHON
+      qos { depth: 3 }
+      publishers { data_type: JOINT_STATE topic_name: "/follower/joint_states" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/leader/joint_states" }
+    }
+    action_type: ACTION_FOLLOWER
+    mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+"""
+
+
+def write(folder: Path, text: str) -> str:
+    path = folder / "robot.pbtxt"
+    path.write_text(text)
+    return str(path)
+
+
+def teleoperation(folder: Path, more: str = "", *, general: str = GENERAL) -> str:
+    return write(folder, f"{general}robot {{ {FOLLOWER} {LEADER} }}\n{more}")
+
+
+@pytest.fixture(autouse=True)
+def plain_environment(monkeypatch):
+    for name in ("RMW_IMPLEMENTATION", "ROS_DOMAIN_ID", "ROS_DISTRO", "ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def codes(examination: Examination) -> list[tuple[str, Severity]]:
+    return [(item.code, item.severity) for item in examination.diagnostics]
+
+
+def test_publishers_start_before_those_that_listen(tmp_path):
+    plan = examine(Request(teleoperation(tmp_path))).plan
+    assert [node.full_name for node in plan.nodes] == ["/leader", "/follower"]
+    assert [node.kind for node in plan.nodes] == [NodeKind.ACTUATOR, NodeKind.ACTUATOR]
+
+
+def test_topics_carry_type_rate_and_the_profile_in_force(tmp_path):
+    leader, follower = examine(Request(teleoperation(tmp_path))).plan.nodes
+    (state,) = leader.publishers
+    assert (state.name, state.type_name, state.rate_hz) == (
+        "/leader/joint_states",
+        "sensor_msgs/msg/JointState",
+        50.0,
+    )
+    assert state.qos.depth == 10
+    assert follower.subscriptions[0].qos.depth == 3
+
+
+def test_a_follower_knows_its_leader_and_both_know_their_joints(tmp_path):
+    leader, follower = examine(Request(teleoperation(tmp_path))).plan.nodes
+    assert [joint["name"] for joint in leader.context["joints"]] == ["joint_1", "joint_2"]
+    low = leader.context["joints"][0]["min_rad"]
+    assert low == pytest.approx((1024 - 2048) * 2 * 3.141592653589793 / 4096)
+    assert follower.context["leader"]["node"] == "/leader"
+    assert follower.context["leader"]["topic"] == "/leader/joint_states"
+    assert follower.context["leader"]["joints"] == leader.context["joints"]
+    assert "leader" not in leader.context
+
+
+def test_a_calibration_names_the_joints(tmp_path):
+    calibration = """
+calibration { arms { node_name: "leader"
+  motors { id: 1 joint_name: "shoulder_pan" range_min: 100 range_max: 4000 }
+  motors { id: 2 joint_name: "gripper" range_min: 200 range_max: 3000 } } }
+"""
+    leader, follower = examine(Request(teleoperation(tmp_path, calibration))).plan.nodes
+    assert [joint["name"] for joint in leader.context["joints"]] == ["shoulder_pan", "gripper"]
+    assert leader.context["calibration"]["motors"][1]["range_max"] == 3000
+    assert [joint["name"] for joint in follower.context["leader"]["joints"]] == ["shoulder_pan", "gripper"]
+
+
+def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
+    path = teleoperation(tmp_path)
+    before = examine(Request(path, blocked_plugins=("core",)))
+    assert ("plugin-missing", Severity.NOTE) in codes(before)
+    assert not any(severity is Severity.ERROR for _, severity in codes(before))
+    launch = examine(Request(path, blocked_plugins=("core",), purpose=Purpose.LAUNCH))
+    assert ("plugin-missing", Severity.ERROR) in codes(launch)
+    assert launch.plan is None
+
+
+def test_a_data_store_beside_teleoperation_is_optional(tmp_path):
+    store = """
+ai { data_store {
+  format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demo" local_path: "demo" } }
+"""
+    examination = examine(Request(teleoperation(tmp_path, store), purpose=Purpose.LAUNCH))
+    missing = [item for item in examination.diagnostics if item.code == "plugin-missing"]
+    if missing:  # only where joshua-dataset is not installed
+        assert [item.severity for item in missing] == [Severity.WARNING]
+        assert "pip install joshua-dataset" in missing[0].message
+        assert "goes on without it" in missing[0].message
+    assert examination.plan is not None
+
+
+def test_a_test_runs_ten_seconds_unless_it_says_otherwise(tmp_path):
+    general = GENERAL.replace("MODE_TELEOPERATE", "MODE_TEST")
+    assert examine(Request(teleoperation(tmp_path, general=general))).plan.duration_s == 10
+    path = teleoperation(tmp_path, "test { duration_s: 2.5 }", general=general)
+    assert examine(Request(path)).plan.duration_s == 2.5
+    assert examine(Request(path, duration_s=1.0)).plan.duration_s == 1.0
+    assert examine(Request(teleoperation(tmp_path))).plan.duration_s is None
+
+
+def test_each_machine_starts_its_share(tmp_path):
+    path = teleoperation(tmp_path)
+    text = Path(path).read_text().replace('node_name: "follower"', 'node_name: "follower" host: "jetson"')
+    Path(path).write_text(text)
+    assert [node.name for node in examine(Request(path)).plan.nodes] == ["leader"]
+    assert [node.name for node in examine(Request(path, host="jetson")).plan.nodes] == ["follower"]
+
+
+def test_an_unknown_host_names_the_nearest(tmp_path):
+    path = teleoperation(tmp_path)
+    text = Path(path).read_text().replace('node_name: "follower"', 'node_name: "follower" host: "jetson"')
+    Path(path).write_text(text)
+    examination = examine(Request(path, host="jetsn"))
+    (finding,) = [item for item in examination.diagnostics if item.code == "unknown-host"]
+    assert finding.found == "jetsn"
+    assert finding.allowed == ("jetson",)
+    assert "--host" in finding.remedy
+    assert examination.plan is None
+
+
+def test_a_file_whose_nodes_all_name_hosts_asks_for_one(tmp_path):
+    path = teleoperation(tmp_path)
+    text = Path(path).read_text()
+    for name in ("follower", "leader"):
+        text = text.replace(f'node_name: "{name}"', f'node_name: "{name}" host: "jetson"')
+    Path(path).write_text(text)
+    (finding,) = [item for item in examine(Request(path)).diagnostics if item.code == "host-needed"]
+    assert finding.remedy == "add --host jetson"
+
+
+def test_the_environment_chooses_the_transport(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "42")
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
+    transport = examine(Request(teleoperation(tmp_path))).plan.transport
+    assert (transport.kind, transport.domain_id) == ("zenoh", 42)
+    assert transport.reason == "RMW_IMPLEMENTATION=rmw_zenoh_cpp"
+
+
+def test_an_environment_that_ros_does_not_know_is_a_finding(tmp_path, monkeypatch):
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zeno_cpp")
+    examination = examine(Request(teleoperation(tmp_path)))
+    (finding,) = [item for item in examination.diagnostics if item.code == "transport-environment"]
+    assert finding.allowed[0] == "rmw_zenoh_cpp"
+    assert finding.severity is Severity.ERROR
+    assert examination.plan is None

@@ -1,0 +1,56 @@
+"""The pass/fail table of MODE_TEST."""
+
+from joshua.modes.verdict import passed, verdict, verdict_text
+from joshua.plan import CheckResult, NodeKind, NodeReport, NodeSpec, Plan, RunReport
+
+
+def plan_of(*names: str) -> Plan:
+    nodes = tuple(
+        NodeSpec(name=name, kind=NodeKind.SENSOR, behaviour="a:B", implementation="a:C") for name in names
+    )
+    return Plan(source="x.pbtxt", mode="MODE_TEST", nodes=nodes)
+
+
+def report_of(*nodes: NodeReport) -> RunReport:
+    return RunReport(exit_code=0, nodes=nodes)
+
+
+def test_a_node_that_ran_to_the_end_passes_with_its_own_checks():
+    node = NodeReport(
+        full_name="/camera",
+        state="stopped",
+        checks=(CheckResult(check="rate", passed=True, measured="30 Hz"),),
+    )
+    rows = verdict(plan_of("camera"), report_of(node))
+    assert [(name, check.check, check.passed) for name, check in rows] == [
+        ("/camera", "runs to the end", True),
+        ("/camera", "rate", True),
+    ]
+    assert passed(rows)
+    assert verdict_text(rows).splitlines()[-1] == "test passed: 2 checks"
+
+
+def test_a_failed_node_fails_the_test_with_its_reason():
+    node = NodeReport(full_name="/camera", state="failed", reason="the cable is unplugged")
+    rows = verdict(plan_of("camera"), report_of(node))
+    assert not passed(rows)
+    text = verdict_text(rows)
+    assert text.startswith("FAIL  /camera  runs to the end  the cable is unplugged\n")
+    assert text.endswith("test failed: 1 of 1 checks\n")
+
+
+def test_a_node_that_restarted_fails():
+    node = NodeReport(full_name="/camera", state="stopped", restarts=2)
+    rows = verdict(plan_of("camera"), report_of(node))
+    assert not passed(rows)
+    assert "stopped, 2 restarts" in verdict_text(rows)
+
+
+def test_a_node_without_a_report_fails():
+    rows = verdict(plan_of("camera", "lidar"), report_of(NodeReport(full_name="/camera", state="stopped")))
+    assert [(name, check.passed) for name, check in rows] == [("/camera", True), ("/lidar", False)]
+
+
+def test_a_test_without_checks_has_not_passed():
+    assert not passed([])
+    assert verdict_text([]) == "\ntest failed: no checks\n".lstrip()
