@@ -1,9 +1,12 @@
-"""Emulated robot hardware that speaks the real bus protocols on pseudo-terminals.
+"""Emulated robot hardware that speaks the real protocols: servo buses on pseudo-terminals, cameras over HTTP.
 
-A driver under test opens the emulator's port like any serial port; nothing of the emulator is imported by
-drivers, and it imports nothing of theirs, so a mistake in either shows.
+A driver under test opens the emulator's port like any serial port, or its address like that of any network
+camera; nothing of the emulator is imported by drivers, and it imports nothing of theirs, so a mistake in
+either shows.
 """
 
-from joshua_emulator.process import EmulatedBus, EmulatorError
+from joshua_emulator.camera.process import EmulatedCamera
+from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
+from joshua_emulator.process import EmulatedBus
 
-__all__ = ["EmulatedBus", "EmulatorError"]
+__all__ = ["EmulatedBus", "EmulatedCamera", "EmulatorError", "EmulatorProcess"]

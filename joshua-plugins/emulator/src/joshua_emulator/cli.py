@@ -9,11 +9,13 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from joshua_emulator.arms import ARMS
+from joshua_emulator.camera import cli as camera_cli
 from joshua_emulator.control import ControlError
 from joshua_emulator.eeprom_store import EepromStoreError
 from joshua_emulator.feetech.assembly import FeetechAssembly, FeetechSpec
@@ -21,32 +23,48 @@ from joshua_emulator.feetech.registers import BAUDRATES
 from joshua_emulator.motion import MotionError
 
 
+@dataclass(frozen=True)
+class Machine:
+    """An emulated device: what the command line does with it.
+
+    Attributes:
+        facts: what the line of JSON at the start says about it.
+        handle: carries out one request, as the control channel does.
+        run: serves until ``stop``, or until one of the file descriptors reaches its end.
+        stop: ends ``run``; close: tidies up.
+    """
+
+    facts: dict[str, Any]
+    handle: Callable[[dict[str, Any]], dict[str, Any]]
+    run: Callable[[Collection[int]], None]
+    stop: Callable[[], None]
+    close: Callable[[], None]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one emulated bus until it is stopped; prints one line of JSON when it is ready."""
+    """Runs one emulated device until it is stopped; prints one line of JSON when it is ready."""
     options = _parser().parse_args(arguments)
     root = options.root or Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
     try:
-        assembly = FeetechAssembly(_spec(options, root))
-        assembly.station.replug(options.name)
+        machine = _camera(options, root) if options.protocol == "camera" else _bus(options, root)
         for text in options.fault:
-            assembly.operations.handle({"op": "fault", **parse_fault(text)})
-        if options.motion:
-            assembly.operations.start_motion(*_parse_settings(options.motion))
+            machine.handle({"op": "fault", **parse_fault(text)})
     except (EepromStoreError, ControlError, MotionError, OSError) as error:
         print(f"joshua-emulator: {error}", file=sys.stderr)  # noqa: T201 - the output of this program
         return 2
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: assembly.station.stop())
+        signal.signal(number, lambda *_: machine.stop())
     wake, wake_writer = os.pipe()  # a signal must end the wait of the loop
     os.set_blocking(wake_writer, False)
     signal.set_wakeup_fd(wake_writer)
-    print(json.dumps(_ready(assembly)), flush=True)  # noqa: T201 - read by whoever started this process
+    facts = {"pid": os.getpid(), "root": str(root), **machine.facts}
+    print(json.dumps(facts), flush=True)  # noqa: T201 - read by whoever started this process
     gc.freeze()
     gc.disable()  # the loop makes no cycles, and a collection would make a reply late
     try:
-        assembly.station.run((sys.stdin.fileno(), wake) if options.until_stdin_closes else (wake,))
+        machine.run((sys.stdin.fileno(), wake) if options.until_stdin_closes else (wake,))
     finally:
-        assembly.close()
+        machine.close()
     return 0
 
 
@@ -65,10 +83,13 @@ def parse_fault(text: str) -> dict[str, Any]:
     return request
 
 
-def _ready(assembly: FeetechAssembly) -> dict[str, Any]:
+def _bus(options: argparse.Namespace, root: Path) -> Machine:
+    assembly = FeetechAssembly(_spec(options, root))
+    assembly.station.replug(options.name)
+    if options.motion:
+        assembly.operations.start_motion(*_parse_settings(options.motion))
     line = assembly.station.line
-    return {
-        "pid": os.getpid(),
+    facts = {
         "port": str(line.port),
         "by_id": str(line.by_id),
         "identity": line.identity,
@@ -76,6 +97,16 @@ def _ready(assembly: FeetechAssembly) -> dict[str, Any]:
         "control": str(assembly.spec.control),
         "joints": assembly.joint_names,
     }
+    station = assembly.station
+    return Machine(facts, assembly.operations.handle, station.run, station.stop, assembly.close)
+
+
+def _camera(options: argparse.Namespace, root: Path) -> Machine:
+    server = camera_cli.make_server(options, root)
+    assert server.control is not None
+    return Machine(
+        camera_cli.ready_facts(server), server.control.handler, server.run, server.stop, server.close
+    )
 
 
 def _spec(options: argparse.Namespace, root: Path) -> FeetechSpec:
@@ -99,9 +130,7 @@ def _spec(options: argparse.Namespace, root: Path) -> FeetechSpec:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="joshua-emulator", description="Emulated robot hardware on pseudo-terminals."
-    )
+    parser = argparse.ArgumentParser(prog="joshua-emulator", description="Emulated robot hardware.")
     protocols = parser.add_subparsers(dest="protocol", required=True)
     bus = protocols.add_parser("feetech", help="a bus of STS3215 servos")
     bus.add_argument(
@@ -134,6 +163,7 @@ def _parser() -> argparse.ArgumentParser:
     bus.add_argument(
         "--until-stdin-closes", action="store_true", help="end with the process that started this one"
     )
+    camera_cli.add_parser(protocols)
     return parser
 
 

@@ -28,7 +28,7 @@ class ControlServer:
 
     def __init__(self, path: Path, handler: Handler) -> None:
         self.path = path
-        self._handler = handler
+        self.handler = handler
         self._clients: dict[int, tuple[socket.socket, bytearray]] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
@@ -94,6 +94,6 @@ class ControlServer:
         if not isinstance(request, dict) or not isinstance(request.get("op"), str):
             return {"ok": False, "error": 'a request is an object with "op", such as {"op": "state"}'}
         try:
-            return {"ok": True, **self._handler(request)}
+            return {"ok": True, **self.handler(request)}
         except ControlError as error:
             return {"ok": False, "error": str(error)}

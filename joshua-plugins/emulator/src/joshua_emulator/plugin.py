@@ -8,12 +8,18 @@ from joshua.plugins.provision import Provision, ProvisionKind
 
 @hookimpl
 def joshua_provisions() -> list[Provision]:
-    """Names the emulated buses."""
+    """Names the emulated devices."""
     return [
         Provision(
             kind=ProvisionKind.EMULATOR,
             block="sts3215_config",
             implementation="joshua_emulator.process:EmulatedBus",
             summary="STS3215 servo bus on a pseudo-terminal",
-        )
+        ),
+        Provision(
+            kind=ProvisionKind.EMULATOR,
+            block="camera_config",
+            implementation="joshua_emulator.camera.process:EmulatedCamera",
+            summary="Motion JPEG camera on loopback, with a test scene that carries frame numbers",
+        ),
     ]

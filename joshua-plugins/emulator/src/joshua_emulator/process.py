@@ -1,31 +1,16 @@
-"""A handle on an emulator process: start it, ask it, stop it."""
+"""A handle on an emulated servo bus."""
 
 from __future__ import annotations
 
-import contextlib
-import json
-import selectors
-import shutil
-import socket
-import subprocess
-import sys
-import tempfile
-import time
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from types import TracebackType
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-START_TIMEOUT_S = 20.0
-ANSWER_TIMEOUT_S = 20.0
-STOP_TIMEOUT_S = 5.0
+from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
+
+__all__ = ["EmulatedBus", "EmulatorError"]
 
 
-class EmulatorError(Exception):
-    """The emulator did not start, refused a request or is gone; the message says which and why."""
-
-
-class EmulatedBus:
+class EmulatedBus(EmulatorProcess):
     """An emulator process with one bus; a context manager. The process ends with the one that started it.
 
     Args:
@@ -37,22 +22,7 @@ class EmulatedBus:
     def __init__(
         self, protocol: str = "feetech", ids: Sequence[int] = (1, 2, 3, 4, 5, 6), **options: Any
     ) -> None:
-        self._command = [protocol, "--ids", ",".join(str(i) for i in ids), *_arguments(options)]
-        self._own_root: Path | None = None
-        self._has_root = "root" in options
-        self._process: subprocess.Popen[bytes] | None = None
-        self._socket: socket.socket | None = None
-        self._buffer = b""
-        self.ready: dict[str, Any] = {}
-
-    def __enter__(self) -> EmulatedBus:
-        self.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+        super().__init__((protocol, "--ids", ",".join(str(i) for i in ids)), options)
 
     @property
     def port(self) -> str:
@@ -64,72 +34,6 @@ class EmulatedBus:
         """Path by the adapter's identity, which outlives a replug under another name."""
         return str(self.ready["by_id"])
 
-    @property
-    def root(self) -> Path:
-        """Folder that holds ``dev/`` and ``sys/``."""
-        return Path(self.ready["root"])
-
-    @property
-    def pid(self) -> int:
-        """Process id."""
-        return int(self.ready["pid"])
-
-    def start(self) -> None:
-        """Starts the process and waits until its port is there. Raises EmulatorError."""
-        command = [sys.executable, "-m", "joshua_emulator", *self._command, "--until-stdin-closes"]
-        if not self._has_root:
-            self._own_root = Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
-            command += ["--root", str(self._own_root)]
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
-        line = self._first_line()
-        if not line:
-            self._process.kill()
-            _, errors = self._process.communicate()
-            self.close()
-            raise EmulatorError(f"the emulator did not start: {errors.decode(errors='replace').strip()}")
-        self.ready = json.loads(line)
-
-    def close(self) -> None:
-        """Stops the process and removes its folder; a second call does nothing."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-        process, self._process = self._process, None
-        if process is not None:
-            process.terminate()
-            try:
-                process.wait(STOP_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            for stream in (process.stdin, process.stdout, process.stderr):
-                if stream is not None:
-                    with contextlib.suppress(BrokenPipeError):
-                        stream.close()
-        if self._own_root is not None:
-            shutil.rmtree(self._own_root, ignore_errors=True)
-            self._own_root = None
-
-    def ask(self, operation: str, **values: Any) -> dict[str, Any]:
-        """Sends one request over the control channel. Raises EmulatorError with the emulator's reason."""
-        connection = self._connect()
-        try:
-            connection.sendall(json.dumps({"op": operation, **values}).encode() + b"\n")
-            while b"\n" not in self._buffer:
-                data = connection.recv(65536)
-                if not data:
-                    raise EmulatorError(f"{operation}: the emulator closed the control channel")
-                self._buffer += data
-        except OSError as error:
-            raise EmulatorError(f"{operation}: the emulator does not answer ({error})") from error
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        answer: dict[str, Any] = json.loads(line)
-        if not answer.pop("ok"):
-            raise EmulatorError(str(answer["error"]))
-        return answer
-
     def servo(self, servo_id: int) -> dict[str, Any]:
         """The truth about one servo: position, torque, temperature and so on."""
         return dict(self.ask("state", id=servo_id)["servos"][0])
@@ -138,65 +42,7 @@ class EmulatedBus:
         """The truth about all servos in cable order."""
         return list(self.ask("state")["servos"])
 
-    def log(self, *events: str, since: int = 0) -> list[dict[str, Any]]:
-        """Log entries after a sequence number, of the named events only where any are named."""
-        return list(self.ask("log", since=since, events=events)["entries"])
-
     def hand(self, positions: Mapping[int, float], *, duration_s: float = 0.0) -> None:
         """Moves joints without torque by hand: ticks by servo id."""
         for servo_id, ticks in positions.items():
             self.ask("hand", id=servo_id, ticks=ticks, duration_s=duration_s)
-
-    def fault(self, kind: str, value: float | None = None, **settings: Any) -> None:
-        """Brings a fault about, such as ``fault("silent", 3)`` or ``fault("drop", 0.01)``."""
-        self.ask("fault", kind=kind, **({} if value is None else {"value": value}), **settings)
-
-    def wait_for(self, events: Iterable[str], *, since: int = 0, timeout_s: float = 10.0) -> dict[str, Any]:
-        """Waits for the first log entry of the given events after a sequence number."""
-        deadline_s = time.monotonic() + timeout_s
-        wanted = list(events)
-        while time.monotonic() < deadline_s:
-            entries = self.log(*wanted, since=since)
-            if entries:
-                return entries[0]
-            time.sleep(0.005)
-        raise EmulatorError(f"none of {', '.join(wanted)} was logged within {timeout_s} s")
-
-    def _connect(self) -> socket.socket:
-        if self._socket is None:
-            if not self.ready:
-                raise EmulatorError("the emulator is not running; start it first")
-            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            self._socket.settimeout(ANSWER_TIMEOUT_S)
-            try:
-                self._socket.connect(str(self.ready["control"]))
-            except OSError as error:
-                self._socket.close()
-                self._socket = None
-                raise EmulatorError(f"the emulator does not answer ({error})") from error
-        return self._socket
-
-    def _first_line(self) -> bytes:
-        assert self._process is not None
-        assert self._process.stdout is not None
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._process.stdout, selectors.EVENT_READ)
-            if not selector.select(START_TIMEOUT_S):
-                return b""
-        return self._process.stdout.readline()
-
-
-def _arguments(options: Mapping[str, Any]) -> list[str]:
-    arguments: list[str] = []
-    for name, value in options.items():
-        flag = "--" + name.replace("_", "-")
-        if value is True:
-            arguments.append(flag)
-        elif isinstance(value, (list, tuple)) and name == "fault":
-            for item in value:
-                arguments += [flag, str(item)]
-        elif isinstance(value, (list, tuple)):
-            arguments += [flag, ",".join(str(item) for item in value)]
-        elif value is not None and value is not False:
-            arguments += [flag, str(value)]
-    return arguments

@@ -7,14 +7,13 @@ import heapq
 import itertools
 import os
 import select
-import sys
 import time
 from collections.abc import Callable, Collection
-from pathlib import Path
 from typing import Protocol
 
 from joshua_emulator.control import ControlServer
 from joshua_emulator.event_log import EventLog
+from joshua_emulator.pacing import sharpen_timers
 from joshua_emulator.pty_line import PtyLine
 from joshua_emulator.wire import TimedReply
 
@@ -81,7 +80,7 @@ class Station:
 
     def run(self, watched: Collection[int] = ()) -> None:
         """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
-        _sharpen_timers()
+        sharpen_timers()
         self._running = True
         while self._running:
             now_s = time.monotonic()
@@ -135,11 +134,3 @@ class Station:
             now_s = time.monotonic()
             self.log.delivered(now_s - burst_s)
         return float("inf")
-
-
-def _sharpen_timers() -> None:
-    """Asks the kernel to wake this process within microseconds instead of 50 µs, where it can."""
-    slack = Path("/proc/self/timerslack_ns")
-    if sys.platform == "linux" and slack.exists():
-        with contextlib.suppress(OSError):
-            slack.write_text("1000", encoding="ascii")

@@ -1,0 +1,194 @@
+"""The event loop of an emulated camera: frames at their times, clients and the control channel between."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import itertools
+import os
+import select
+import socket
+import time
+from collections.abc import Callable, Collection
+
+from joshua_emulator.camera.connection import Connection
+from joshua_emulator.camera.frame_code import FrameCode
+from joshua_emulator.camera.frames import frame_factory
+from joshua_emulator.camera.stream_faults import StreamFaults
+from joshua_emulator.control import ControlServer
+from joshua_emulator.event_log import EventLog
+from joshua_emulator.pacing import sharpen_timers
+
+HOST = "127.0.0.1"
+MAX_CLIENTS = 32
+_READ_SIZE = 4096
+
+
+class CameraServer:
+    """A camera that runs whether or not anybody looks: frame k is sent at start + k / rate.
+
+    A client that has not taken a frame when the next one is due misses the next one.
+
+    Args:
+        width, height: of the pictures, in pixels; fps: frames per second.
+        port: of the loopback interface; 0 takes a free one.
+    """
+
+    def __init__(
+        self, width: int, height: int, fps: float, log: EventLog, faults: StreamFaults, *, port: int = 0
+    ) -> None:
+        self.width, self.height, self.fps = width, height, fps
+        self.log, self.faults = log, faults
+        self.control: ControlServer | None = None
+        self.number = 0
+        self.stalled = False
+        self._listener: socket.socket | None = None
+        self._clients: list[Connection] = []
+        self._timers: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._running = False
+        self._due_s = 0.0
+        frame_factory(width, height)
+        self.port = port
+        self.plug()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the camera can be reached."""
+        return self._listener is not None
+
+    @property
+    def streams(self) -> int:
+        """Clients that read the stream."""
+        return sum(client.streaming for client in self._clients)
+
+    def plug(self) -> None:
+        """Lets clients connect, always at the same port."""
+        if self._listener is not None:
+            return
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((HOST, self.port))
+            listener.listen(MAX_CLIENTS)
+        except OSError:
+            listener.close()
+            raise
+        listener.setblocking(False)
+        self.port = listener.getsockname()[1]
+        self._listener = listener
+        self.log.add("plug", time.monotonic(), port=self.port)
+
+    def unplug(self) -> None:
+        """Cuts all clients off in the middle of what they read; new ones are refused."""
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+        for client in self._clients:
+            client.close()
+        self._clients.clear()
+        self.log.add("unplug", time.monotonic())
+
+    def set_size(self, width: int, height: int) -> None:
+        """Serves pictures of another size from the next frame on. Raises FrameSizeError."""
+        frame_factory(width, height)
+        self.width, self.height = width, height
+        self._due_s = time.monotonic()  # preparing the pictures took the time of some frames
+
+    def set_rate(self, fps: float) -> None:
+        """Serves another number of frames per second from the next frame on."""
+        self.fps = fps
+        self._due_s = time.monotonic() + 1 / fps
+
+    def at(self, delay_s: float, action: Callable[[], None]) -> None:
+        """Calls ``action`` after a delay, on the loop."""
+        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
+
+    def stop(self) -> None:
+        """Ends ``run`` after the present turn."""
+        self._running = False
+
+    def run(self, watched: Collection[int] = ()) -> None:
+        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        sharpen_timers()
+        self._running = True
+        self._due_s = time.monotonic()
+        while self._running:
+            now_s = time.monotonic()
+            while self._timers and self._timers[0][0] <= now_s:
+                heapq.heappop(self._timers)[2]()
+            if now_s >= self._due_s:
+                self._frame(now_s)
+            ready = self._wait(watched)
+            if any(not os.read(descriptor, _READ_SIZE) for descriptor in watched if descriptor in ready):
+                return
+            if self.control is not None:
+                self.control.serve(ready)
+
+    def close(self) -> None:
+        """Cuts the clients off and closes the control channel."""
+        self.unplug()
+        if self.control is not None:
+            self.control.close()
+
+    def _wait(self, watched: Collection[int]) -> set[int]:
+        """Waits for the next due time and serves clients; returns the other descriptors that are ready."""
+        self._clients = [client for client in self._clients if not client.closed]
+        deadline_s = min([self._due_s, *(entry[0] for entry in self._timers[:1])])
+        others = [*watched, *(self.control.descriptors() if self.control is not None else ())]
+        clients = {client.fileno(): client for client in self._clients}
+        if self._listener is not None:
+            others.append(self._listener.fileno())
+        readable, writable, _ = select.select(
+            [*others, *clients],
+            [descriptor for descriptor, client in clients.items() if client.sending],
+            [],
+            max(0.0, deadline_s - time.monotonic()),
+        )
+        for descriptor in writable:
+            clients[descriptor].flush()
+        for descriptor in readable:
+            if descriptor in clients and not clients[descriptor].closed:
+                clients[descriptor].receive()
+        if self._listener is not None and self._listener.fileno() in readable:
+            self._accept()
+        self._serve_pictures()
+        return set(readable)
+
+    def _accept(self) -> None:
+        assert self._listener is not None
+        with contextlib.suppress(BlockingIOError):
+            peer, _ = self._listener.accept()
+            if len(self._clients) >= MAX_CLIENTS:
+                peer.close()
+                return
+            self._clients.append(Connection(peer))
+
+    def _serve_pictures(self) -> None:
+        for client in self._clients:
+            if client.wants_picture and not self.stalled:
+                code = FrameCode(self.number, time.monotonic_ns())
+                client.send_picture(frame_factory(self.width, self.height).frame(code))
+
+    def _frame(self, now_s: float) -> None:
+        """Sends the frame that is due to everybody who reads the stream."""
+        self.log.delivered(now_s - self._due_s)
+        self._due_s += 1 / self.fps
+        if now_s - self._due_s > 1 / self.fps:  # this process was held up: those frames were never taken
+            self._due_s = now_s + 1 / self.fps
+        number, self.number = self.number, self.number + 1
+        if self.stalled or self.faults.drops():
+            return
+        readers = [client for client in self._clients if client.streaming]
+        if not readers:
+            return
+        code = FrameCode(number, time.monotonic_ns())
+        frame = self.faults.disturb(frame_factory(self.width, self.height).frame(code))
+        for client in readers:
+            if client.sending:
+                self.log.add("skipped", time.monotonic(), number=number)
+                continue
+            client.send_frame(frame, number, lambda: self._sent(code, len(frame)))
+
+    def _sent(self, code: FrameCode, size: int) -> None:
+        self.log.add("frame", time.monotonic(), number=code.number, start_ns=code.sent_ns, bytes=size)
