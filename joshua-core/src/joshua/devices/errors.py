@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
 
-class DeviceError(Exception):
+from joshua.node.errors import EXIT_DEVICE_REFUSED, NodeError
+
+
+class DeviceError(NodeError):
     """A device is absent, refuses, or answers wrongly; the message names device and remedy."""
+
+    exit_code: ClassVar[int] = EXIT_DEVICE_REFUSED
 
 
 class DeviceDisconnected(DeviceError):

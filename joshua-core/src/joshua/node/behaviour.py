@@ -22,7 +22,7 @@ class NodeContext(Protocol):
     """What the runtime offers to a behaviour, on the node's own thread unless said otherwise.
 
     Attributes:
-        spec: the node's part of the plan.
+        spec: the node's part of the plan; ``spec.context["restarted"]`` is true after a failure.
         log: logger whose records reach the supervisor with the node's name.
     """
 
@@ -33,13 +33,29 @@ class NodeContext(Protocol):
         """Declares a publisher of the node block, or one of the node's own such as ``~/command``."""
 
     def subscribe(self, topic: TopicSpec, callback: Callable[[Any, int], None]) -> None:
-        """Calls ``callback(message, received_ns)`` on a transport thread for each message."""
+        """Calls ``callback(message, received_ns)`` on a transport thread for each message.
+
+        Its exception fails the node. A payload that is no message of the type is logged and skipped.
+        """
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
-        """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift."""
+        """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.
 
-    def spawn_thread(self, target: Callable[[], None], *, name: str) -> None:
-        """Runs a blocking reader beside the timers; its exception fails the node; joined at the end."""
+        The first tick comes one period after ``activate`` has returned. Ticks that a long callback
+        runs over are skipped and counted.
+        """
+
+    def spawn_thread(
+        self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
+    ) -> None:
+        """Runs a blocking reader beside the timers; its exception fails the node; joined at the end.
+
+        Args:
+            target: returns soon after ``stopping`` has become true, and asks for it all the time: a
+                reader that does not ask for ``hang_after_s`` counts as hung.
+            name: for logs and reports.
+            hang_after_s: the limit; None takes the one of the node's kind.
+        """
 
     @property
     def stopping(self) -> bool:
@@ -49,18 +65,28 @@ class NodeContext(Protocol):
         """The node's clock for stamps, ns since the epoch."""
 
     def fail(self, reason: str) -> None:
-        """Ends the node as failed with a reason that names the device and the remedy."""
+        """Ends the node as failed with a reason that names the device and the remedy; any thread."""
 
     def warn(self, text: str) -> None:
-        """Adds a warning to the node's row of the start-up table."""
+        """Adds a warning to the node's row of the start-up table; any thread."""
+
+    def waiting_for(self, text: str) -> None:
+        """Says what the node waits for, for the message of a start that takes too long; "" ends it."""
+
+    def end_run(self, reason: str) -> None:
+        """Asks for the end of the whole run in good order: the node's work is done; any thread."""
 
 
 class NodeBehaviour(ABC):
     """One node's work, by the lifecycle of ROS 2 managed nodes.
 
     Order: ``configure`` (open the device, declare topics) → ``activate`` (start moving and publishing)
-    → ``deactivate`` (stop moving, safe state) → ``cleanup`` (close the device). ``deactivate`` and
-    ``cleanup`` also run after a failure and are idempotent. The constructor does no I/O.
+    → ``deactivate`` (stop moving, safe state) → ``cleanup`` (close the device). No node of a run is
+    activated before every node is configured. ``deactivate`` and ``cleanup`` also run after a failure,
+    in whichever step, and are idempotent. The constructor does no I/O.
+
+    All steps run on the node's thread. While a timer's callback or a step runs, the node shows no other
+    sign of life: after ``activate`` an actuator that is silent for 0.2 s counts as hung.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -80,5 +106,8 @@ class NodeBehaviour(ABC):
         """Closes the device."""
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Results for the pass/fail table of MODE_TEST: (check, passed, measured)."""
+        """Results for the pass/fail table of MODE_TEST: (check, passed, measured).
+
+        Called after ``deactivate`` and before ``cleanup``.
+        """
         return []

@@ -18,10 +18,14 @@ class TimerReport(BaseModel):
     jitter_p999_s: float
     ticks: int
     overruns: int
+    jitter_max_s: float = 0.0
 
 
 class TopicReport(BaseModel):
-    """Traffic of one endpoint; ``configured_hz`` is 0 for a subscription."""
+    """Traffic of one endpoint; ``configured_hz`` is 0 for a subscription.
+
+    Jitter is the distance of a publisher's intervals from its configured period; 0 where none is configured.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -31,6 +35,9 @@ class TopicReport(BaseModel):
     count: int
     rate_hz: float
     configured_hz: float = 0.0
+    jitter_p50_s: float = 0.0
+    jitter_p99_s: float = 0.0
+    jitter_p999_s: float = 0.0
 
 
 class CheckResult(BaseModel):
@@ -70,7 +77,9 @@ class RunReport(BaseModel):
 
     Attributes:
         exit_code: of the contract (0, 1, 3, 4, 130).
+        reason: why the run ended, one sentence.
         ready_s: from the start to the last ready report; None if that was not reached.
+        first_message_s: from the start to the first message that a subscription received.
         stop_s: from the stop request to the last exit.
     """
 
@@ -78,5 +87,7 @@ class RunReport(BaseModel):
 
     exit_code: int
     nodes: tuple[NodeReport, ...] = ()
+    reason: str = ""
     ready_s: float | None = None
+    first_message_s: float | None = None
     stop_s: float | None = None

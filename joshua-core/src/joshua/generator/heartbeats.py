@@ -1,0 +1,133 @@
+"""Silence that counts as a hang, and silence that only means a busy machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from joshua.ipc.messages import Heartbeat
+from joshua.plan import NodeKind, NodeSpec
+
+#: Silence of a node's loop that counts as a hang, after its activation. A model may think for long.
+HANG_AFTER_S: dict[NodeKind, float] = {
+    NodeKind.ACTUATOR: 0.2,
+    NodeKind.SENSOR: 2.0,
+    NodeKind.SERVICE: 5.0,
+    NodeKind.MODEL: 20.0,
+}
+
+#: Distance of two looks at the heartbeats.
+CHECK_PERIOD_S = 0.05
+
+#: A process is starved if it waited for a processor at least this share of a silence …
+STARVED_SHARE = 0.3
+#: … and this many times as long as it ran.
+STARVED_RATIO = 2.0
+#: Even a starved process counts as hung after this many times its limit.
+STARVED_PATIENCE = 10.0
+
+
+@dataclass(frozen=True)
+class ProcessorTime:
+    """Seconds that the threads of a process have run, and have waited for a processor."""
+
+    ran_s: float
+    waited_s: float
+
+
+def processor_time(process_id: int) -> ProcessorTime | None:
+    """Reads the times of a process; None where the system does not tell.
+
+    Source: Documentation/scheduler/sched-stats.rst, first two fields of ``schedstat``, in ns.
+    """
+    ran_ns = waited_ns = 0
+    try:
+        for path in Path(f"/proc/{process_id}/task").glob("*/schedstat"):
+            fields = path.read_text().split()
+            ran_ns += int(fields[0])
+            waited_ns += int(fields[1])
+    except (OSError, ValueError, IndexError):
+        return None
+    return ProcessorTime(ran_ns / 1e9, waited_ns / 1e9)
+
+
+def hang_limit_s(spec: NodeSpec) -> float:
+    """Limit of a node: ``hang_after_s`` of its context, else the one of its kind."""
+    limit = spec.context.get("hang_after_s")
+    return float(limit) if isinstance(limit, (int, float)) and limit > 0 else HANG_AFTER_S[spec.kind]
+
+
+@dataclass
+class _Pulse:
+    limit_s: float
+    heard_s: float
+    threads: dict[str, tuple[float, float]] = field(default_factory=dict)
+    sample: ProcessorTime | None = None
+    sampled_s: float = 0.0
+
+
+class HeartbeatWatch:
+    """Watches the nodes of one process, each from its activation on.
+
+    Args:
+        usage: returns the processor times of the process so far.
+    """
+
+    def __init__(self, usage: Callable[[], ProcessorTime | None]) -> None:
+        self._usage = usage
+        self._pulses: dict[str, _Pulse] = {}
+
+    @property
+    def active(self) -> bool:
+        """Whether any node is watched."""
+        return bool(self._pulses)
+
+    def begin(self, spec: NodeSpec, now_s: float) -> None:
+        """Watches a node from now on."""
+        self._pulses[spec.full_name] = _Pulse(hang_limit_s(spec), now_s)
+
+    def hear(self, beat: Heartbeat) -> None:
+        """Takes a heartbeat; its stamp is of the clock that ``hung`` is asked with."""
+        pulse = self._pulses.get(beat.node)
+        if pulse is not None:
+            pulse.heard_s = max(pulse.heard_s, beat.stamp_ns / 1e9)
+            pulse.threads = {thread.name: (thread.age_s, thread.limit_s) for thread in beat.threads}
+            pulse.sample = None
+
+    def excuse(self, now_s: float) -> None:
+        """Begins every silence anew, after this program itself could not listen."""
+        for pulse in self._pulses.values():
+            pulse.heard_s = max(pulse.heard_s, now_s)
+            pulse.sample = None
+
+    def end(self) -> None:
+        """Watches nothing any more."""
+        self._pulses.clear()
+
+    def hung(self, now_s: float) -> tuple[str, str] | None:
+        """Returns (node, what shows that it hangs), or None; ask every ``CHECK_PERIOD_S``."""
+        for node, pulse in self._pulses.items():
+            silence_s = now_s - pulse.heard_s
+            if silence_s > pulse.limit_s / 2 and pulse.sample is None:
+                pulse.sample, pulse.sampled_s = self._usage(), now_s
+            if silence_s > pulse.limit_s and not self._starved(pulse, now_s):
+                return node, f"its loop has not turned for {silence_s:.2f} s (limit {pulse.limit_s:g} s)"
+            for name, (age_s, limit_s) in pulse.threads.items():
+                if age_s > limit_s:
+                    return (
+                        node,
+                        f"its thread {name!r} has shown no sign of life for {age_s:.1f} s "
+                        f"(limit {limit_s:g} s)",
+                    )
+        return None
+
+    def _starved(self, pulse: _Pulse, now_s: float) -> bool:
+        """Whether the machine is to blame: the process wanted a processor and hardly got one."""
+        if now_s - pulse.heard_s > STARVED_PATIENCE * pulse.limit_s:
+            return False
+        then, now = pulse.sample, self._usage()
+        if then is None or now is None:
+            return False
+        ran_s, waited_s = now.ran_s - then.ran_s, now.waited_s - then.waited_s
+        return waited_s > STARVED_SHARE * (now_s - pulse.sampled_s) and waited_s > STARVED_RATIO * ran_s

@@ -1,0 +1,112 @@
+"""A single-threaded event loop: descriptors and timers, nothing else."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import selectors
+import time
+from collections.abc import Callable
+
+#: The loop was held up if it wakes this much later than it wanted to.
+STALL_S = 0.1
+
+
+class ReactorTimer:
+    """A callback at a time; ``cancel`` takes it back."""
+
+    def __init__(self, due_s: float, callback: Callable[[], None]) -> None:
+        self.due_s = due_s
+        self.callback: Callable[[], None] | None = callback
+
+    def cancel(self) -> None:
+        """Makes sure that the callback does not run; a second call does nothing."""
+        self.callback = None
+
+
+class Reactor:
+    """Calls back for readable and writable descriptors and for timers.
+
+    Descriptors come first in each turn, so that a timer which judges silence has heard everything that
+    was said before.
+
+    Args:
+        clock: seconds of a clock that never goes back.
+        on_stall: called with the seconds by which the loop woke late, before anything else.
+    """
+
+    def __init__(
+        self, clock: Callable[[], float] = time.monotonic, on_stall: Callable[[float], None] | None = None
+    ) -> None:
+        self._clock = clock
+        self._on_stall = on_stall
+        self._selector = selectors.DefaultSelector()
+        self._timers: list[tuple[float, int, ReactorTimer]] = []
+        self._order = itertools.count()
+
+    def now_s(self) -> float:
+        """The loop's clock."""
+        return self._clock()
+
+    def call_later(self, delay_s: float, callback: Callable[[], None]) -> ReactorTimer:
+        """Calls back once after a delay."""
+        timer = ReactorTimer(self._clock() + max(0.0, delay_s), callback)
+        heapq.heappush(self._timers, (timer.due_s, next(self._order), timer))
+        return timer
+
+    def watch(
+        self,
+        descriptor: int,
+        on_readable: Callable[[], object],
+        on_writable: Callable[[], object] | None = None,
+    ) -> None:
+        """Calls back when a descriptor is readable or, if asked for, writable; replaces a former watch."""
+        events = selectors.EVENT_READ | (selectors.EVENT_WRITE if on_writable else 0)
+        data = (on_readable, on_writable)
+        if descriptor in self._selector.get_map():
+            self._selector.modify(descriptor, events, data)
+        else:
+            self._selector.register(descriptor, events, data)
+
+    def forget(self, descriptor: int) -> None:
+        """Stops watching a descriptor; an unknown one is no error."""
+        if descriptor in self._selector.get_map():
+            self._selector.unregister(descriptor)
+
+    def turn(self) -> None:
+        """Waits for the next event and handles what is due."""
+        timeout_s = self._next_timeout_s()
+        wanted_s = None if timeout_s is None else self._clock() + timeout_s
+        ready = self._selector.select(timeout_s)
+        if wanted_s is not None and self._clock() - wanted_s > STALL_S and self._on_stall is not None:
+            self._on_stall(self._clock() - wanted_s)
+        for key, events in ready:
+            current = self._selector.get_map().get(key.fd)
+            if current is None or current.data is not key.data:
+                continue  # an earlier callback of this turn has closed or changed it
+            on_readable, on_writable = key.data
+            if events & selectors.EVENT_WRITE and on_writable is not None:
+                on_writable()
+            if events & selectors.EVENT_READ:
+                on_readable()
+        self._run_timers()
+
+    def close(self) -> None:
+        """Forgets everything; a second call does nothing."""
+        self._timers.clear()
+        self._selector.close()
+
+    def _next_timeout_s(self) -> float | None:
+        while self._timers and self._timers[0][2].callback is None:
+            heapq.heappop(self._timers)
+        return max(0.0, self._timers[0][0] - self._clock()) if self._timers else None
+
+    def _run_timers(self) -> None:
+        now_s = self._clock()
+        due = []
+        while self._timers and self._timers[0][0] <= now_s:
+            due.append(heapq.heappop(self._timers)[2])
+        for timer in due:
+            callback, timer.callback = timer.callback, None
+            if callback is not None:
+                callback()

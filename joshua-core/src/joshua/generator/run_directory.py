@@ -1,0 +1,215 @@
+"""The directory of one running system: lock, control socket, pointer to the log; and who holds which node."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import secrets
+import shutil
+import stat
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+LOCK_NAME = "lock"
+INFO_NAME = "run.json"
+SOCKET_NAME = "control.sock"
+LOG_NAME = "log.jsonl"
+
+
+class RunDirectoryError(Exception):
+    """The directory for running systems cannot be used; the message says why and what to do."""
+
+
+class NodesInUseError(Exception):
+    """Another run holds nodes of this one; the message names it."""
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """Who runs what.
+
+    Attributes:
+        run: name of the run; process_id: of its supervisor; source: its file, as given.
+        since: local time of its start; domain_id: ROS 2 domain; nodes: fully qualified names.
+    """
+
+    run: str
+    process_id: int
+    source: str
+    since: str
+    domain_id: int
+    nodes: tuple[str, ...]
+
+
+def base_directory(environment: Mapping[str, str]) -> Path:
+    """``$XDG_RUNTIME_DIR/joshua``, else ``/tmp/joshua-<uid>``."""
+    runtime = environment.get("XDG_RUNTIME_DIR", "")
+    if Path(runtime).is_absolute() and Path(runtime).is_dir() and os.access(runtime, os.W_OK):
+        return Path(runtime) / "joshua"
+    return Path(f"/tmp/joshua-{os.getuid()}")  # noqa: S108 (its owner and mode are checked)
+
+
+class RunDirectory:
+    """One running system's directory; made by ``create``, removed by ``close``."""
+
+    def __init__(self, path: Path, info: RunInfo, descriptors: list[int]) -> None:
+        self.path = path
+        self.info = info
+        self._descriptors = descriptors
+
+    @classmethod
+    def create(cls, base: Path, source: str, domain_id: int, nodes: Sequence[str]) -> RunDirectory:
+        """Takes the nodes and makes the directory; removes those of runs that were killed.
+
+        Raises:
+            NodesInUseError: another run holds a node of the same name in the same domain.
+            RunDirectoryError: the base cannot be made or is not this user's own.
+        """
+        runs = _private(_private(base) / "runs")
+        locks = _private(base / "nodes")
+        run = secrets.token_hex(4)
+        info = RunInfo(run, os.getpid(), source, time.strftime("%Y-%m-%d %H:%M:%S"), domain_id, tuple(nodes))
+        try:
+            with _locked(base / LOCK_NAME):
+                remove_stale(runs)
+                descriptors = _take_nodes(locks, info)
+                path = runs / run
+                path.mkdir(mode=0o700)
+                descriptors.append(_lock(path / LOCK_NAME))
+                (path / INFO_NAME).write_text(json.dumps(asdict(info)))
+        except OSError as error:
+            raise RunDirectoryError(
+                f"{base}: {error.strerror or error}; free space, or set XDG_RUNTIME_DIR to another folder"
+            ) from error
+        return cls(path, info, descriptors)
+
+    @property
+    def socket_path(self) -> Path:
+        """The control socket, for ``joshua status`` and others."""
+        return self.path / SOCKET_NAME
+
+    def point_to_log(self, log: Path) -> None:
+        """Lets ``log.jsonl`` in this directory point to the log file."""
+        with contextlib.suppress(OSError):  # only a convenience
+            (self.path / LOG_NAME).symlink_to(log)
+
+    def close(self) -> None:
+        """Removes the directory and lets the nodes go; a second call does nothing."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        while self._descriptors:
+            os.close(self._descriptors.pop())
+
+
+def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
+    """Lists the systems that run now, oldest first."""
+    found = []
+    for path in sorted((base / "runs").glob("*/")):
+        info = _read_info(path / INFO_NAME)
+        if info is not None and not _is_stale(path):
+            found.append((path, info))
+    return sorted(found, key=lambda item: item[1].since)
+
+
+def remove_stale(runs: Path) -> None:
+    """Removes the directories of runs whose supervisor is gone."""
+    for path in runs.glob("*/"):
+        if _is_stale(path):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _is_stale(path: Path) -> bool:
+    try:
+        descriptor = os.open(path / LOCK_NAME, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    else:
+        return True
+    finally:
+        os.close(descriptor)
+
+
+def _private(path: Path) -> Path:
+    """Makes a directory that only this user can enter, or checks the one that is there."""
+    try:
+        path.mkdir(mode=0o700, exist_ok=True)
+        status = path.lstat()
+    except OSError as error:
+        raise RunDirectoryError(f"{path} cannot be made: {error.strerror}; set XDG_RUNTIME_DIR") from error
+    mode = stat.S_IMODE(status.st_mode)
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
+        raise RunDirectoryError(
+            f"{path} belongs to user {status.st_uid} or is no directory, so another user could pose as a "
+            f"running robot there; remove it or set XDG_RUNTIME_DIR to a folder of your own"
+        )
+    if mode & 0o077:
+        raise RunDirectoryError(f"{path} has mode {mode:04o}, so others can enter it: chmod 700 {path}")
+    return path
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Keeps other processes from creating and cleaning at the same time; they hold it for milliseconds."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _lock(path: Path) -> int:
+    """Locks a file for the life of this process; raises BlockingIOError if another holds it."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _take_nodes(locks: Path, info: RunInfo) -> list[int]:
+    descriptors: list[int] = []
+    held: dict[str, list[str]] = {}
+    for node in info.nodes:
+        path = locks / f"{info.domain_id}{node.replace('/', '.')}"
+        try:
+            descriptor = _lock(path)
+        except BlockingIOError:
+            held.setdefault(_holder(path), []).append(node)
+            continue
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, json.dumps(asdict(info)).encode())
+        descriptors.append(descriptor)
+    if held:
+        for descriptor in descriptors:
+            os.close(descriptor)
+        lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
+        raise NodesInUseError(
+            "another run has these nodes: " + "; ".join(lines) + ". Stop it with Ctrl-C or `joshua stop`, "
+            "or run this file in another ROS_DOMAIN_ID"
+        )
+    return descriptors
+
+
+def _holder(path: Path) -> str:
+    info = _read_info(path)
+    if info is None:
+        return "a run that does not say more"
+    return f"process {info.process_id}, which runs {info.source} since {info.since}"
+
+
+def _read_info(path: Path) -> RunInfo | None:
+    try:
+        fields = json.loads(path.read_text())
+        return RunInfo(**{**fields, "nodes": tuple(fields["nodes"])})
+    except (OSError, ValueError, TypeError, KeyError):
+        return None

@@ -1,0 +1,360 @@
+"""The supervisor: starts the processes of a plan, watches them, and stops them. Written stop-first."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import time
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+from joshua.generator.control_server import ControlServer
+from joshua.generator.fork_server import ForkServer
+from joshua.generator.heartbeats import CHECK_PERIOD_S
+from joshua.generator.launcher import Launcher
+from joshua.generator.logbook import Logbook
+from joshua.generator.managed_process import ManagedProcess
+from joshua.generator.options import SupervisorOptions
+from joshua.generator.process_groups import process_groups
+from joshua.generator.reactor import Reactor
+from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError
+from joshua.generator.status import RunEvent, RunStatus, StartTable
+from joshua.generator.stop_signals import StopSignals
+from joshua.generator.ui import SilentInterface, UserInterface
+from joshua.plan import Plan, RunReport
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_NOT_INSTALLED = 3
+EXIT_HARDWARE = 4
+EXIT_INTERRUPTED = 130
+
+#: After a failure at the start the other nodes may go on for this long, so that one run shows every
+#: absent device and not only the first.
+START_SETTLE_S = 0.5
+
+
+class Phase(Enum):
+    """Where a run stands."""
+
+    STARTING = "starting"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    ENDED = "ended"
+
+
+class Supervisor:
+    """Runs one plan. It owns processes, never devices.
+
+    Args:
+        plan: what to run.
+        fork_server: started before any thread or transport existed; stays the caller's to close.
+        options: settings.
+        ui: who watches.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        fork_server: ForkServer,
+        options: SupervisorOptions | None = None,
+        ui: UserInterface | None = None,
+    ) -> None:
+        self._plan = plan
+        self._fork_server = fork_server
+        self._options = options or SupervisorOptions()
+        self._ui = ui or SilentInterface()
+        self._reactor = Reactor(on_stall=self._on_stall)
+        self._processes: list[ManagedProcess] = []
+        self._phase = Phase.STARTING
+        self._reason = ""
+        self._exit_code = EXIT_OK
+        self._began_s = 0.0
+        self._ready_s: float | None = None
+        self._first_message_s: float | None = None
+        self._stop_began_s: float | None = None
+        self._router: Any = None
+        self._activated = False
+        self._settling = False
+
+    def run(self) -> RunReport:
+        """Runs the plan to its end; returns what the run was like. Call it once."""
+        began_s = self._options.began_s
+        self._began_s = time.monotonic() if began_s is None else began_s
+        name = f"{self._plan.robot_id or 'robot'}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jsonl"
+        self._logbook = Logbook(self._reactor, self._ui, self._options.log_directory / name)
+        self._logbook.capture()
+        signals = StopSignals(self._reactor, self._on_signal)
+        closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
+        try:
+            if self._options.handle_signals:
+                signals.install(self._excuse)
+            if self._open_run_directory(closers):
+                self._start(closers)
+                while self._phase is not Phase.ENDED:
+                    self._reactor.turn()
+            report = self._report()
+            self._logbook.interface.call(lambda ui: ui.on_finish(report))
+            return report
+        finally:
+            while closers:
+                closers.pop()()
+
+    # Start.
+
+    def _open_run_directory(self, closers: list[Callable[[], None]]) -> bool:
+        plan = self._plan
+        nodes = [spec.full_name for spec in plan.nodes]
+        try:
+            directory = RunDirectory.create(
+                self._options.run_base, plan.source, plan.transport.domain_id, nodes
+            )
+        except (NodesInUseError, RunDirectoryError) as error:
+            self._exit_code = EXIT_HARDWARE if isinstance(error, NodesInUseError) else EXIT_FAILED
+            self._reason = str(error)
+            self._logbook.write(logging.ERROR, self._reason)
+            return False
+        closers.append(directory.close)
+        directory.point_to_log(self._logbook.path)
+        handlers = {"status": self._answer_status, "stop": self._answer_stop}
+        try:
+            server = ControlServer(self._reactor, directory.socket_path, handlers)
+        except OSError as error:
+            self._logbook.write(logging.WARNING, f"no control socket, so no `joshua status`: {error}")
+        else:
+            closers.append(server.close)
+        return True
+
+    def _start(self, closers: list[Callable[[], None]]) -> None:
+        plan, options = self._plan, self._options
+        launcher = Launcher(self._reactor, self._fork_server, self._on_fork_server_lost)
+        closers.append(launcher.close)
+        tools = (self._reactor, launcher, self._logbook)
+        groups = process_groups(plan.nodes)
+        self._processes = [ManagedProcess(specs, plan.transport, options, tools, self) for specs in groups]
+        self._logbook.write(logging.INFO, f"starting {len(plan.nodes)} nodes of {plan.source}")
+        if not self._processes:
+            self._stop("the plan has no nodes for this machine", EXIT_FAILED)
+            return
+        # The processes come up while this one opens the router; they join it when they are told to start.
+        for process in self._processes:
+            process.spawn()
+        if not self._open_router(closers):
+            return
+        for process in self._processes:
+            process.start()
+        self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
+        self._reactor.call_later(options.status_period_s, self._show_status)
+
+    def _open_router(self, closers: list[Callable[[], None]]) -> bool:
+        from joshua.transport import TransportError, TransportMissingError
+        from joshua.transport.router import host_or_join
+
+        try:
+            self._router = host_or_join(self._plan.transport)
+        except TransportError as error:
+            missing = isinstance(error, TransportMissingError)
+            self._logbook.write(logging.ERROR, str(error))
+            self._stop(str(error), EXIT_NOT_INSTALLED if missing else EXIT_FAILED)
+            return False
+        if self._router is not None:
+            closers.append(self._router.close)
+        return True
+
+    def on_process_configured(self, process: ManagedProcess) -> None:
+        """Lets the nodes move: all together at the start, a restarted one by itself."""
+        if self._phase is Phase.RUNNING:
+            process.activate()
+        elif self._phase is Phase.STARTING and all(item.configured for item in self._processes):
+            self._activated = True
+            for item in self._processes:
+                item.activate()
+        self._settle()
+
+    def on_process_ready(self, process: ManagedProcess) -> None:
+        """Shows the start-up table when the last process is ready."""
+        self._event("ready", process.names, "ready")
+        if self._phase is Phase.RUNNING:
+            self._logbook.write(logging.INFO, f"{process.names}: ready again")
+        elif self._phase is Phase.STARTING and all(item.ready for item in self._processes):
+            self._phase = Phase.RUNNING
+            self._ready_s = time.monotonic() - self._began_s
+            self._show_table(self._ready_s)
+            duration_s = self._options.duration_s or self._plan.duration_s
+            if duration_s is not None:
+                text = f"the duration of {duration_s:g} s is over"
+                self._reactor.call_later(duration_s, lambda: self._stop(text, EXIT_OK))
+
+    def on_first_message(self, stamp_ns: int) -> None:
+        """Notes when the first message arrived."""
+        if self._first_message_s is None:
+            self._first_message_s = stamp_ns / 1e9 - self._began_s
+
+    # Failures.
+
+    def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
+        """Ends the run, restarts the process, or lets it stay down, by the phase and its policy."""
+        if self._phase is Phase.STOPPING:
+            self._finish_if_stopped()
+            return
+        reasons = "; ".join(f"{name}: {record.reason}" for name, record in process.records.items())
+        self._event("failed", process.names, reasons)
+        if self._phase is Phase.STARTING:
+            self._settle()
+        elif process.policy.stops_run:
+            self._stop(f"{reasons} (its restart policy stops the run)", EXIT_FAILED)
+        else:
+            self._restart_or_give_up(process)
+
+    def _settle(self) -> None:
+        """After a failure at the start: stops once every other process has come to its end or its place."""
+        if self._phase is not Phase.STARTING or not any(self._failed(item) for item in self._processes):
+            return
+        if self._activated or all(item.configured or not item.alive for item in self._processes):
+            self._stop_failed_start()
+        elif not self._settling:
+            self._settling = True
+            self._reactor.call_later(START_SETTLE_S, self._stop_failed_start)
+
+    def _stop_failed_start(self) -> None:
+        failed = [
+            record
+            for process in self._processes
+            for record in process.records.values()
+            if record.state == "failed"
+        ]
+        if self._phase is Phase.STARTING and failed:
+            reasons = "; ".join(f"{record.spec.full_name}: {record.reason}" for record in failed)
+            self._stop(f"the start failed: {reasons}", failed[0].exit_code)
+
+    def _restart_or_give_up(self, process: ManagedProcess) -> None:
+        decision = process.policy.failed(self._reactor.now_s())
+        if decision.delay_s is not None:
+            text = f"starts again in {decision.delay_s:g} s"
+            process.restart_later(decision.delay_s)
+            self._event("restarting", process.names, text)
+            self._logbook.write(logging.WARNING, f"{process.names}: {text}")
+            return
+        text = f"stays down: {decision.reason}"
+        self._event("given-up", process.names, text)
+        self._logbook.write(logging.ERROR, f"{process.names}: {text}")
+        if not any(item.alive or item.restart_timer for item in self._processes):
+            self._stop("no node is left", EXIT_FAILED)
+
+    def _failed(self, process: ManagedProcess) -> bool:
+        return not process.alive and any(record.state == "failed" for record in process.records.values())
+
+    def _on_fork_server_lost(self, reason: str) -> None:
+        self._logbook.write(logging.ERROR, f"the fork server has died: {reason}")
+        self._stop("the fork server has died, so that no node could start again", EXIT_FAILED)
+
+    def _on_stall(self, seconds: float) -> None:
+        self._logbook.write(logging.DEBUG, f"the supervisor was held up for {seconds:.2f} s")
+        self._excuse()
+
+    def _excuse(self) -> None:
+        for process in self._processes:
+            process.watch.excuse(self._reactor.now_s())
+
+    def _check_heartbeats(self) -> None:
+        for process in self._processes:
+            process.check_heartbeats()
+        if self._phase is not Phase.ENDED:
+            self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
+
+    # Stop.
+
+    def on_stop_run(self, node: str, reason: str) -> None:
+        """Ends the run in good order because a node's work is done."""
+        self._stop(f"{node}: {reason}", EXIT_OK)
+
+    def _on_signal(self, number: int) -> None:
+        name = signal.Signals(number).name
+        if self._phase is Phase.STOPPING:
+            self._logbook.write(logging.WARNING, f"{name} again: killing what is left")
+            for process in self._processes:
+                process.kill()
+            return
+        code = EXIT_OK if self._phase is Phase.RUNNING else EXIT_INTERRUPTED
+        self._stop(f"stopped by {name}", code)
+
+    def _stop(self, reason: str, exit_code: int) -> None:
+        if self._phase in (Phase.STOPPING, Phase.ENDED):
+            return
+        self._phase = Phase.STOPPING
+        self._reason, self._exit_code = reason, exit_code
+        self._stop_began_s = time.monotonic()
+        in_order = exit_code in (EXIT_OK, EXIT_INTERRUPTED)
+        self._logbook.write(logging.INFO if in_order else logging.ERROR, f"stopping: {reason}")
+        self._event("stopping", "", reason)
+        for process in self._processes:
+            process.stop(reason)
+        self._finish_if_stopped()
+
+    def _finish_if_stopped(self) -> None:
+        if not any(process.alive for process in self._processes):
+            self._phase = Phase.ENDED
+
+    # Show.
+
+    def _report(self) -> RunReport:
+        records = [record for process in self._processes for record in process.records.values()]
+        if self._exit_code == EXIT_OK and any(record.state in ("failed", "killed") for record in records):
+            self._exit_code = EXIT_FAILED
+        stop_s = None if self._stop_began_s is None else time.monotonic() - self._stop_began_s
+        return RunReport(
+            exit_code=self._exit_code,
+            reason=self._reason,
+            nodes=tuple(record.final_report() for record in records),
+            ready_s=self._ready_s,
+            first_message_s=self._first_message_s,
+            stop_s=stop_s,
+        )
+
+    def _show_table(self, ready_s: float) -> None:
+        plan = self._plan
+        notes = [f"log: {self._logbook.path}"]
+        if self._router is not None:
+            notes.append(str(self._router.description))
+        table = StartTable(
+            source=plan.source,
+            mode=plan.mode,
+            robot=plan.robot_name or plan.robot_id,
+            transport=f"{plan.transport.kind} ({plan.transport.reason}), domain {plan.transport.domain_id}",
+            ready_s=ready_s,
+            nodes=tuple(r.row() for process in self._processes for r in process.records.values()),
+            notes=tuple(notes),
+            findings=plan.findings,
+        )
+        self._logbook.interface.call(lambda ui: ui.on_table(table))
+        self._logbook.write(logging.INFO, f"all nodes ready after {ready_s:.2f} s")
+
+    def _status(self) -> RunStatus:
+        return RunStatus(
+            source=self._plan.source,
+            mode=self._plan.mode,
+            phase=self._phase.value,
+            elapsed_s=time.monotonic() - self._began_s,
+            process_id=os.getpid(),
+            nodes=tuple(r.status() for process in self._processes for r in process.records.values()),
+        )
+
+    def _show_status(self) -> None:
+        if self._phase is Phase.ENDED:
+            return
+        status = self._status()
+        self._logbook.interface.call(lambda ui: ui.on_status(status))
+        self._reactor.call_later(self._options.status_period_s, self._show_status)
+
+    def _event(self, kind: str, node: str, text: str) -> None:
+        event = RunEvent(kind, node, text)
+        self._logbook.interface.call(lambda ui: ui.on_event(event))
+
+    def _answer_status(self, _request: object) -> dict[str, Any]:
+        return {"status": self._status().as_dict()}
+
+    def _answer_stop(self, _request: object) -> dict[str, Any]:
+        self._reactor.call_later(0, lambda: self._stop("stopped by `joshua stop`", EXIT_OK))
+        return {"stopping": True}

@@ -1,0 +1,1 @@
+"""What the supervisor and its child processes share: frames, messages, process attributes."""

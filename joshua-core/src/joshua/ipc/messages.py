@@ -1,0 +1,225 @@
+"""The messages between the supervisor and a child process, as values."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from joshua.ipc.frames import FrameError
+from joshua.plan import NodeReport, NodeSpec, TransportSpec
+
+#: Raised whenever a message changes its meaning; both sides must agree.
+PROTOCOL_VERSION = 1
+
+
+class Message(BaseModel):
+    """Base of all messages."""
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants", extra="ignore")
+
+
+class Start(Message):
+    """Supervisor to child: what to run; ``context["restarted"]`` of a node says that it ran before."""
+
+    kind: Literal["start"] = "start"
+    protocol: int = PROTOCOL_VERSION
+    nodes: tuple[NodeSpec, ...]
+    transport: TransportSpec
+    log_level: int = 20
+    heartbeat_s: float = 0.05
+    orphan_grace_s: float = 0.6
+
+
+class Activate(Message):
+    """Supervisor to child: every node is configured, start moving and publishing."""
+
+    kind: Literal["activate"] = "activate"
+
+
+class Stop(Message):
+    """Supervisor to child: stop in good order.
+
+    ``urgent`` interrupts a node that does not notice it at once, such as one whose loop has hung.
+    """
+
+    kind: Literal["stop"] = "stop"
+    reason: str
+    urgent: bool = False
+
+
+class Hello(Message):
+    """Child to supervisor, first of all: who speaks."""
+
+    kind: Literal["hello"] = "hello"
+    protocol: int = PROTOCOL_VERSION
+    version: str
+    process_id: int
+    python: str
+
+
+class Step(Message):
+    """Child to supervisor: a node entered a step of its lifecycle."""
+
+    kind: Literal["step"] = "step"
+    node: str
+    step: Literal[
+        "import",
+        "transport",
+        "configure",
+        "configured",
+        "activate",
+        "active",
+        "deactivate",
+        "cleanup",
+        "finished",
+    ]
+
+
+class Waiting(Message):
+    """Child to supervisor: what a node waits for just now; "" for nothing."""
+
+    kind: Literal["waiting"] = "waiting"
+    node: str
+    text: str
+
+
+class ThreadAge(BaseModel):
+    """A reader thread, the seconds since it last showed life, and its limit."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    age_s: float
+    limit_s: float
+
+
+class Heartbeat(Message):
+    """Child to supervisor, from the node's own loop: it turns. Stamp: monotonic clock, ns."""
+
+    kind: Literal["heartbeat"] = "heartbeat"
+    node: str
+    stamp_ns: int
+    threads: tuple[ThreadAge, ...] = ()
+
+
+class Log(Message):
+    """Child to supervisor: one log record. ``level`` as in ``logging``; time in ns since the epoch."""
+
+    kind: Literal["log"] = "log"
+    node: str
+    time_ns: int
+    level: int
+    text: str
+    logger: str = ""
+    file: str = ""
+    line: int = 0
+
+
+class Topics(Message):
+    """Child to supervisor: running totals of messages by topic; monotonic stamp, ns."""
+
+    kind: Literal["topics"] = "topics"
+    node: str
+    stamp_ns: int
+    published: dict[str, int] = Field(default_factory=dict)
+    received: dict[str, int] = Field(default_factory=dict)
+
+
+class FirstMessage(Message):
+    """Child to supervisor: the first message of a subscription has arrived; monotonic stamp, ns."""
+
+    kind: Literal["first-message"] = "first-message"
+    node: str
+    topic: str
+    stamp_ns: int
+
+
+class NodeWarning(Message):
+    """Child to supervisor: a warning for the node's row of the start-up table."""
+
+    kind: Literal["warning"] = "warning"
+    node: str
+    text: str
+
+
+class Failure(Message):
+    """Child to supervisor: a node failed in a step of its lifecycle.
+
+    ``exit_code`` is the one of the program that this kind of failure calls for; ``unexpected`` says that
+    the text alone does not explain it to a user.
+    """
+
+    kind: Literal["failure"] = "failure"
+    node: str
+    step: str
+    exit_code: int
+    text: str
+    traceback: str = ""
+    unexpected: bool = True
+
+
+class StopRun(Message):
+    """Child to supervisor: the node's work is done and the whole run may end in good order."""
+
+    kind: Literal["stop-run"] = "stop-run"
+    node: str
+    reason: str
+
+
+class Report(Message):
+    """Child to supervisor, last of all: figures and test results of a node."""
+
+    kind: Literal["report"] = "report"
+    report: NodeReport
+
+
+ToChild = Start | Activate | Stop
+ToSupervisor = (
+    Hello
+    | Step
+    | Waiting
+    | Heartbeat
+    | Log
+    | Topics
+    | FirstMessage
+    | NodeWarning
+    | Failure
+    | StopRun
+    | Report
+)
+
+_T = TypeVar("_T")
+
+_TO_CHILD: TypeAdapter[ToChild] = TypeAdapter(Annotated[ToChild, Field(discriminator="kind")])
+_TO_SUPERVISOR: TypeAdapter[ToSupervisor] = TypeAdapter(Annotated[ToSupervisor, Field(discriminator="kind")])
+
+
+def encode(message: Message) -> bytes:
+    """Serialises a message as JSON."""
+    return message.model_dump_json().encode()
+
+
+def decode_for_child(payload: bytes) -> ToChild:
+    """Reads a message of the supervisor. Raises FrameError."""
+    return _decode(_TO_CHILD, payload)
+
+
+def decode_for_supervisor(payload: bytes) -> ToSupervisor:
+    """Reads a message of a child. Raises FrameError."""
+    return _decode(_TO_SUPERVISOR, payload)
+
+
+def printable(text: str, limit: int = 0) -> str:
+    """Makes text safe for JSON and terminals: lone surrogates escaped, cut at ``limit`` characters."""
+    if limit and len(text) > limit:
+        text = f"{text[:limit]}… ({len(text) - limit} more characters)"
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _decode(adapter: TypeAdapter[_T], payload: bytes) -> _T:
+    try:
+        return adapter.validate_json(payload)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        raise FrameError(f"not a message of this protocol: {first['msg']}") from error

@@ -1,0 +1,1 @@
+"""The runtime inside a child process: lifecycle, timers, endpoints, the entry point."""

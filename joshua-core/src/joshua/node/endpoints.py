@@ -1,0 +1,196 @@
+"""Publishers and subscriptions of a node: messages in and out, counted."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from joshua.ipc.messages import FirstMessage, Topics
+from joshua.messages import MessageError, decode, encode
+from joshua.node.cadence import TrafficFigures
+from joshua.plan import TopicReport, TopicSpec
+from joshua.transport import NodeHandle, Publisher, Sample, Subscription
+
+MessageCallback = Callable[[Any, int], None]
+
+#: Malformed messages are logged at the first, then at each power of ten.
+_LOGGED_COUNTS = frozenset(10**power for power in range(12))
+
+
+class CountingPublisher:
+    """Serialises messages, sends them and counts them."""
+
+    def __init__(self, publisher: Publisher, topic: TopicSpec) -> None:
+        self.topic = topic
+        self.figures = TrafficFigures(topic, is_publisher=True)
+        self._publisher = publisher
+        self._lock = threading.Lock()
+
+    @property
+    def subscription_count(self) -> int:
+        """Matched subscriptions, in this process and in others."""
+        return self._publisher.subscription_count
+
+    def publish(self, message: Any) -> None:
+        """Serialises and sends one message. Raises MessageError if it does not fit its type."""
+        self._publisher.publish(encode(message))
+        with self._lock:
+            self.figures.add(time.monotonic_ns())
+
+    def assert_liveliness(self) -> None:
+        """Says that this publisher is alive (MANUAL_BY_TOPIC)."""
+        self._publisher.assert_liveliness()
+
+
+class CountingSubscription:
+    """Deserialises messages, counts them and hands them to a behaviour.
+
+    Args:
+        topic: what is subscribed.
+        callback: the behaviour's, called with (message, received_ns).
+        on_first: called with the monotonic time of the first message.
+        on_error: called with an exception of the callback.
+        log: where malformed messages are reported; they come from outside and fail no node.
+    """
+
+    def __init__(
+        self,
+        topic: TopicSpec,
+        callback: MessageCallback,
+        on_first: Callable[[TopicSpec, int], None],
+        on_error: Callable[[BaseException], None],
+        log: logging.Logger,
+    ) -> None:
+        self.topic = topic
+        self.figures = TrafficFigures(topic, is_publisher=False)
+        self._callback = callback
+        self._on_first = on_first
+        self._on_error = on_error
+        self._log = log
+        self._malformed = 0
+
+    def receive(self, sample: Sample) -> None:
+        """Takes one message from the transport; never raises."""
+        now_ns = time.monotonic_ns()
+        try:
+            message = decode(self.topic.type_name, sample.cdr)
+        except MessageError as error:
+            self._malformed += 1
+            if self._malformed in _LOGGED_COUNTS:
+                self._log.warning(
+                    "%s: message %d that cannot be read is ignored: %s",
+                    self.topic.name,
+                    self._malformed,
+                    error,
+                )
+            return
+        first = self.figures.count == 0
+        self.figures.add(now_ns)
+        if first:
+            self._on_first(self.topic, now_ns)
+        try:
+            self._callback(message, sample.received_ns)
+        except Exception as error:  # noqa: BLE001 (whatever a behaviour raises fails its node)
+            self._on_error(error)
+
+
+class Endpoints:
+    """All endpoints of one node.
+
+    Args:
+        handle: the node in the graph.
+        full_name: of the node, for messages.
+        send: takes messages for the supervisor.
+        on_error: takes an exception of a subscription's callback.
+        log: the node's logger.
+    """
+
+    def __init__(
+        self,
+        handle: NodeHandle,
+        full_name: str,
+        send: Callable[[FirstMessage], None],
+        on_error: Callable[[BaseException], None],
+        log: logging.Logger,
+    ) -> None:
+        self._handle = handle
+        self._full_name = full_name
+        self._send = send
+        self._on_error = on_error
+        self._log = log
+        self._publishers: list[CountingPublisher] = []
+        self._subscriptions: list[CountingSubscription] = []
+        self._open: list[Subscription] = []
+
+    def publisher(self, topic: TopicSpec) -> CountingPublisher:
+        """Declares a publisher; a name that begins with ``~/`` lies below the node's own."""
+        topic = self._resolve(topic)
+        raw = self._handle.create_publisher(
+            topic.name, topic.type_name, topic.qos, on_event=self._reporter(topic)
+        )
+        publisher = CountingPublisher(raw, topic)
+        self._publishers.append(publisher)
+        return publisher
+
+    def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> None:
+        """Declares a subscription; names as for publishers."""
+        topic = self._resolve(topic)
+        subscription = CountingSubscription(topic, callback, self._first, self._on_error, self._log)
+        self._subscriptions.append(subscription)
+        self._open.append(
+            self._handle.create_subscription(
+                topic.name,
+                topic.type_name,
+                topic.qos,
+                subscription.receive,
+                on_event=self._reporter(topic),
+            )
+        )
+
+    def totals(self) -> Topics:
+        """Running totals for the live rates."""
+        return Topics(
+            node=self._full_name,
+            stamp_ns=time.monotonic_ns(),
+            published=_totals([item.figures for item in self._publishers]),
+            received=_totals([item.figures for item in self._subscriptions]),
+        )
+
+    def reports(self) -> tuple[TopicReport, ...]:
+        """Final figures, publishers first."""
+        items: list[CountingPublisher | CountingSubscription] = [*self._publishers, *self._subscriptions]
+        return tuple(item.figures.report() for item in items)
+
+    def close_subscriptions(self) -> None:
+        """Ends reception; after the return no callback runs any more. A second call does nothing."""
+        while self._open:
+            self._open.pop().close()
+
+    def close(self) -> None:
+        """Leaves the graph; a second call does nothing."""
+        self.close_subscriptions()
+        self._handle.close()
+
+    def _resolve(self, topic: TopicSpec) -> TopicSpec:
+        if topic.name.startswith("~/"):
+            return topic.model_copy(update={"name": f"{self._full_name}/{topic.name[2:]}"})
+        return topic
+
+    def _first(self, topic: TopicSpec, now_ns: int) -> None:
+        self._send(FirstMessage(node=self._full_name, topic=topic.name, stamp_ns=now_ns))
+
+    def _reporter(self, topic: TopicSpec) -> Callable[[str, str], None]:
+        def report(event: str, detail: str) -> None:
+            self._log.warning("%s: %s: %s", topic.name, event, detail)
+
+        return report
+
+
+def _totals(figures: list[TrafficFigures]) -> dict[str, int]:
+    totals: dict[str, int] = {}
+    for item in figures:
+        totals[item.name] = totals.get(item.name, 0) + item.count
+    return totals

@@ -1,0 +1,121 @@
+"""Log records of a node, structured, over the control socket; a flood is cut with a count."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+import traceback
+from collections.abc import Callable
+
+from joshua.ipc.line_budget import LINES_PER_S, LineBudget
+from joshua.ipc.messages import Log, printable
+
+#: Characters kept of one record.
+MAX_TEXT = 8000
+
+
+class NodeLogHandler(logging.Handler):
+    """Sends records to the supervisor with the name of the node that they belong to.
+
+    A record belongs to the node whose thread made it, else to the process's first node.
+    """
+
+    def __init__(self, send: Callable[[Log], None], default_node: str) -> None:
+        super().__init__()
+        self._send = send
+        self._default_node = default_node
+        self._threads = threading.local()
+        self._budgets: dict[str, LineBudget] = {}
+        self._observers: dict[str, Callable[[Log], None]] = {}
+
+    def adopt_thread(self, node: str) -> None:
+        """Says that records of the calling thread belong to a node from now on."""
+        self._threads.node = node
+
+    def observe(self, node: str, observer: Callable[[Log], None] | None) -> None:
+        """Also hands each record of a node to ``observer``, such as a publisher; None ends that."""
+        if observer is None:
+            self._observers.pop(node, None)
+        else:
+            self._observers[node] = observer
+
+    def settle(self, node: str) -> None:
+        """Reports what the flood limit has dropped of a node that ends."""
+        dropped = self._budget(node).close()
+        if dropped:
+            self._send(_dropped_line(node, dropped))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Sends one record; never raises, whatever the record's arguments are."""
+        node: str = getattr(record, "node", "") or getattr(self._threads, "node", self._default_node)
+        allowed, dropped = self._budget(node).take()
+        if dropped:
+            self._send(_dropped_line(node, dropped))
+        if not allowed:
+            return
+        log = Log(
+            node=node,
+            time_ns=round(record.created * 1e9),
+            level=record.levelno,
+            text=printable(self._text(record), MAX_TEXT),
+            logger=record.name,
+            file=record.pathname,
+            line=record.lineno,
+        )
+        self._send(log)
+        observer = self._observers.get(node)
+        if observer is not None:
+            self._show(node, observer, log)
+
+    def _budget(self, node: str) -> LineBudget:
+        return self._budgets.setdefault(node, LineBudget())
+
+    def _show(self, node: str, observer: Callable[[Log], None], log: Log) -> None:
+        try:
+            observer(log)
+        except Exception as error:  # noqa: BLE001 (a record that cannot be shown must not fail the node)
+            self._observers.pop(node, None)
+            text = f"log records are not published any more: {error}"
+            self._send(Log(node=node, time_ns=time.time_ns(), level=logging.WARNING, text=printable(text)))
+
+    @staticmethod
+    def _text(record: logging.LogRecord) -> str:
+        try:
+            text = record.getMessage()
+        except Exception as error:  # noqa: BLE001 (a wrong format string must not fail the node)
+            text = f"{record.msg!r} with arguments {record.args!r} cannot be formatted: {error}"
+        if record.exc_info and record.exc_info[0] is not None:
+            text = f"{text}\n{''.join(traceback.format_exception(*record.exc_info)).rstrip()}"
+        return text
+
+
+def _dropped_line(node: str, dropped: int) -> Log:
+    return Log(
+        node=node,
+        time_ns=time.time_ns(),
+        level=logging.WARNING,
+        text=f"{dropped} log lines dropped: more than {LINES_PER_S} in a second",
+        logger="joshua.node",
+    )
+
+
+def node_logger(handler: NodeLogHandler, full_name: str, level: int) -> logging.Logger:
+    """Makes the logger of a node; its records carry the node's name whichever thread writes them."""
+    logger = logging.getLogger("node" + full_name.replace("/", "."))
+    logger.setLevel(level)
+
+    def mark(record: logging.LogRecord) -> bool:
+        record.node = full_name
+        return True
+
+    logger.filters[:] = [mark]
+    return logger
+
+
+def install_handler(handler: NodeLogHandler, level: int) -> None:
+    """Makes the handler the only one of this process, warnings included."""
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(level)
+    logging.captureWarnings(True)

@@ -1,0 +1,210 @@
+"""A child process: one or several nodes, one transport, one control channel."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import queue
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from importlib.metadata import version
+
+from joshua.ipc.frames import FrameError
+from joshua.ipc.messages import (
+    Activate,
+    Heartbeat,
+    Hello,
+    Log,
+    Message,
+    Start,
+    Stop,
+    ToChild,
+    Topics,
+)
+from joshua.node.control import ControlChannel
+from joshua.node.errors import InterruptedLifecycleError
+from joshua.node.logs import NodeLogHandler, install_handler, node_logger
+from joshua.node.runtime import NodeRuntime, RuntimeServices
+from joshua.transport import Transport, open_transport
+
+#: Time between an orderly stop on a signal and the interruption of a node that has not noticed it.
+INTERRUPT_AFTER_S = 0.3
+
+#: The same after a stop request that is urgent.
+URGENT_INTERRUPT_AFTER_S = 0.05
+
+#: The interpreter's default of 5 ms lets one busy thread delay the ticks of another by that much.
+SWITCH_INTERVAL_S = 0.0005
+
+#: How long the last messages may take to leave.
+DRAIN_S = 1.0
+
+#: Messages that may be dropped while the supervisor does not read.
+CAN_MISS = (Heartbeat, Log, Topics)
+
+
+class NodeProcess:
+    """Runs the nodes that the supervisor names, and ends with them, with it, or on its request."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._channel = ControlChannel(sock)
+        self._starts: queue.SimpleQueue[Start | None] = queue.SimpleQueue()
+        self._runtimes: list[NodeRuntime] = []
+        self._activation = threading.Event()
+        self._transport: Transport | None = None
+        self._transport_lock = threading.Lock()
+        self._stop_requested_s: float | None = None
+        self._stop_lock = threading.Lock()
+        self._in_interruptible = False
+        self._orphan_grace_s = 0.6
+        self._start: Start | None = None
+
+    def run(self) -> int:
+        """Runs until the nodes have ended; returns the exit code of the process."""
+        self._handle_signals()
+        self._channel.start(self)
+        self._send(
+            Hello(version=version("joshua-core"), process_id=os.getpid(), python=sys.version.split()[0])
+        )
+        start = self._starts.get()
+        if start is None:
+            return 0
+        self._start = start
+        handler = NodeLogHandler(self._send, start.nodes[0].full_name)
+        install_handler(handler, start.log_level)
+        services = RuntimeServices(
+            send=self._send,
+            transport=self._open_transport,
+            activation=self._activation,
+            logger=lambda name: node_logger(handler, name, start.log_level),
+            adopt_thread=handler.adopt_thread,
+            observe_logs=handler.observe,
+            heartbeat_s=start.heartbeat_s,
+        )
+        self._run_nodes(start, services)
+        for spec in start.nodes:
+            handler.settle(spec.full_name)
+        self._close_transport()
+        self._channel.drain(DRAIN_S)
+        return max(runtime.exit_code for runtime in self._runtimes)
+
+    def on_message(self, message: ToChild) -> None:
+        """Obeys the supervisor (control thread)."""
+        if isinstance(message, Start):
+            self._orphan_grace_s = message.orphan_grace_s
+            self._starts.put(message)
+        elif isinstance(message, Activate):
+            sys.setswitchinterval(SWITCH_INTERVAL_S)
+            # what was loaded so far stays: no collection needs to walk through it any more
+            gc.freeze()
+            self._activation.set()
+            for runtime in self._runtimes:
+                runtime.wake()
+        elif isinstance(message, Stop):
+            self._request_stop()
+            if message.urgent:
+                self._later(URGENT_INTERRUPT_AFTER_S, self._interrupt)
+
+    def on_orphaned(self, reason: str) -> None:
+        """Ends in good order, within a bounded time, when the supervisor is gone (control thread)."""
+        self._request_stop()
+        self._later(self._orphan_grace_s / 2, self._interrupt)
+        self._later(self._orphan_grace_s, lambda: os._exit(1))
+
+    def on_signals(self, numbers: bytes) -> None:
+        """Stops on SIGTERM; interrupts nodes that were told to stop before and still run (control thread)."""
+        if signal.SIGTERM not in numbers:
+            return
+        requested_s = self._stop_requested_s
+        if requested_s is not None and time.monotonic() - requested_s > INTERRUPT_AFTER_S:
+            self._interrupt()
+            return
+        self._request_stop()
+        self._later(INTERRUPT_AFTER_S, self._interrupt)
+
+    def _run_nodes(self, start: Start, services: RuntimeServices) -> None:
+        specs = start.nodes
+        # The first node runs on the main thread, which signals can interrupt and some libraries insist on.
+        self._runtimes = [NodeRuntime(specs[0], services, self._interruptible)]
+        self._runtimes += [NodeRuntime(spec, services, nullcontext) for spec in specs[1:]]
+        if self._stop_requested_s is not None:
+            self._request_stop()
+        threads = [
+            threading.Thread(target=self._run_beside, args=(runtime,), name=spec.name, daemon=True)
+            for runtime, spec in zip(self._runtimes[1:], specs[1:], strict=True)
+        ]
+        for thread in threads:
+            thread.start()
+        self._run_beside(self._runtimes[0])
+        for thread in threads:
+            thread.join()
+
+    def _run_beside(self, runtime: NodeRuntime) -> None:
+        """Runs one node; when it ends, the others of the process end too."""
+        runtime.run()
+        self._request_stop()
+
+    def _request_stop(self) -> None:
+        with self._stop_lock:
+            if self._stop_requested_s is None:
+                self._stop_requested_s = time.monotonic()
+        self._starts.put(None)
+        for runtime in self._runtimes:
+            runtime.request_stop()
+
+    def _interrupt(self) -> None:
+        if self._runtimes and self._runtimes[0].running:
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+
+    def _later(self, delay_s: float, action: object) -> None:
+        timer = threading.Timer(delay_s, action)  # type: ignore[arg-type]
+        timer.daemon = True
+        timer.start()
+
+    @contextmanager
+    def _interruptible(self) -> Iterator[None]:
+        self._in_interruptible = True
+        try:
+            yield
+        finally:
+            self._in_interruptible = False
+
+    def _handle_signals(self) -> None:
+        def interrupt(_number: int, _frame: object) -> None:
+            if self._in_interruptible:
+                self._in_interruptible = False  # once is enough, the node shuts down now
+                raise InterruptedLifecycleError
+
+        # Ctrl-C goes to the whole foreground group; the supervisor decides what it means.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        signal.signal(signal.SIGUSR1, interrupt)
+        # The handler has nothing to do: the byte in the wake-up socket reaches the control thread even
+        # while the main thread is busy outside of Python.
+        signal.signal(signal.SIGTERM, lambda _number, _frame: None)
+        signal.set_wakeup_fd(self._channel.wake_descriptor, warn_on_full_buffer=False)
+
+    def _send(self, message: Message) -> None:
+        self._channel.send(message, can_miss=isinstance(message, CAN_MISS))
+
+    def _open_transport(self) -> Transport:
+        if self._start is None:
+            raise FrameError("the start message has not come")
+        with self._transport_lock:
+            if self._transport is None:
+                self._transport = open_transport(self._start.transport)
+            return self._transport
+
+    def _close_transport(self) -> None:
+        if self._transport is None:
+            return
+        try:
+            self._transport.close()
+        except Exception:
+            logging.getLogger("joshua.node").exception("the transport cannot be closed")

@@ -1,0 +1,272 @@
+"""One node inside a child process: its lifecycle and its loop. Written stop-first."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Literal
+
+from joshua.ipc.messages import Failure, Heartbeat, Message, Report, Step, printable
+from joshua.ipc.process_attributes import set_timer_slack
+from joshua.node.behaviour import NodeBehaviour
+from joshua.node.context import NodeFailedError, RuntimeContext
+from joshua.node.endpoints import Endpoints
+from joshua.node.errors import InterruptedLifecycleError, exit_code_of
+from joshua.node.loading import load_behaviour
+from joshua.node.rosout import RosoutPublisher
+from joshua.plan import CheckResult, NodeReport, NodeSpec
+from joshua.transport import Transport
+
+#: Distance of two messages with running totals.
+TOTALS_PERIOD_S = 0.5
+
+#: How long reader threads may take to notice the stop.
+READER_JOIN_S = 1.0
+
+#: The default of 50 µs would show in every tick.
+TIMER_SLACK_NS = 1000
+
+StepName = Literal["import", "transport", "configure", "activate", "active", "deactivate", "cleanup"]
+
+
+@dataclass(frozen=True)
+class RuntimeServices:
+    """What the process provides to each of its nodes.
+
+    Attributes:
+        send: takes messages for the supervisor; heartbeats and totals may be dropped there.
+        transport: opens or returns the connection of this process to the graph.
+        activation: set when the supervisor lets the nodes start.
+        logger: makes the logger of a node.
+        adopt_thread: says that the calling thread works for a node.
+        observe_logs: hands each record of a node to a function; None ends that.
+        heartbeat_s: distance of two heartbeats.
+    """
+
+    send: Callable[[Message], None]
+    transport: Callable[[], Transport]
+    activation: threading.Event
+    logger: Callable[[str], logging.Logger]
+    adopt_thread: Callable[[str], None]
+    observe_logs: Callable[[str, Callable[..., None] | None], None]
+    heartbeat_s: float
+
+
+class NodeRuntime:
+    """Runs one node from its import to its last report.
+
+    Args:
+        spec: the node's part of the plan.
+        services: what the process provides.
+        interruptible: entered around everything that a second stop signal may break off.
+    """
+
+    def __init__(
+        self,
+        spec: NodeSpec,
+        services: RuntimeServices,
+        interruptible: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self._spec = spec
+        self._services = services
+        self._interruptible = interruptible
+        self._wake = threading.Event()
+        self._log = services.logger(spec.full_name)
+        self._behaviour: NodeBehaviour | None = None
+        self._step: StepName = "import"
+        self._rosout: RosoutPublisher | None = None
+        self._exit_code = 0
+        self.context = RuntimeContext(
+            spec, self._log, services.send, lambda: services.adopt_thread(spec.full_name), self._wake.set
+        )
+
+    @property
+    def exit_code(self) -> int:
+        """0 after a good end, else the code that the failure calls for."""
+        return self._exit_code
+
+    @property
+    def running(self) -> bool:
+        """Whether the node has not been told to stop, or has not noticed yet."""
+        return self._step not in ("deactivate", "cleanup")
+
+    def request_stop(self) -> None:
+        """Asks the node to stop in good order; any thread."""
+        self.context.request_stop()
+
+    def wake(self) -> None:
+        """Wakes the node's loop, after the activation was set."""
+        self._wake.set()
+
+    def run(self) -> None:
+        """Runs the node; returns when it has ended, and never raises for what the behaviour does."""
+        self._services.adopt_thread(self._spec.full_name)
+        try:
+            with self._interruptible():
+                self._start_and_loop()
+        except BaseException as error:  # noqa: BLE001 (even sys.exit must not skip the safe state)
+            self.context.fail_with(error)
+        self._report_failure()
+        self._shut_down()
+        self._services.send(Step(node=self._spec.full_name, step="finished"))
+
+    def _start_and_loop(self) -> None:
+        self._enter("import")
+        behaviour_type = load_behaviour(self._spec)
+        if self._told_to_stop():
+            return
+        self._enter("transport")
+        handle = self._services.transport().create_node(self._spec.name, self._spec.namespace)
+        self.context.endpoints = Endpoints(
+            handle, self._spec.full_name, self._services.send, self.context.fail_with, self._log
+        )
+        self._rosout = RosoutPublisher(handle, self._spec)
+        self._services.observe_logs(self._spec.full_name, self._rosout.publish)
+        self._behaviour = behaviour_type(self.context)
+        self._enter("configure")
+        self._behaviour.configure()
+        self._services.send(Step(node=self._spec.full_name, step="configured"))
+        self._await_activation()
+        if self._told_to_stop():
+            return
+        self._enter("activate")
+        self._behaviour.activate()
+        self._enter("active")
+        set_timer_slack(TIMER_SLACK_NS)
+        self._loop()
+
+    def _told_to_stop(self) -> bool:
+        return self.context.stop_requested
+
+    def _enter(self, step: StepName) -> None:
+        self._step = step
+        self._services.send(Step(node=self._spec.full_name, step=step))
+
+    def _await_activation(self) -> None:
+        while not (self._services.activation.is_set() or self.context.stop_requested):
+            self._wake.wait(0.5)
+            self._wake.clear()
+
+    def _loop(self) -> None:
+        """Runs timers until the stop: the hot loop of a node."""
+        context, timers = self.context, self.context.timers
+        heartbeat_ns = round(self._services.heartbeat_s * 1e9)
+        totals_ns = round(TOTALS_PERIOD_S * 1e9)
+        next_heartbeat_ns = next_totals_ns = time.monotonic_ns()
+        timers.start()
+        while not context.stop_requested:
+            wait_ns = timers.run_due()
+            now_ns = time.monotonic_ns()
+            if now_ns >= next_heartbeat_ns:
+                next_heartbeat_ns = now_ns + heartbeat_ns
+                self._beat(now_ns)
+            if now_ns >= next_totals_ns:
+                next_totals_ns = now_ns + totals_ns
+                self._send_totals()
+            rest_ns = next_heartbeat_ns - now_ns
+            wait_ns = rest_ns if wait_ns is None else min(wait_ns, rest_ns)
+            if wait_ns > 0 and self._wake.wait(wait_ns / 1e9):
+                self._wake.clear()
+
+    def _beat(self, now_ns: int) -> None:
+        ages = self.context.readers.ages()
+        self._services.send(Heartbeat(node=self._spec.full_name, stamp_ns=now_ns, threads=ages))
+
+    def _send_totals(self) -> None:
+        if self.context.endpoints is not None:
+            self._services.send(self.context.endpoints.totals())
+
+    def _report_failure(self) -> None:
+        error = self.context.failure
+        if error is None:
+            return
+        self._exit_code = exit_code_of(error)
+        failure = Failure(
+            node=self._spec.full_name,
+            step=self._step,
+            exit_code=self._exit_code,
+            text=_describe(error, self._spec),
+            traceback=_traceback(error),
+            unexpected=not _explains_itself(error),
+        )
+        self._services.send(failure)
+
+    def _shut_down(self) -> None:
+        """Brings the device into its safe state, then lets go of everything; each part for itself."""
+        self.context.request_stop()
+        behaviour = self._behaviour
+        checks: tuple[CheckResult, ...] = ()
+        if behaviour is not None:
+            self._enter("deactivate")
+            self._attempt("deactivate", behaviour.deactivate)
+            left = self.context.readers.join(READER_JOIN_S)
+            if left:
+                self._log.warning("reader threads that did not notice the stop: %s", ", ".join(left))
+            if self.context.endpoints is not None:
+                self._attempt("ending the subscriptions", self.context.endpoints.close_subscriptions)
+            checks = self._test_results(behaviour)
+            self._enter("cleanup")
+            self._attempt("cleanup", behaviour.cleanup)
+        report = self._report(checks)
+        self._services.observe_logs(self._spec.full_name, None)
+        if self.context.endpoints is not None:
+            self._attempt("leaving the graph", self.context.endpoints.close)
+        self._services.send(Report(report=report))
+
+    def _attempt(self, what: str, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001 (the remaining parts must run)
+            self._log.exception("%s failed", what)
+            if self.context.failure is None:
+                self.context.failure = error
+                self._report_failure()
+
+    def _test_results(self, behaviour: NodeBehaviour) -> tuple[CheckResult, ...]:
+        try:
+            results = behaviour.test_results()
+            return tuple(
+                CheckResult(check=check, passed=bool(passed), measured=str(measured))
+                for check, passed, measured in results
+            )
+        except Exception as error:  # noqa: BLE001 (the remaining parts must run)
+            self._log.exception("the test results cannot be had")
+            return (CheckResult(check="test results", passed=False, measured=_describe(error, self._spec)),)
+
+    def _report(self, checks: tuple[CheckResult, ...]) -> NodeReport:
+        endpoints, failure = self.context.endpoints, self.context.failure
+        return NodeReport(
+            full_name=self._spec.full_name,
+            state="stopped" if failure is None else "failed",
+            reason="" if failure is None else _describe(failure, self._spec),
+            topics=endpoints.reports() if endpoints is not None else (),
+            timers=tuple(timer.cadence.report() for timer in self.context.timers.timers),
+            checks=checks,
+            warnings=tuple(self.context.warnings),
+        )
+
+
+def _explains_itself(error: BaseException) -> bool:
+    """Whether the message of a failure was written for users."""
+    return isinstance(error, (NodeFailedError, InterruptedLifecycleError)) or hasattr(error, "exit_code")
+
+
+def _describe(error: BaseException, spec: NodeSpec) -> str:
+    """The failure in one line."""
+    if isinstance(error, InterruptedLifecycleError):
+        return "it did not notice the stop request and was interrupted"
+    if isinstance(error, ModuleNotFoundError):
+        return f"it needs the module {error.name}, which is not installed: pip install {spec.plugin}"
+    text = str(error) if _explains_itself(error) else f"{type(error).__name__}: {error}"
+    return printable(text, 2000)
+
+
+def _traceback(error: BaseException) -> str:
+    if isinstance(error, NodeFailedError):
+        return ""
+    return printable("".join(traceback.format_exception(type(error), error, error.__traceback__)), 8000)

@@ -1,0 +1,100 @@
+"""Fixed-rate timers on the monotonic clock: absolute deadlines, no drift, no bunching."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from joshua.node.cadence import NS_PER_S, TimerCadence
+
+
+class Timer:
+    """One fixed-rate timer.
+
+    Its deadlines are start + k·period. A tick that comes so late that later deadlines have passed too
+    runs once; the passed deadlines are counted as overruns and skipped.
+
+    Args:
+        period_s: distance of two deadlines.
+        callback: called at each.
+        name: name in the cadence report.
+
+    Raises:
+        ValueError: the period is not a positive number.
+    """
+
+    def __init__(self, period_s: float, callback: Callable[[], None], name: str) -> None:
+        if not (math.isfinite(period_s) and period_s > 0):
+            raise ValueError(f"timer {name!r}: the period is {period_s} s; a positive number is needed")
+        self.name = name
+        self.cadence = TimerCadence(name, period_s)
+        self._period_ns = max(1, round(period_s * NS_PER_S))
+        self._callback = callback
+        self._deadline_ns: int | None = None
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """Next deadline on the monotonic clock; None before the start."""
+        return self._deadline_ns
+
+    def start(self, now_ns: int) -> None:
+        """Sets the first deadline one period from now; a timer that runs keeps its own."""
+        if self._deadline_ns is None:
+            self._deadline_ns = now_ns + self._period_ns
+
+    def run_if_due(self, now_ns: int) -> bool:
+        """Calls back if the deadline has come and sets the next one; returns whether it was called."""
+        deadline_ns = self._deadline_ns
+        if deadline_ns is None or now_ns < deadline_ns:
+            return False
+        missed = (now_ns - deadline_ns) // self._period_ns
+        if missed:
+            self.cadence.skip(missed)
+        self.cadence.tick(deadline_ns, now_ns)
+        self._deadline_ns = deadline_ns + (missed + 1) * self._period_ns
+        self._callback()
+        return True
+
+
+class TimerQueue:
+    """The timers of one node, run on the node's thread."""
+
+    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self._clock = clock
+        self._timers: list[Timer] = []
+        self._running = False
+
+    @property
+    def timers(self) -> list[Timer]:
+        """All timers, in the order of their creation."""
+        return list(self._timers)
+
+    def add(self, timer: Timer) -> None:
+        """Adds a timer; it starts with the queue, or now when the queue runs."""
+        self._timers.append(timer)
+        if self._running:
+            timer.start(self._clock())
+
+    def start(self) -> None:
+        """Starts all timers."""
+        self._running = True
+        now_ns = self._clock()
+        for timer in self._timers:
+            timer.start(now_ns)
+
+    def run_due(self) -> int | None:
+        """Runs each timer that is due, the most overdue first.
+
+        Returns:
+            Nanoseconds until the next deadline, 0 if one has passed meanwhile; None without timers.
+        """
+        for timer in sorted(self._timers, key=_deadline):
+            timer.run_if_due(self._clock())
+        if not self._timers:
+            return None
+        return max(0, min(_deadline(timer) for timer in self._timers) - self._clock())
+
+
+def _deadline(timer: Timer) -> int:
+    return timer.deadline_ns if timer.deadline_ns is not None else 0

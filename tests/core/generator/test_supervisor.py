@@ -1,0 +1,155 @@
+"""Runs in good order, and what a run reports."""
+
+from __future__ import annotations
+
+import json
+import os
+
+from joshua.generator.supervisor import Supervisor
+from joshua.plan import NodeKind, TopicSpec
+
+
+def topic(name: str, rate_hz: float = 0.0) -> TopicSpec:
+    return TopicSpec(name=name, type_name="std_msgs/msg/String", rate_hz=rate_hz)
+
+
+def test_nodes_exchange_messages_and_stop_in_good_order(robot):
+    report = robot.run(
+        robot.node("Talker", publishers=(topic("/chat", 50.0),)),
+        robot.node("Listener", subscriptions=(topic("/chat"),)),
+        duration_s=1.0,
+    )
+
+    assert report.exit_code == 0, robot.ui.text()
+    assert [node.state for node in report.nodes] == ["stopped", "stopped"]
+    talker, listener = report.nodes
+    assert talker.topics[0].count > 5
+    assert talker.topics[0].configured_hz == 50.0
+    assert listener.topics[0].count > 0
+    assert listener.checks[0].passed
+    assert talker.timers[0].name == "talk"
+    assert talker.timers[0].ticks > 5
+    assert report.ready_s is not None
+    assert report.first_message_s is not None
+    assert report.stop_s is not None
+    assert "duration" in report.reason
+    assert robot.ui.reports == [report]
+
+
+def test_the_table_names_each_node_with_its_process_topics_and_warnings(robot):
+    report = robot.run(
+        robot.node("Warns", backend="python"), robot.node("Quiet", publishers=(topic("/x", 5.0),))
+    )
+
+    assert report.exit_code == 0, robot.ui.text()
+    (table,) = robot.ui.tables
+    assert [row.full_name for row in table.nodes] == ["/warns", "/quiet"]
+    assert len({row.process_id for row in table.nodes} - {0, os.getpid()}) == 2
+    assert table.nodes[0].warnings == ("the latency timer is 16 ms: set it to 1 ms",)
+    assert table.nodes[1].publishers[0].name == "/x"
+    assert "zenoh" in table.transport
+    assert any("router" in note for note in table.notes)
+    assert report.nodes[0].warnings == table.nodes[0].warnings
+
+
+def test_no_node_moves_before_every_node_is_configured(robot):
+    robot.run(*(robot.node("Quiet", f"node_{index}") for index in range(3)))
+
+    steps = [line.split()[1] for line in robot.noted()]
+    assert steps[:3] == ["configure"] * 3
+    assert steps[3:6] == ["activate"] * 3
+    assert sorted(steps[6:]) == ["cleanup"] * 3 + ["deactivate"] * 3
+
+
+def test_a_process_group_shares_one_process(robot):
+    report = robot.run(
+        robot.node("Talker", "one", process_group="sim", publishers=(topic("/chat", 50.0),)),
+        robot.node("Listener", "two", process_group="sim", subscriptions=(topic("/chat"),)),
+        robot.node("Quiet", "alone"),
+        duration_s=1.0,
+    )
+
+    assert report.exit_code == 0, robot.ui.text()
+    one, two, alone = robot.ui.tables[0].nodes
+    assert one.process_id == two.process_id != alone.process_id
+    assert report.nodes[1].checks[0].passed
+
+
+def test_a_node_in_a_namespace_publishes_below_its_own_name(robot):
+    report = robot.run(robot.node("OwnTopic", "arm", namespace="/left"), duration_s=0.3)
+
+    assert report.exit_code == 0, robot.ui.text()
+    assert report.nodes[0].full_name == "/left/arm"
+    assert report.nodes[0].topics[0].name == "/left/arm/command"
+
+
+def test_a_node_ends_the_run_when_its_work_is_done(robot):
+    report = robot.run(robot.node("EndsRun"), robot.node("Quiet"), duration_s=None)
+
+    assert report.exit_code == 0
+    assert report.reason == "/endsrun: calibration is written"
+    assert {node.state for node in report.nodes} == {"stopped"}
+
+
+def test_the_duration_of_the_plan_ends_the_run(robot):
+    plan = robot.plan(robot.node("Quiet"), duration_s=0.05)
+
+    report = Supervisor(plan, robot.server, robot.options(), robot.ui).run()
+
+    assert report.exit_code == 0
+    assert "0.05 s" in report.reason
+
+
+def test_a_plan_without_nodes_is_an_error_that_says_so(robot):
+    report = robot.run()
+
+    assert report.exit_code == 1
+    assert "no nodes" in report.reason
+
+
+def test_the_live_status_shows_states_and_rates(robot):
+    robot.run(robot.node("Talker", publishers=(topic("/chat", 50.0),)), duration_s=2.0, status_period_s=0.1)
+
+    last = [status for status in robot.ui.statuses if status.phase == "running"][-1]
+    (node,) = last.nodes
+    assert (node.state, node.restarts) == ("ready", 0)
+    assert node.published_hz["/chat"] > 1.0
+    json.dumps(last.as_dict())
+
+
+def test_the_log_file_holds_every_line_as_json(robot):
+    robot.run(robot.node("Warns"))
+
+    (path,) = (robot.folder / "log").glob("*.jsonl")
+    records = [json.loads(line) for line in path.read_text().splitlines()]
+    assert {"time", "level", "node", "text", "stream"} <= set(records[0])
+    warning = next(record for record in records if "latency timer" in record["text"])
+    assert (warning["level"], warning["node"]) == ("WARNING", "/warns")
+
+
+def test_a_failing_user_interface_is_cut_off_and_stops_nothing(robot):
+    def fail(_table):
+        raise RuntimeError("no such colour")
+
+    robot.ui.on_ready = fail
+    report = robot.run(robot.node("Quiet"))
+
+    assert report.exit_code == 0
+    (path,) = (robot.folder / "log").glob("*.jsonl")
+    assert "no such colour" in path.read_text()
+
+
+def test_an_actuator_is_told_that_it_was_restarted(robot):
+    report = robot.run(robot.node("Raises", kind=NodeKind.ACTUATOR, context={"once": True}), duration_s=1.5)
+
+    assert "raises restarted" in robot.noted()
+    assert report.nodes[0].restarts == 1
+    assert report.nodes[0].state == "stopped"
+    assert report.exit_code == 0, robot.ui.text()
+
+
+def test_nodes_keep_the_order_of_the_plan(robot):
+    names = ["c", "a", "b"]
+    report = robot.run(*(robot.node("Quiet", name) for name in names))
+
+    assert [node.full_name for node in report.nodes] == ["/c", "/a", "/b"]
