@@ -173,3 +173,12 @@ def test_an_environment_that_ros_does_not_know_is_a_finding(tmp_path, monkeypatc
     assert finding.allowed[0] == "rmw_zenoh_cpp"
     assert finding.severity is Severity.ERROR
     assert examination.plan is None
+
+
+def test_a_driver_gets_absolute_paths(tmp_path):
+    (tmp_path / "moves.csv").write_text("time_s,joint_1,joint_2\n0,0,0\n")
+    path = teleoperation(tmp_path)
+    override = 'robot.actions[1].mock_motor_config.motion_file="moves.csv"'
+    plan = examine(Request(path, overrides=(override,))).plan
+    (leader,) = (node for node in plan.nodes if node.name == "leader")
+    assert leader.settings["motion_file"] == str(tmp_path / "moves.csv")

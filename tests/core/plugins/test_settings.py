@@ -72,6 +72,11 @@ def motors(monkeypatch: pytest.MonkeyPatch) -> Provision:
     return provision("acme_settings_for_test:MotorSettings")
 
 
+def test_an_omitted_optional_field_without_a_default_has_no_value() -> None:
+    assert block_values(config_pb2.CameraConfig())["brightness"] is None
+    assert block_values(config_pb2.CameraConfig(brightness=0))["brightness"] == 0
+
+
 def test_omitted_fields_mean_what_their_rules_say() -> None:
     values = block_values(config_pb2.MockMotorConfig(num_motors=6, position_max=4095))
     assert values == {

@@ -31,7 +31,7 @@ class Planning:
         self._registry = registry
         self._request = request
         self._findings = Findings(loaded, launch=request.launch)
-        self._resolver = Resolver(loaded.config, registry, self._findings)
+        self._resolver = Resolver(loaded.config, registry, self._findings, request.path)
         self._nodes: list[Resolved] = []
         self._services: list[ResolvedService] = []
 

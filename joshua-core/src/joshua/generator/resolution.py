@@ -31,13 +31,17 @@ class Resolved:
 class Resolver:
     """Finds the implementation of each wanted node and makes its settings; problems become findings.
 
+    Args:
+        source: the configuration file, at whose folder relative paths start.
+
     Attributes:
         joints: joints of each actuator by field path of its node block, known without a connection.
     """
 
-    def __init__(self, config: pb.Config, registry: Registry, findings: Findings) -> None:
+    def __init__(self, config: pb.Config, registry: Registry, findings: Findings, source: str) -> None:
         self._registry = registry
         self._findings = findings
+        self._source = source
         self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
         self.joints: dict[str, list[dict[str, Any]]] = {}
 
@@ -73,11 +77,12 @@ class Resolver:
         if want.block is None or not provision.settings:
             return None, []
         # Imported here, because it needs pydantic, which a file without such a block need not wait for.
+        from joshua.config.input_paths import with_absolute_paths
         from joshua.plugins.settings import make_settings
 
         return make_settings(
             provision,
-            want.block,
+            with_absolute_paths(want.block, want.block_path, self._findings.positions, self._source),
             node=want.entry.node,
             context=context,
             field_path=want.block_path,

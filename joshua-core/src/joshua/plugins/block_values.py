@@ -35,8 +35,9 @@ def block_values(block: Message) -> dict[str, Any]:
     """Turns a block into plain values: numbers, strings, lists, and dicts for messages.
 
     Enum values become their names, ``float`` fields the shortest decimal that they stand for (0.1, not
-    0.10000000149), an omitted message None and an omitted scalar the default of its ``FieldRule``. A
-    proto3 field without presence that holds 0 counts as omitted, as the schema defines for such fields.
+    0.10000000149), an omitted message None and an omitted scalar the default of its ``FieldRule``;
+    an omitted ``optional`` field whose rule has no default is None. A proto3 field without presence that
+    holds 0 counts as omitted, as the schema defines for such fields.
     """
     values = dict(default_values(block.DESCRIPTOR))
     for field, value in block.ListFields():
@@ -70,7 +71,8 @@ def _default(field: FieldDescriptor) -> Any:
     if field.cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:
         return None
     if not text:
-        return _plain(field, field.default_value)
+        # an optional field without a default means «as it is», which no number can say
+        return None if field.has_presence else _plain(field, field.default_value)
     try:
         return _parse(field, text)
     except ValueError as error:

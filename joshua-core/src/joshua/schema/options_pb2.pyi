@@ -30,6 +30,7 @@ class FieldKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     KIND_ENDPOINT: _ClassVar[FieldKind]
     KIND_RATE: _ClassVar[FieldKind]
     KIND_INCLUDE: _ClassVar[FieldKind]
+    KIND_CAMERA_SOURCE: _ClassVar[FieldKind]
 KIND_UNSPECIFIED: FieldKind
 KIND_TOPIC: FieldKind
 KIND_NODE_NAME: FieldKind
@@ -50,6 +51,7 @@ KIND_INTERPRETER: FieldKind
 KIND_ENDPOINT: FieldKind
 KIND_RATE: FieldKind
 KIND_INCLUDE: FieldKind
+KIND_CAMERA_SOURCE: FieldKind
 RULE_FIELD_NUMBER: _ClassVar[int]
 rule: _descriptor.FieldDescriptor
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import posixpath
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from google.protobuf.message import Message
 
+from joshua.config.camera_source import device_identity
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
@@ -24,10 +24,6 @@ class _Kind:
     message: str
     remedy: str
 
-
-_VIDEO_DEVICE = re.compile(r"/dev/video(\d+)")
-_BY_ID = "/dev/v4l/by-id/"
-_BY_ID_NAME = re.compile(r"[^/]+-video-index\d+")
 
 _EXCLUSIVE: dict[int, _Kind] = {
     rules.KIND_SERIAL_PORT: _Kind(
@@ -99,8 +95,8 @@ def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, s
     value = getattr(block.message, facts.name)
     if facts.kind == rules.KIND_CAMERA_INDEX:
         source = getattr(block.message, "source", "")
-        if source:  # where given, it decides
-            return _camera_name(source), block.field_path("source")
+        if source:  # where given, it decides; a stream or a file serves any number of readers
+            return device_identity(source), block.field_path("source")
         return (str(value) if value >= 0 else ""), path
     if facts.kind == rules.KIND_SERIAL_PORT:
         for name in ("serial_number", "vid_pid"):  # where given, the identity of the adapter decides
@@ -109,17 +105,6 @@ def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, s
                 return f"{name} {identity.lower()}", block.field_path(name)
         return (posixpath.normpath(value) if value else ""), path
     return value, path
-
-
-def _camera_name(source: str) -> str:
-    """One spelling for each way to name a device; "" for a file or a stream, which many may read at once."""
-    if _BY_ID_NAME.fullmatch(source):
-        return source
-    path = posixpath.normpath(source)
-    numbered = _VIDEO_DEVICE.fullmatch(path)
-    if numbered:
-        return numbered[1]  # /dev/video2 is the camera that device_id 2 names
-    return path.removeprefix(_BY_ID) if path.startswith("/dev/") else ""
 
 
 def _same_machine(one: NodeEntry, other: NodeEntry) -> bool:

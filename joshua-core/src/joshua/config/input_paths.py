@@ -1,0 +1,72 @@
+"""Relative paths of input files: they start at the folder of the file that names them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from google.protobuf.message import Message
+
+from joshua.config.camera_source import SourceKind, source_kind
+from joshua.config.field_facts import field_facts
+from joshua.plan import Position
+from joshua.schema import options_pb2 as rules
+
+_Block = TypeVar("_Block", bound=Message)
+
+
+class Positions(Protocol):
+    """Where the values of a loaded configuration stand."""
+
+    def value(self, field_path: str) -> Position | None:
+        """Position of a field's value."""
+
+
+def with_absolute_paths(block: _Block, block_path: str, positions: Positions, source: str) -> _Block:
+    """Makes the paths of input files absolute, for drivers that run in another folder.
+
+    Args:
+        block: a configuration block.
+        block_path: its field path, such as ``robot.perceptions[0].camera_config``.
+        positions: of the loaded configuration.
+        source: the configuration file, for values that stand in none, such as those of ``--set``.
+
+    Returns:
+        The block itself where it names no relative path, else a changed copy.
+    """
+    changed = dict(_absolute(block, block_path, positions, source))
+    if not changed:
+        return block
+    copy = type(block)()
+    copy.CopyFrom(block)
+    for name, path in changed.items():
+        setattr(copy, name, path)
+    return copy
+
+
+def _absolute(
+    block: Message, block_path: str, positions: Positions, source: str
+) -> Iterator[tuple[str, str]]:
+    for facts in field_facts(block.DESCRIPTOR):
+        if not facts.is_string or facts.repeated:
+            continue
+        value: Any = getattr(block, facts.name)
+        if not value or not _is_file(facts.kind, value):
+            continue
+        expanded = Path(os.path.expanduser(value))  # noqa: PTH111 - an unknown user stays as written
+        if expanded.is_absolute():
+            absolute = expanded
+        else:
+            position = positions.value(f"{block_path}.{facts.name}")
+            named_in = position.file if position is not None and Path(position.file).is_file() else source
+            absolute = Path(os.path.normpath(Path(named_in).parent.absolute() / expanded))
+        if str(absolute) != value:
+            yield facts.name, str(absolute)
+
+
+def _is_file(kind: int, value: str) -> bool:
+    if kind == rules.KIND_CAMERA_SOURCE:
+        return source_kind(value) in (SourceKind.FILE, SourceKind.PICTURES)
+    return kind == rules.KIND_INPUT_FILE
