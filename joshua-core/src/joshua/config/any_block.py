@@ -35,6 +35,17 @@ def bind_any(binder: Binder, message: Any, fields: list[Field], path: str) -> No
     type_name = _type_name(binder, field, path)
     if type_name is None:
         return
+    if field.separator:
+        # protobuf's own readers refuse it, so a file with it would be readable here only.
+        place = binder.span(field.end, field.end + 1)
+        binder.problems.error(
+            "unexpected-text",
+            f"'{field.separator}' stands after a block with a type in square brackets.",
+            place,
+            path=path,
+            found=field.separator,
+            remedy="Delete it.",
+        )
     if not isinstance(field.value, Block):
         if field.value is not None:
             binder.problems.error(

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from joshua.config.any_block import bind_any
 from joshua.config.field_table import ANY, FieldInfo, Kind, field_table
 from joshua.config.positions import Positions
 from joshua.config.problems import Span
 from joshua.config.scalars import ScalarReader
 from joshua.config.syntax import Block, Field, ListValue, Scalar, ScalarKind
-from joshua.config.unknown_field import report_unknown_field
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,6 +61,8 @@ class Binder:
     def block(self, message: Any, fields: list[Field], path: str) -> None:
         """Binds the fields of a block into a message; ``path`` is that of the block, "" for the root."""
         if message.DESCRIPTOR.full_name == ANY and any(field.is_type for field in fields):
+            from joshua.config.any_block import bind_any
+
             bind_any(self, message, fields, path)
             return
         table = field_table(message.DESCRIPTOR)
@@ -71,6 +71,8 @@ class Binder:
                 return
             info = None if field.is_type else table.get(field.name)
             if info is None:
+                from joshua.config.unknown_field import report_unknown_field
+
                 report_unknown_field(self.problems, self.source, message.DESCRIPTOR, field, path)
             else:
                 self.field(message, info, field, path)

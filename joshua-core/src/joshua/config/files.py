@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.limits import MAX_FILE_BYTES
-from joshua.config.nearest import nearest
 from joshua.config.problems import Problems, Span
 from joshua.config.source import Source
 
@@ -102,6 +101,8 @@ def _is_regular(path: str, mode: int, problems: Problems, at: Span | None) -> bo
 
 
 def _missing(path: str, problems: Problems, at: Span | None) -> None:
+    from joshua.config.nearest import nearest
+
     where = Path(path)
     candidates = _configurations_in(str(where.parent))
     near = nearest(where.name, candidates)

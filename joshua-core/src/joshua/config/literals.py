@@ -110,12 +110,17 @@ def _unescape(match: re.Match[str]) -> bytes:
         return bytes((int(text, 8),))
     if kind == "short" or kind == "long":
         code = int(text, 16)
-        if code <= 0x10FFFF and not 0xD800 <= code <= 0xDFFF:
+        # A backslash written this way is read as one character by some of protobuf's readers and as
+        # the start of an escape by others.
+        if code <= 0x10FFFF and not 0xD800 <= code <= 0xDFFF and chr(code) != "\\":
             return chr(code).encode()
     shown = match[0]
-    message = {
+    reasons = {
         "octal": f"{shown} is no byte: the largest is \\377",
         "short": f"{shown} is half of a character: write the character itself or \\U and eight digits",
         "long": f"{shown} is no Unicode character",
-    }.get(kind or "", f"{shown} is no escape of the text format")
-    raise BadEscapeError(message, match.start() + 1, len(shown))
+    }
+    reason = reasons.get(kind or "", f"{shown} is no escape of the text format")
+    if kind in ("short", "long") and int(text, 16) == ord("\\"):
+        reason = f"{shown} is read in two ways by protobuf's readers: write a backslash as \\\\"
+    raise BadEscapeError(reason, match.start() + 1, len(shown))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from joshua.config.binder import Binder, Merge
 from joshua.config.files import FileId, file_id, read_source
 from joshua.config.limits import MAX_FILES
-from joshua.config.overrides import OPTION, Overrides
 from joshua.config.parser import parse
 from joshua.config.plugin_types import PluginTypes
 from joshua.config.positions import Positions
@@ -86,6 +85,8 @@ class _Loading:
         self._read(self._path, None)
         is_readable = self._path in self._sources
         if overrides and is_readable:
+            from joshua.config.overrides import OPTION, Overrides
+
             self._sources[OPTION] = Overrides(self._config, self._merge).apply(overrides)
         return LoadedConfig(
             self._path,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
 # Beyond these sizes a suggestion costs more time than it is worth.
@@ -19,6 +18,8 @@ def nearest(name: str, candidates: Iterable[str], most: int = 3) -> list[str]:
     folded: dict[str, str] = {}
     for candidate in known:
         folded.setdefault(candidate.lower(), candidate)
+    import difflib  # costs time that only an error is worth
+
     matches = difflib.get_close_matches(name.lower(), folded, n=most, cutoff=0.6)
     if not matches and len(name) >= _SHORTEST_PART:
         # MOCK stands for ACTION_MOCK: a part of a longer name between its underscores.

@@ -83,7 +83,7 @@ class Parser(ValueParser):
                     self._report_unclosed(self._open.pop(), self.start)
                     break
                 fields.append(self._field())
-                self._separator()
+                self._separator(fields[-1])
             elif kind == SIGN and self.text in "}>":
                 if self._closes_block():
                     break
@@ -91,7 +91,7 @@ class Parser(ValueParser):
                 field = self._type_field()
                 if field is not None:
                     fields.append(field)
-                    self._separator()
+                    self._separator(field)
             else:
                 self._unexpected()
         return fields
@@ -319,8 +319,9 @@ class Parser(ValueParser):
             related=[(Span(self.source, before, before + 1), f"{where} comes before it is closed")],
         )
 
-    def _separator(self) -> None:
+    def _separator(self, field: Field) -> None:
         if self.kind == SIGN and self.text in ",;":
+            field.separator = self.text
             self.at += 1
 
     def _unexpected(self) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import sys
 from typing import TYPE_CHECKING, Any
-
-from google.protobuf import descriptor_pool, message_factory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -37,6 +34,8 @@ class PluginTypes:
         found = self._known().get(full_name)
         if found is not None:
             return found
+        from google.protobuf import descriptor_pool, message_factory
+
         try:
             descriptor = descriptor_pool.Default().FindMessageTypeByName(full_name)
         except KeyError:
@@ -45,6 +44,8 @@ class PluginTypes:
 
     def is_misspelt(self, full_name: str) -> bool:
         """Tells whether an unknown name looks like a known one misspelt, not like another plugin's."""
+        import difflib
+
         package = full_name.rpartition(".")[0]
         return any(
             known.rpartition(".")[0] == package
@@ -64,6 +65,8 @@ class PluginTypes:
 def _classes_of(given: str | type[Message]) -> list[type[Message]]:
     if not isinstance(given, str):
         return [given]
+    from google.protobuf import message_factory
+
     module: Any = sys.modules.get(given)
     if module is None:
         try:

@@ -64,6 +64,7 @@ class Field:
         has_colon: whether a colon follows the name.
         value: None where it is missing, which has been reported.
         end: offset after the value, a separator not included.
+        separator: the comma or semicolon after it; "" for none.
     """
 
     name: str
@@ -73,3 +74,4 @@ class Field:
     has_colon: bool = False
     value: Value | None = None
     end: int = 0
+    separator: str = ""
