@@ -57,6 +57,8 @@ class Binder:
         self._scalars = ScalarReader(source, merge.problems)
         self._include = include
         self._written: dict[str, Span] = {}
+        self._fields: list[tuple[int, int, str]] = []
+        self._around: list[Any] = []
 
     def block(self, message: Any, fields: list[Field], path: str) -> None:
         """Binds the fields of a block into a message; ``path`` is that of the block, "" for the root."""
@@ -66,6 +68,7 @@ class Binder:
             bind_any(self, message, fields, path)
             return
         table = field_table(message.DESCRIPTOR)
+        self._around.append(message.DESCRIPTOR)
         for field in fields:
             if self.problems.full:
                 return
@@ -73,15 +76,23 @@ class Binder:
             if info is None:
                 from joshua.config.unknown_field import report_unknown_field
 
-                report_unknown_field(self.problems, self.source, message.DESCRIPTOR, field, path)
+                report_unknown_field(self.problems, self.source, self._around, field, path)
             else:
                 self.field(message, info, field, path)
+        self._around.pop()
+
+    def document(self, config: Any, fields: list[Field]) -> None:
+        """Binds a whole file, and tells the syntax errors in it which fields they belong to."""
+        self.block(config, fields, "")
+        if len(self.problems):
+            self.problems.locate(self.source, self._fields)
 
     def field(self, message: Any, info: FieldInfo, field: Field, path: str) -> None:
         """Binds one field of a message."""
         field_path = f"{path}.{info.name}" if path else info.name
         name = Span(self.source, field.name_start, field.name_end)
         value = field.value
+        self._fields.append((field.name_start, field.end, field_path))
         is_list = isinstance(value, ListValue)
         if not field.has_colon and info.kind is not Kind.MESSAGE and is_list:
             self.problems.error(
@@ -98,6 +109,7 @@ class Binder:
             self._singular(message, info, value, field_path, name)
         else:
             aside = Binder(self.source, self.merge.aside())
+            aside._around = [*self._around]
             aside._singular(type(message)(), info, value, field_path, name)
 
     def scalar(self, info: FieldInfo, value: Value, path: str) -> Any:

@@ -108,7 +108,7 @@ class _Loading:
         self._included[identity] = (path, at)
         self._chain.append(_OpenFile(identity, path))
         fields = parse(source, self._problems)
-        Binder(source, self._merge, self._include).block(self._config, fields, "")
+        Binder(source, self._merge, self._include).document(self._config, fields)
         self._chain.pop()
 
     def _include(self, value: str, at: Span) -> None:

@@ -130,7 +130,7 @@ class _Override:
         if info is None:
             name_end = step.start + len(step.name)
             field = Field(step.name, step.start, name_end)
-            report_unknown_field(self._problems, self._source, message.DESCRIPTOR, field, path)
+            report_unknown_field(self._problems, self._source, [message.DESCRIPTOR], field, path)
             return None
         if step.key is not None and not info.is_repeated:
             self._problems.error(

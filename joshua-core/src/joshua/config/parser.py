@@ -2,49 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from joshua.config.brackets import indentation_must_guide
+from joshua.config.block_parser import BlockParser
 from joshua.config.lexer import END, NAME, NUMBER, OPEN_STRING, OTHER, SIGN, STRING, tokenize
-from joshua.config.limits import MAX_DEPTH, MAX_TOKENS
-from joshua.config.problems import Span
-from joshua.config.syntax import Block, Field, ListValue, Scalar
-from joshua.config.value_parser import ValueParser
+from joshua.config.limits import MAX_TOKENS
+from joshua.config.syntax import Field
 
 if TYPE_CHECKING:
     from joshua.config.lexer import Tokens
     from joshua.config.problems import Problems
     from joshua.config.source import Source
 
-_CLOSER = {"{": "}", "<": ">"}
 
-
-@dataclass(slots=True)
-class _Open:
-    """A block that is being read: its name and opening brace, and the layout of that line."""
-
-    name: str
-    start: int
-    end: int
-    closer: str
-    line: int
-    indentation: int
-
-
-class Parser(ValueParser):
+class Parser(BlockParser):
     """Parses one text; every error goes to ``problems``."""
 
     def __init__(self, source: Source, tokens: Tokens, problems: Problems) -> None:
         super().__init__(source, tokens, problems)
-        self._open: list[_Open] = []
-        self._guided = indentation_must_guide(source, tokens)
-        self._too_deep = False
         self._last_end = -1
 
     def document(self) -> list[Field]:
         """Parses a whole text."""
-        fields = self._body()
+        fields = self.fields()
         if self.tokens.cut_at is not None:
             self.error(
                 "file-too-large",
@@ -54,8 +34,7 @@ class Parser(ValueParser):
                 self.tokens.cut_at + 1,
             )
         else:
-            for block in reversed(self._open):
-                self._report_unclosed(block, self.tokens.starts[-1])
+            self.report_open_blocks()
         return fields
 
     def value_only(self) -> Field:
@@ -67,34 +46,33 @@ class Parser(ValueParser):
             self.error(
                 "unexpected-text", f"'{self.run_text()}' stands after the value.", self.start, self.run_end()
             )
-        for block in reversed(self._open):
-            self._report_unclosed(block, self.tokens.starts[-1])
+        self.report_open_blocks()
         return field
 
-    def _body(self) -> list[Field]:
+    def fields(self) -> list[Field]:
         """Parses fields up to the end of the block that is open last, or of the text."""
-        fields: list[Field] = []
+        found: list[Field] = []
         while not self.problems.full:
             kind = self.kind
             if kind == END:
                 break
             if kind == NAME or (kind == NUMBER and self._number_names_a_field()):
-                if self._guided and self._is_outside_block():
-                    self._report_unclosed(self._open.pop(), self.start)
+                if self.is_outside_block():
+                    self.leave_block()
                     break
-                fields.append(self._field())
-                self._separator(fields[-1])
+                found.append(self._field())
+                self._separator(found[-1])
             elif kind == SIGN and self.text in "}>":
-                if self._closes_block():
+                if self.closes_block():
                     break
             elif kind == SIGN and self.text == "[":
                 field = self._type_field()
                 if field is not None:
-                    fields.append(field)
+                    found.append(field)
                     self._separator(field)
             else:
                 self._unexpected()
-        return fields
+        return found
 
     def _number_names_a_field(self) -> bool:
         return self.kinds[self.at + 1] == SIGN and self.texts[self.at + 1] in ":{"
@@ -155,7 +133,9 @@ class Parser(ValueParser):
         elif self.kind == SIGN and self.text == "[":
             field.value = self.list_value(field)
         elif field.has_colon:
-            if self._is_next_field() or self.kind in (END, SIGN):
+            if self._is_next_field():
+                self._missing_value_or_brace(field)
+            elif self.kind in (END, SIGN):
                 self._missing_value(field)
             else:
                 field.value = self.scalar(field.name)
@@ -207,7 +187,12 @@ class Parser(ValueParser):
                 remedy=f"Write `{field.name}: …`.",
             )
             field.value = self.scalar(field.name)
-        elif self.kind == NAME and self.source.column(self.start) > self.source.indentation(field.name_start):
+        else:
+            self._missing_value_or_brace(field)
+
+    def _missing_value_or_brace(self, field: Field) -> None:
+        """Takes lines that are indented below a name for its block, whose brace is missing."""
+        if self.kind == NAME and self.source.column(self.start) > self.source.indentation(field.name_start):
             self.error(
                 "missing-brace",
                 f"{{ is missing after {field.name}.",
@@ -219,105 +204,6 @@ class Parser(ValueParser):
             field.value = self.block(field.name, opened_at=field.name_start)
         else:
             self._missing_value(field)
-
-    def block(self, name: str, opened_at: int | None = None) -> Block:
-        """Parses a block; ``opened_at`` stands in for an opening brace that is missing."""
-        start = self.start if opened_at is None else opened_at
-        closer = _CLOSER.get(self.text, "}") if opened_at is None else "}"
-        end = self.end
-        if opened_at is None:
-            self.at += 1
-        if len(self._open) >= MAX_DEPTH:
-            self._skip_deep_block(start, end)
-            return Block(start, self.tokens.ends[self.at - 1])
-        line, indentation = self.source.line(start), self.source.indentation(start)
-        self._open.append(_Open(name, start, end, closer, line, indentation))
-        fields = self._body()
-        return Block(start, self.tokens.ends[self.at - 1], fields)
-
-    def _skip_deep_block(self, start: int, end: int) -> None:
-        if not self._too_deep:
-            self._too_deep = True
-            self.error(
-                "nesting-too-deep",
-                f"Blocks are nested more than {MAX_DEPTH} deep.",
-                start,
-                end,
-                found=self.source.text[start:end],
-            )
-        depth = 1
-        while self.kind != END and depth:
-            if self.kind == SIGN and self.text in "{<":
-                depth += 1
-            elif self.kind == SIGN and self.text in "}>":
-                depth -= 1
-            self.at += 1
-
-    def _closes_block(self) -> bool:
-        """Handles a closing brace; True where it ends the block that is open last."""
-        if not self._open:
-            self.error(
-                "stray-closer",
-                f"'{self.text}' closes nothing.",
-                self.start,
-                self.end,
-                found=self.text,
-                remedy="Delete it, or look above for a block that is closed too early.",
-            )
-            self.at += 1
-            return False
-        block = self._open[-1]
-        if self._guided and self.source.is_first_on_line(self.start):
-            column = self.source.column(self.start)
-            if column > block.indentation and self.source.line(self.start) > block.line:
-                self.error(
-                    "stray-closer",
-                    f"'{self.text}' closes nothing: {block.name} goes on below.",
-                    self.start,
-                    self.end,
-                    found=self.text,
-                    remedy="Delete it.",
-                    related=[(Span(self.source, block.start, block.end), f"{block.name} is opened here")],
-                )
-                self.at += 1
-                return False
-            if any(outer.indentation == column < block.indentation for outer in self._open):
-                self._report_unclosed(self._open.pop(), self.start)
-                return True
-        if self.text != block.closer:
-            self.error(
-                "mismatched-closer",
-                f"'{self.text}' closes a block that another bracket opened.",
-                self.start,
-                self.end,
-                found=self.text,
-                allowed=(block.closer,),
-                remedy=f"Write '{block.closer}'.",
-                related=[(Span(self.source, block.start, block.end), f"{block.name} is opened here")],
-            )
-        self._open.pop()
-        self.at += 1
-        return True
-
-    def _is_outside_block(self) -> bool:
-        """Whether a field on a line of its own is not indented as part of the block that is open last."""
-        if not self._open or not self.source.is_first_on_line(self.start):
-            return False
-        block = self._open[-1]
-        column = self.source.column(self.start)
-        return self.source.line(self.start) > block.line and column <= block.indentation
-
-    def _report_unclosed(self, block: _Open, before: int) -> None:
-        where = "the end of the file" if before >= len(self.source.text.rstrip()) else "this line"
-        self.error(
-            "unclosed-block",
-            f"The block {block.name} is not closed.",
-            block.start,
-            block.end,
-            found=self.source.text[block.start : block.end],
-            remedy=f"Add '{block.closer}' where {block.name} ends.",
-            related=[(Span(self.source, before, before + 1), f"{where} comes before it is closed")],
-        )
 
     def _separator(self, field: Field) -> None:
         if self.kind == SIGN and self.text in ",;":
@@ -357,6 +243,3 @@ class Parser(ValueParser):
 def parse(source: Source, problems: Problems) -> list[Field]:
     """Parses a text into its top-level fields; what is wrong goes to ``problems``."""
     return Parser(source, tokenize(source), problems).document()
-
-
-__all__ = ["Block", "Field", "ListValue", "Parser", "Scalar", "parse"]

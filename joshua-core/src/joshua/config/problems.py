@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.codes_reading import READING_CODES
 from joshua.config.limits import MAX_PROBLEMS
+
+# Syntax errors that belong to the field around them.
+_INSIDE_FIELD = frozenset(
+    (
+        "missing-colon",
+        "missing-value",
+        "missing-brace",
+        "missing-comma",
+        "extra-comma",
+        "unclosed-string",
+        "unclosed-list",
+        "unquoted-string",
+    )
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -75,6 +90,22 @@ class Problems:
         )
         order = self._order_of(at.source.name) if at is not None else -1
         self._found.append((order, at.start if at is not None else 0, diagnostic))
+
+    def locate(self, source: Source, fields: list[tuple[int, int, str]]) -> None:
+        """Gives syntax errors the path of the field that they stand in.
+
+        Args:
+            fields: offsets and path of each field of the text, in the order of their beginning.
+        """
+        starts = [start for start, _, _ in fields]
+        for number, (order, at, diagnostic) in enumerate(self._found):
+            place = diagnostic.position
+            if diagnostic.field_path or place is None or place.file != source.name:
+                continue
+            index = bisect_right(starts, at) - 1
+            if diagnostic.code in _INSIDE_FIELD and index >= 0 and at <= fields[index][1]:
+                located = diagnostic.model_copy(update={"field_path": fields[index][2]})
+                self._found[number] = (order, at, located)
 
     def diagnostics(self) -> list[Diagnostic]:
         """Returns all problems, file by file and from top to bottom."""

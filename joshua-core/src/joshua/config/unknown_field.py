@@ -8,6 +8,8 @@ from joshua.config.nearest import nearest, nearest_first
 from joshua.config.problems import Span, shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from joshua.config.problems import Problems
     from joshua.config.source import Source
     from joshua.config.syntax import Field
@@ -16,9 +18,14 @@ _DEEPEST = 3
 
 
 def report_unknown_field(
-    problems: Problems, source: Source, descriptor: Any, field: Field, path: str
+    problems: Problems, source: Source, around: Sequence[Any], field: Field, path: str
 ) -> None:
-    """Reports a field that its block does not have."""
+    """Reports a field that its block does not have.
+
+    Args:
+        around: descriptors of the block and of those around it, the innermost last.
+    """
+    descriptor = around[-1]
     place = Span(source, field.name_start, field.name_end)
     shown = shortened(field.name, 60)
     if field.is_type:
@@ -39,8 +46,11 @@ def report_unknown_field(
             allowed = nearest_first(known.name, allowed)
     else:
         home = _home_of(descriptor, field.name)
+        owner = next((outer for outer in reversed(around[:-1]) if field.name in outer.fields_by_name), None)
         if home:
             remedy = f"Move it into the block {home}, where {shown} is a field."
+        elif owner is not None:
+            remedy = f"Close the block above before it with }}: {shown} is a field of {owner.name}."
     if not remedy and nearest(field.name, allowed):
         remedy = f"Did you mean {allowed[0]}?"
     problems.error(
