@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.codes_reading import READING_CODES
@@ -104,7 +105,7 @@ class Problems:
                 continue
             index = bisect_right(starts, at) - 1
             if diagnostic.code in _INSIDE_FIELD and index >= 0 and at <= fields[index][1]:
-                located = diagnostic.model_copy(update={"field_path": fields[index][2]})
+                located = replace(diagnostic, field_path=fields[index][2])
                 self._found[number] = (order, at, located)
 
     def diagnostics(self) -> list[Diagnostic]:
