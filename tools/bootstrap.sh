@@ -60,5 +60,7 @@ install_once() {
     (cd "$root" && "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt "$@" >&2) ||
         fail "the installation failed; pip's reason stands above" \
             "next: check the network and pip's configuration (pip config list), then run $0 again"
+    # Compiled once here: where PYTHONDONTWRITEBYTECODE is set, every start would compile the sources anew.
+    "$venv/bin/python" -m compileall -q "$root/joshua-core/src" >&2 || true
     printf '%s\n' "$wanted" >"$stamp"
 }
