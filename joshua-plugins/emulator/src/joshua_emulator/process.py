@@ -42,6 +42,10 @@ class EmulatedBus(EmulatorProcess):
         """The truth about all servos in cable order."""
         return list(self.ask("state")["servos"])
 
+    def calibration(self) -> dict[str, Any]:
+        """Calibration of the arm as its EEPROM holds it, in the fields of an ``ArmCalibration``."""
+        return dict(self.ask("calibration")["calibration"])
+
     def hand(self, positions: Mapping[int, float], *, duration_s: float = 0.0) -> None:
         """Moves joints without torque by hand: ticks by servo id."""
         for servo_id, ticks in positions.items():

@@ -47,6 +47,7 @@ class Operations:
             "state": self._state,
             "registers": self._registers,
             "set_register": self._set_register,
+            "calibration": self._calibration,
             "log": self._read_log,
             "lateness": lambda request: self._log.lateness(clear=bool(request.get("clear"))),
             "hand": self._hand,
@@ -132,6 +133,21 @@ class Operations:
         register = BY_NAME[request["name"]]
         for servo in self._servos(request):
             servo.put(register.name, int(request["value"]))
+
+    def _calibration(self, request: Request) -> dict[str, Any]:
+        """Calibration of the arm as its EEPROM holds it, in the fields of a calibration block."""
+        motors = [
+            {
+                "id": servo.servo_id,
+                "joint_name": name,
+                "homing_offset": servo.get("homing_offset"),
+                "range_min": servo.get("min_position_limit"),
+                "range_max": servo.get("max_position_limit"),
+                "inverted": False,
+            }
+            for servo, name in zip(self._servos(request), self._names, strict=False)
+        ]
+        return {"calibration": {"device_identity": f"usb:{self._station.line.identity}", "motors": motors}}
 
     def _read_log(self, request: Request) -> dict[str, Any]:
         entries = self._log.since(

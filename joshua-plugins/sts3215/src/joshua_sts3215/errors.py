@@ -1,0 +1,49 @@
+"""What can go wrong between host and servos: one class per cause, each message with its remedy."""
+
+from __future__ import annotations
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+
+
+class PortNotFound(DeviceError):
+    """No such serial port, or no adapter of that identity."""
+
+
+class PortBusy(DeviceError):
+    """Another process has the port open."""
+
+
+class PortForbidden(DeviceError):
+    """This user may not open the port."""
+
+
+class PortUnusable(DeviceError):
+    """The path is no serial port, or cannot run at the line speed."""
+
+
+class PortDisconnected(DeviceDisconnected):
+    """The port was open and is gone: the adapter was unplugged."""
+
+
+class NoReply(DeviceDisconnected):
+    """A servo did not answer within all retries, or only with broken packets."""
+
+
+class MotorCheckFailed(DeviceError):
+    """The servos on the bus are not those of the configuration."""
+
+
+class CalibrationMismatch(DeviceError):
+    """The calibration is that of another arm, or the servos were calibrated anew."""
+
+
+class NotCalibrated(DeviceError):
+    """The joints may not be energised without a calibration."""
+
+
+class NotEnabled(DeviceError):
+    """A goal was written while torque is off; the servo would switch it on by itself."""
+
+
+class SafetyTripped(DeviceError):
+    """A protection took the arm's torque off; it stays off until it is enabled again."""

@@ -1,0 +1,37 @@
+"""The 15 bytes of feedback that one read of a servo brings."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+_LAYOUT = struct.Struct("<HHHBBBBBHH")  # from present position to present current
+CURRENT_UNIT_A = 0.0065
+
+
+class Feedback(NamedTuple):
+    """What a servo says of itself; ``load`` is a fraction of stall torque, signed like ``speed``."""
+
+    position: int  # ticks
+    speed: int  # ticks/s
+    load: float
+    voltage_v: float
+    temperature_c: int
+    status: int  # see StatusBit
+    moving: bool
+    current_a: float
+
+
+def parse_feedback(data: bytes) -> Feedback:
+    """Reads the block at address 56."""
+    position, speed, load, voltage, temperature, _, status, moving, _, current = _LAYOUT.unpack(data)
+    return Feedback(
+        -(position & 0x7FFF) if position & 0x8000 else position,
+        -(speed & 0x7FFF) if speed & 0x8000 else speed,
+        (-(load & 0x3FF) if load & 0x400 else load & 0x3FF) / 1000,
+        voltage / 10,
+        temperature,
+        status,
+        bool(moving),
+        current * CURRENT_UNIT_A,
+    )

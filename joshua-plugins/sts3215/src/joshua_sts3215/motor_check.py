@@ -1,0 +1,138 @@
+"""Checks that the servos on a bus are those of the configuration, and says what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from joshua_sts3215.bus import Bus
+from joshua_sts3215.errors import MotorCheckFailed, NoReply, PortUnusable
+from joshua_sts3215.registers import BAUDRATES, FEEDBACK, MODEL_NAMES, MODEL_NUMBER
+
+SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on
+
+
+@dataclass(frozen=True)
+class FoundMotor:
+    """A servo that answers."""
+
+    servo_id: int
+    model: int
+    firmware: str
+
+    @property
+    def model_name(self) -> str:
+        """Name of the model, or its number where it is unknown."""
+        return MODEL_NAMES.get(self.model, f"model {self.model}")
+
+    def __str__(self) -> str:
+        return f"{self.servo_id} ({self.model_name}, firmware {self.firmware})"
+
+
+def check_motors(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
+    """Looks at each servo of the configuration, in cable order.
+
+    Raises:
+        MotorCheckFailed: a servo is missing, shares its id or is of another model; the message names each,
+            with the expected and the found list, and the place where the chain breaks.
+        PortDisconnected: the port is gone.
+    """
+    found: list[FoundMotor] = []
+    missing: list[int] = []
+    shared: list[int] = []
+    for servo_id in ids:
+        corrupt = bus.counters.corrupt
+        try:
+            found.append(identify(bus, servo_id))
+        except NoReply:
+            garbled = bus.counters.corrupt - corrupt > bus.retries
+            (shared if garbled else missing).append(servo_id)
+    wrong = [motor for motor in found if motor.model != MODEL_NUMBER]
+    if not (missing or shared or wrong):
+        return found
+    strangers = [] if len(missing) == len(ids) else _strangers(bus, ids)
+    problems = [
+        *_missing_text(bus, ids, missing),
+        *(
+            f"two motors share the id {servo_id}: connect one alone and give it another id"
+            for servo_id in shared
+        ),
+        *(
+            f"wrong model: id {motor.servo_id} is a {motor.model_name}, expected {MODEL_NAMES[MODEL_NUMBER]}"
+            for motor in wrong
+        ),
+    ]
+    raise MotorCheckFailed(
+        "\n  ".join(
+            [
+                f"{bus.port}: motor check failed at {bus.port.baudrate} bit/s",
+                *problems,
+                f"expected: {_list(ids)}",
+                f"found: {_list([*found, *strangers])}",
+                "joshua motors setup gives ids and baud rates; joshua doctor looks at cable and supply.",
+            ]
+        )
+    )
+
+
+def identify(bus: Bus, servo_id: int) -> FoundMotor:
+    """Reads model and firmware of one servo, and its feedback once. Raises NoReply and PortDisconnected."""
+    block = bus.read_block(servo_id, 0, 5)
+    bus.read_block(servo_id, *FEEDBACK)  # differs between two servos of one id, so that their replies collide
+    return FoundMotor(servo_id, int.from_bytes(block[3:5], "little"), f"{block[0]}.{block[1]}")
+
+
+def find_baudrates(bus: Bus, ids: Iterable[int]) -> dict[int, list[int]]:
+    """Finds ids that answer at other line speeds: ids by speed. The line speed is put back afterwards."""
+    usual = bus.port.baudrate
+    answers: dict[int, list[int]] = {}
+    wanted = list(ids)
+    try:
+        for baudrate in BAUDRATES.values():
+            if baudrate == usual:
+                continue
+            try:
+                bus.port.set_baudrate(baudrate)
+            except PortUnusable:
+                continue  # a speed that the adapter cannot run at cannot be the one in use
+            heard = [servo_id for servo_id in wanted if bus.ping(servo_id)]
+            if heard:
+                answers[baudrate] = heard
+    finally:
+        bus.port.set_baudrate(usual)
+    return answers
+
+
+def _missing_text(bus: Bus, ids: Sequence[int], missing: list[int]) -> list[str]:
+    if not missing:
+        return []
+    if len(missing) == len(ids):
+        answers = find_baudrates(bus, ids)
+        if not answers:
+            return ["no servo answers, at no line speed: check the supply, and the cable to the first servo"]
+        return [
+            f"no servo answers at {bus.port.baudrate} bit/s, but ids {_list(heard)} answer at {baudrate}: "
+            f"set baudrate: {baudrate}, or change the servos with joshua motors setup"
+            for baudrate, heard in answers.items()
+        ]
+    texts = [f"missing ids: {_list(missing)}"]
+    first = list(ids).index(missing[0])
+    if first and list(ids[first:]) == missing:
+        before = ids[first - 1]
+        texts.append(f"the chain breaks after id {before}: check the cable between {before} and {missing[0]}")
+    return texts
+
+
+def _strangers(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
+    strangers = []
+    for servo_id in SCANNED_IDS:
+        if servo_id not in ids and bus.ping(servo_id):
+            try:
+                strangers.append(identify(bus, servo_id))
+            except NoReply:
+                continue  # it answered once and then no more: not one to report as found
+    return strangers
+
+
+def _list(items: Iterable[object]) -> str:
+    return ", ".join(str(item) for item in items) or "none"

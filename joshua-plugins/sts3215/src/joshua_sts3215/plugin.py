@@ -1,0 +1,21 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins.hooks import hookimpl
+from joshua.plugins.provision import Provision, ProvisionKind
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the driver of STS3215 buses."""
+    return [
+        Provision(
+            kind=ProvisionKind.ACTUATOR,
+            block="sts3215_config",
+            enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
+            implementation="joshua_sts3215.actuator:Sts3215Actuator",
+            settings="joshua_sts3215.settings:Sts3215Settings",
+            summary="Feetech/Waveshare STS3215 servo bus",
+        )
+    ]

@@ -1,0 +1,263 @@
+"""A serial port as the bus needs it: exclusive, raw, 8N1, with reads that end at a deadline."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import grp
+import os
+import select
+import stat
+import struct
+import sys
+import termios
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from joshua_sts3215.errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
+from joshua_sts3215.usb_ports import Endpoint, PortEntry, describe_ports, resolve
+
+BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
+_LARGEST_MINIMUM = 255  # VMIN is one byte
+_IS_LINUX = sys.platform == "linux"
+_TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
+_TERMIOS2 = struct.Struct("=4IB19s2I")
+_ANY_SPEED = 0o010000  # BOTHER: the speed stands in a field of its own
+_SPEED_MASK = 0o010017
+_GONE = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF}
+
+
+class SerialPort:
+    """An open serial port; closed by ``close`` or by the end of the process."""
+
+    def __init__(self, endpoint: Endpoint, baudrate: int) -> None:
+        self.endpoint = endpoint
+        self.baudrate = baudrate
+        self.entry = PortEntry(endpoint.path)
+        self._fd = -1
+        self._attributes: list[object] = []
+        self._minimum = 1
+        self._poll = select.poll()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is open."""
+        return self._fd >= 0
+
+    def __str__(self) -> str:
+        identity = self.entry.identity
+        return f"{self.entry.path} ({identity})" if identity else self.entry.path or str(self.endpoint)
+
+    def open(self) -> None:
+        """Finds, opens, locks and sets up the port.
+
+        Raises:
+            PortNotFound, PortForbidden, PortBusy, PortUnusable: one for each cause, with its remedy.
+        """
+        self.close()
+        self.entry = resolve(self.endpoint)
+        self._fd = self._open()
+        try:
+            self._lock()
+            self._set_up()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Closes the port; a second call does nothing."""
+        fd, self._fd = self._fd, -1
+        if fd < 0:
+            return
+        with contextlib.suppress(OSError, KeyError):
+            self._poll.unregister(fd)
+        with contextlib.suppress(OSError):
+            fcntl.ioctl(fd, termios.TIOCNXCL)
+        os.close(fd)
+
+    def set_baudrate(self, baudrate: int) -> None:
+        """Changes the line speed. Raises PortUnusable."""
+        self.baudrate = baudrate
+        try:
+            self._apply_speed(baudrate)
+        except (OSError, termios.error) as error:
+            raise PortUnusable(
+                f"{self}: cannot run at {baudrate} bit/s ({_reason(error)}); "
+                "choose a baudrate that adapter and servos share, such as 1000000"
+            ) from error
+
+    def wire_time_s(self, size: int) -> float:
+        """Time that bytes take on the line."""
+        return size * BITS_PER_BYTE / self.baudrate
+
+    def send(self, data: bytes) -> None:
+        """Drops received bytes, then sends. Raises PortDisconnected."""
+        try:
+            termios.tcflush(self._fd, termios.TCIFLUSH)
+            sent = os.write(self._fd, data)
+            while sent < len(data):
+                self._wait_writable()
+                sent += os.write(self._fd, data[sent:])
+        except (OSError, termios.error) as error:
+            raise self._disconnected(error) from error
+
+    def receive(self, size: int, deadline_s: float) -> bytes:
+        """Waits for ``size`` bytes, until a time of the monotonic clock; returns what came, perhaps less.
+
+        Raises PortDisconnected.
+        """
+        self._set_minimum(size if size <= _LARGEST_MINIMUM else 1)
+        data = b""
+        while len(data) < size:
+            wait_s = deadline_s - time.monotonic()
+            try:
+                ready = self._poll.poll(max(0.0, wait_s * 1000))
+                chunk = self._read_available(size - len(data), hung_up=bool(ready))
+            except OSError as error:
+                raise self._disconnected(error) from error
+            data += chunk
+            if wait_s <= 0:
+                break
+            if chunk and len(data) < size:
+                self._set_minimum(1)
+        return data
+
+    def _read_available(self, size: int, *, hung_up: bool) -> bytes:
+        try:
+            chunk = os.read(self._fd, size)
+        except BlockingIOError:
+            return b""
+        if not chunk and hung_up:
+            raise OSError(errno.EIO, "the line was hung up")
+        return chunk
+
+    def _set_minimum(self, size: int) -> None:
+        """Lets the kernel wake this process only once ``size`` bytes are there, or at the deadline."""
+        if size == self._minimum:
+            return
+        self._minimum = size
+        characters = self._attributes[6]
+        assert isinstance(characters, list)
+        characters[termios.VMIN] = size
+        try:
+            termios.tcsetattr(self._fd, termios.TCSANOW, self._attributes)  # type: ignore[arg-type]
+        except termios.error as error:
+            raise self._disconnected(error) from error
+
+    def _wait_writable(self) -> None:
+        _, writable, _ = select.select([], [self._fd], [], 1.0)
+        if not writable:
+            raise OSError(errno.EIO, "the line takes no bytes")
+
+    def _open(self) -> int:
+        path = self.entry.path
+        try:
+            fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ELOOP, errno.ENOTDIR):
+                raise PortNotFound(
+                    f"{path}: no such serial port. Ports here: {describe_ports(self.endpoint.device_root)}. "
+                    "Plug the adapter in or correct comm.serial.port; serial_number finds it under any name."
+                ) from error
+            if error.errno in (errno.EACCES, errno.EPERM):
+                raise PortForbidden(_forbidden(path)) from error
+            if error.errno == errno.EBUSY:
+                raise PortBusy(_busy(path)) from error
+            raise PortUnusable(f"{path}: cannot be opened ({_reason(error)})") from error
+        if not os.isatty(fd):
+            os.close(fd)
+            raise PortUnusable(
+                f"{path}: is no serial port. Ports here: {describe_ports(self.endpoint.device_root)}. "
+                "Correct comm.serial.port."
+            )
+        return fd
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.ioctl(self._fd, termios.TIOCEXCL)
+        except BlockingIOError as error:
+            raise PortBusy(_busy(self.entry.path)) from error
+
+    def _set_up(self) -> None:
+        try:
+            attributes = termios.tcgetattr(self._fd)
+            attributes[0] = attributes[1] = attributes[3] = 0  # no translation, no echo, no line editing
+            attributes[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
+            attributes[6][termios.VMIN] = 1
+            attributes[6][termios.VTIME] = 0
+            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+        except termios.error as error:
+            raise PortUnusable(f"{self}: is no serial port that can be set up ({_reason(error)})") from error
+        self.set_baudrate(self.baudrate)
+        self._raise_modem_lines()
+        self._poll.register(self._fd, select.POLLIN)
+
+    def _apply_speed(self, baudrate: int) -> None:
+        constant = getattr(termios, f"B{baudrate}", None)
+        attributes = termios.tcgetattr(self._fd)
+        if constant is not None:
+            attributes[4] = attributes[5] = constant
+            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+        elif _IS_LINUX:
+            raw = list(_TERMIOS2.unpack(fcntl.ioctl(self._fd, _TCGETS2, bytes(_TERMIOS2.size))))
+            raw[2] = raw[2] & ~_SPEED_MASK | _ANY_SPEED
+            raw[-2] = raw[-1] = baudrate
+            fcntl.ioctl(self._fd, _TCSETS2, _TERMIOS2.pack(*raw))
+        else:
+            raise OSError(errno.EINVAL, "no such line speed on this system")
+        self._attributes = termios.tcgetattr(self._fd)
+        self._minimum = int(self._attributes[6][termios.VMIN])  # type: ignore[index]
+
+    def _raise_modem_lines(self) -> None:
+        """Raises DTR and RTS, which some adapters want; pseudo-terminals have neither."""
+        try:
+            fcntl.ioctl(self._fd, termios.TIOCMBIS, struct.pack("I", termios.TIOCM_DTR | termios.TIOCM_RTS))
+        except OSError as error:
+            if error.errno not in (errno.ENOTTY, errno.EINVAL):
+                raise self._disconnected(error) from error
+
+    def _disconnected(self, error: BaseException) -> PortDisconnected:
+        return PortDisconnected(
+            f"{self}: the adapter is gone ({_reason(error)}). Check its plug and cable; "
+            "it is found again by its identity, under whatever name it comes back."
+        )
+
+
+def _forbidden(path: str) -> str:
+    status = os.stat(path)  # noqa: PTH116 - follows links like open does
+    try:
+        group = grp.getgrgid(status.st_gid).gr_name
+    except KeyError:
+        group = str(status.st_gid)
+    if not status.st_mode & stat.S_IWGRP:
+        mode = stat.filemode(status.st_mode)
+        remedy = f"its mode {mode} lets no group in: install the udev rules that joshua doctor writes"
+    else:
+        remedy = f"it belongs to the group {group}: run `sudo usermod -a -G {group} $USER`, then log in again"
+    return f"{path}: this user may not open the port; {remedy}."
+
+
+def _busy(path: str) -> str:
+    holders = ", ".join(_holders(path))
+    who = f"in use by {holders}" if holders else "in use by another process"
+    return f"{path}: the port is {who}. Stop that, or correct comm.serial; two programs cannot share a bus."
+
+
+def _holders(path: str) -> Iterator[str]:
+    """Processes that have a device open, as far as this user may see (Linux)."""
+    device = str(Path(path).resolve())
+    for folder in Path("/proc").glob("[0-9]*/fd"):
+        if folder.parent.name == str(os.getpid()):
+            continue
+        with contextlib.suppress(OSError):
+            if any(os.readlink(link) == device for link in folder.iterdir()):  # noqa: PTH115 - a link to a name
+                command = (folder.parent / "comm").read_text(encoding="utf-8").strip()
+                yield f"{command} (process {folder.parent.name})"
+
+
+def _reason(error: BaseException) -> str:
+    number = error.args[0] if error.args else None
+    return os.strerror(number) if isinstance(number, int) else str(error)

@@ -1,0 +1,96 @@
+"""Registers of the STS3215 that the driver uses, as data.
+
+Source: the vendor's memory table of the magnetic-encoder STS series.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MODEL_NUMBER = 777
+MODEL_NAMES = {777: "STS3215", 1284: "SCS0009", 2825: "STS3250", 11272: "SM8512BL"}
+TICKS_PER_TURN = 4096
+MIDDLE_TICK = 2048
+TORQUE_OFF, TORQUE_ON = 0, 1
+POSITION_MODE = 0
+
+# Baud rate by register code; sources agree on codes 0 to 4, and public drivers on the rest.
+BAUDRATES = {0: 1_000_000, 1: 500_000, 2: 250_000, 3: 128_000, 4: 115_200, 5: 57_600, 6: 38_400, 7: 19_200}
+
+
+@dataclass(frozen=True)
+class Register:
+    """One register; ``sign_bit`` is the bit that carries the sign of a sign-magnitude value."""
+
+    name: str
+    address: int
+    width: int  # bytes
+    sign_bit: int | None = None
+    eeprom: bool = False
+
+    def decode(self, data: bytes) -> int:
+        """Value of the register's bytes."""
+        raw = int.from_bytes(data[: self.width], "little")
+        if self.sign_bit is None or not raw >> self.sign_bit & 1:
+            return raw
+        return -(raw & ((1 << self.sign_bit) - 1))
+
+    def encode(self, value: int) -> bytes:
+        """Bytes of a value. Raises ValueError where the register cannot hold it."""
+        bits = 8 * self.width if self.sign_bit is None else self.sign_bit
+        if abs(value) >= 1 << bits or (value < 0 and self.sign_bit is None):
+            lowest = 0 if self.sign_bit is None else 1 - (1 << bits)
+            raise ValueError(f"{self.name} holds {lowest} to {(1 << bits) - 1}, not {value}")
+        raw = abs(value) | ((value < 0) << bits if self.sign_bit is not None else 0)
+        return raw.to_bytes(self.width, "little")
+
+
+FIRMWARE = Register("firmware", 0, 2)  # major, minor
+MODEL = Register("model", 3, 2)
+ID = Register("id", 5, 1, eeprom=True)
+BAUDRATE = Register("baudrate", 6, 1, eeprom=True)  # code, see BAUDRATES
+RETURN_DELAY = Register("return_delay", 7, 1, eeprom=True)  # 2 µs
+STATUS_LEVEL = Register("status_level", 8, 1, eeprom=True)  # 1: every instruction is answered
+MIN_POSITION = Register("min_position", 9, 2, eeprom=True)  # ticks
+MAX_POSITION = Register("max_position", 11, 2, eeprom=True)  # ticks
+MAX_TEMPERATURE = Register("max_temperature", 13, 1, eeprom=True)  # °C
+MAX_VOLTAGE = Register("max_voltage", 14, 1, eeprom=True)  # 0.1 V
+MIN_VOLTAGE = Register("min_voltage", 15, 1, eeprom=True)  # 0.1 V
+HOMING_OFFSET = Register("homing_offset", 31, 2, sign_bit=11, eeprom=True)  # ticks
+MODE = Register("mode", 33, 1, eeprom=True)  # 0 position, 1 velocity, 2 PWM, 3 step
+TORQUE_ENABLE = Register("torque_enable", 40, 1)
+ACCELERATION = Register("acceleration", 41, 1)  # 100 ticks/s²; 0 is the most
+GOAL_POSITION = Register("goal_position", 42, 2, sign_bit=15)  # ticks; a write takes the motor under power
+GOAL_TIME = Register("goal_time", 44, 2, sign_bit=10)
+GOAL_SPEED = Register("goal_speed", 46, 2, sign_bit=15)  # ticks/s; 0 is the most
+LOCK = Register("lock", 55, 1)  # 1: writes to EEPROM are dropped without a word
+PRESENT_POSITION = Register("present_position", 56, 2, sign_bit=15)  # ticks
+STATUS = Register("status", 65, 1)  # bits of StatusBit
+
+EEPROM_SETUP = (5, 34)  # address and length of the block from ID to MODE and a little further
+FEEDBACK = (56, 15)  # address and length of the block from PRESENT_POSITION to the present current
+
+
+class StatusBit:
+    """Bits of the status register and of the error byte in replies."""
+
+    VOLTAGE = 1 << 0
+    ENCODER = 1 << 1
+    TEMPERATURE = 1 << 2
+    CURRENT = 1 << 3
+    OVERLOAD = 1 << 5
+
+    NAMES = (
+        (VOLTAGE, "voltage out of range"),
+        (ENCODER, "encoder fault"),
+        (TEMPERATURE, "too hot"),
+        (CURRENT, "too much current"),
+        (OVERLOAD, "overloaded"),
+    )
+
+    @classmethod
+    def describe(cls, bits: int) -> str:
+        """Names of the set bits, "" where none is set."""
+        names = [name for bit, name in cls.NAMES if bits & bit]
+        unknown = bits & ~sum(bit for bit, _ in cls.NAMES)
+        return ", ".join([*names, *([f"unknown bits 0x{unknown:02x}"] if unknown else [])])

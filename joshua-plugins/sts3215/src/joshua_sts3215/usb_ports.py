@@ -1,0 +1,158 @@
+"""Serial ports of the host and the USB adapters behind them; a port by its adapter's identity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from joshua_sts3215.errors import PortNotFound
+
+
+@dataclass(frozen=True)
+class PortEntry:
+    """One serial port.
+
+    Attributes:
+        path: device path, such as ``/dev/ttyACM0``.
+        serial_number, vid_pid: of the USB adapter, "" where it has none or is no USB device.
+        by_id: path by the adapter's identity below ``/dev/serial/by-id``, "" where there is none.
+    """
+
+    path: str
+    serial_number: str = ""
+    vid_pid: str = ""
+    by_id: str = ""
+
+    @property
+    def identity(self) -> str:
+        """Identity that stays with the adapter, such as ``usb:5A46082345``; "" where it has none."""
+        return f"usb:{self.serial_number}" if self.serial_number else ""
+
+    def __str__(self) -> str:
+        facts = ", ".join(
+            text
+            for text in (
+                f"serial_number {self.serial_number}" if self.serial_number else "",
+                f"vid_pid {self.vid_pid}" if self.vid_pid else "",
+            )
+            if text
+        )
+        return f"{self.path} ({facts})" if facts else self.path
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """How the configuration names a port: the identity decides where one is given.
+
+    Attributes:
+        device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
+    """
+
+    path: str = ""
+    serial_number: str = ""
+    vid_pid: str = ""
+    device_root: str = "/"
+
+    def __str__(self) -> str:
+        parts = [
+            f"serial_number {self.serial_number}" if self.serial_number else "",
+            f"vid_pid {self.vid_pid}" if self.vid_pid else "",
+        ]
+        return " and ".join(part for part in parts if part) or self.path
+
+
+def list_ports(device_root: str = "/") -> list[PortEntry]:
+    """Lists the USB serial ports of the host, by path."""
+    root = Path(device_root)
+    classes = root / "sys/class/tty"
+    if not classes.is_dir() and device_root == "/":
+        return _list_by_pyserial()
+    by_id = _by_id_links(root / "dev/serial/by-id")
+    entries = []
+    for node in sorted(classes.iterdir()) if classes.is_dir() else ():
+        path = root / "dev" / node.name
+        usb = _usb_device(node)
+        if usb is not None and path.exists():
+            serial_number = _read(usb / "serial")
+            vid_pid = f"{_read(usb / 'idVendor')}:{_read(usb / 'idProduct')}"
+            entries.append(PortEntry(str(path), serial_number, vid_pid, by_id.get(path.resolve(), "")))
+    return entries
+
+
+def resolve(endpoint: Endpoint) -> PortEntry:
+    """Finds the port that an endpoint names.
+
+    Raises:
+        PortNotFound: no adapter fits, or several do; the message lists the ports that there are.
+    """
+    ports = list_ports(endpoint.device_root)
+    if not (endpoint.serial_number or endpoint.vid_pid):
+        return _by_path(endpoint.path, ports)
+    fitting = [port for port in ports if _fits(port, endpoint)]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise PortNotFound(
+            f"{endpoint}: {len(fitting)} adapters fit, the file must name one: {_listing(fitting)}. "
+            "Give serial_number as well, or unplug the others."
+        )
+    raise PortNotFound(
+        f"{endpoint}: no adapter of this identity is plugged in. Ports here: {_listing(ports)}. "
+        "Plug the arm in and check its supply, or correct comm.serial; joshua find-port lists the ports."
+    )
+
+
+def _by_path(path: str, ports: Iterable[PortEntry]) -> PortEntry:
+    real = Path(path).resolve()
+    for port in ports:
+        if Path(port.path).resolve() == real:
+            return PortEntry(path, port.serial_number, port.vid_pid, port.by_id)
+    return PortEntry(path)
+
+
+def _fits(port: PortEntry, endpoint: Endpoint) -> bool:
+    return (not endpoint.serial_number or port.serial_number == endpoint.serial_number) and (
+        not endpoint.vid_pid or port.vid_pid.lower() == endpoint.vid_pid.lower()
+    )
+
+
+def _listing(ports: Iterable[PortEntry]) -> str:
+    return ", ".join(str(port) for port in ports) or "none"
+
+
+def describe_ports(device_root: str) -> str:
+    """Names the USB serial ports of the host in one line, "none" where there are none."""
+    return _listing(list_ports(device_root))
+
+
+def _usb_device(node: Path) -> Path | None:
+    """Folder of the USB device behind a tty of sysfs, None where there is no USB device."""
+    device = node / "device"
+    if not device.exists():
+        return None
+    place = device.resolve()
+    for folder in (place, *place.parents):
+        if (folder / "idVendor").is_file():
+            return folder
+    return None
+
+
+def _by_id_links(folder: Path) -> dict[Path, str]:
+    if not folder.is_dir():
+        return {}
+    return {link.resolve(): str(link) for link in sorted(folder.iterdir())}
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace").strip() if path.is_file() else ""
+
+
+def _list_by_pyserial() -> list[PortEntry]:
+    from serial.tools import list_ports as tools
+
+    return [
+        PortEntry(port.device, port.serial_number or "", f"{port.vid:04x}:{port.pid:04x}")
+        for port in sorted(tools.comports())
+        if port.vid is not None
+    ]

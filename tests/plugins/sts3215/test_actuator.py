@@ -1,0 +1,331 @@
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua_emulator import EmulatedBus
+from joshua_sts3215.actuator import Sts3215Actuator
+from joshua_sts3215.errors import (
+    CalibrationMismatch,
+    MotorCheckFailed,
+    NoReply,
+    NotCalibrated,
+    NotEnabled,
+    PortDisconnected,
+    SafetyTripped,
+)
+
+POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
+
+
+def drive_to(arm: Sts3215Actuator, pose: Any, timeout_s: float = 20.0) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while np.abs(arm.read().position_rad - pose).max() > 0.005:
+        assert time.monotonic() < deadline_s
+        arm.write(pose)
+
+
+def energised(emulator: EmulatedBus) -> set[bool]:
+    return {servo["energised"] for servo in emulator.servos()}
+
+
+def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm_emulator.hand({1: 2200})
+    arm = make_arm(arm_emulator)
+    assert arm.joint_names[:2] == ("shoulder_pan", "shoulder_lift")
+    before = arm.limits
+    arm.connect()
+    assert arm_emulator.log("write", "sync_write")[0]["parameters"] == "0000"  # the echo probe writes nothing
+    reading = arm.read()
+    assert reading.position_rad[0] == pytest.approx((2200 - 2048) * 2 * np.pi / 4096)
+    assert reading.position_rad.shape == reading.velocity_rad_s.shape == reading.effort.shape == (6,)
+    assert abs(reading.stamp_ns - time.time_ns()) < 60e9
+    assert (arm.limits.position_min_rad >= before.position_min_rad).all()
+    assert energised(arm_emulator) == {False}
+    with pytest.raises(DeviceError, match="open already"):
+        arm.connect()
+
+
+def test_enabling_seeds_the_goal_where_the_arm_is(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm_emulator.hand({1: 2300, 6: 1900})  # goals in the servos are stale now
+    arm = make_arm(arm_emulator, velocity_ticks_s=1500, acceleration=50)
+    arm.connect()
+    arm.enable()
+    servos = arm_emulator.servos()
+    assert energised(arm_emulator) == {True}
+    assert [servo["goal_position"] for servo in servos] == [servo["present_position"] for servo in servos]
+    assert servos[0]["present_position"] == 2300
+    assert arm_emulator.ask("registers", id=1)["registers"]["goal_speed"] == 1500
+    assert arm_emulator.ask("registers", id=1)["registers"]["acceleration"] == 50
+
+
+def test_writing_moves_within_limits_and_returns_what_was_written(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    drive_to(arm, POSE)
+    assert arm.write(POSE) == pytest.approx(POSE, abs=0.001)
+    top = arm.limits.position_max_rad
+    drive_to(arm, top)
+    assert arm.write(np.full(6, 9.0)) == pytest.approx(top, abs=1e-9)
+    goals = [servo["goal_position"] for servo in arm_emulator.servos()]
+    assert goals == [motor["range_max"] for motor in arm_emulator.calibration()["motors"]]
+
+
+def test_the_tightest_limit_holds(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm_emulator.ask("set_register", id=2, name="max_position_limit", value=2300)
+    calibration = arm_emulator.calibration()
+    calibration["motors"][0]["range_max"] = 2500
+    calibration["motors"][1]["range_max"] = 2600
+    arm = make_arm(arm_emulator, calibration=calibration, position_max_ticks=2700)
+    arm.connect()
+    ends = np.rint(arm.limits.position_max_rad * 4096 / (2 * np.pi) + 2048).astype(int)
+    assert ends.tolist()[:3] == [2500, 2300, 2700]
+
+
+def test_a_goal_far_away_is_approached_at_the_allowed_speed(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, velocity_ticks_s=500)
+    arm.connect()
+    arm.enable()
+    start = arm.read().position_rad
+    start_s = time.monotonic()
+    written = arm.write(start + 1.0)
+    elapsed_s = time.monotonic() - start_s + 0.5  # enable was a moment ago; the window is at most this
+    assert (written - start <= 500 * 2 * np.pi / 4096 * elapsed_s + 0.002).all()
+    assert (written < start + 0.9).all()
+
+
+@pytest.mark.parametrize("goal", [np.zeros(5), np.zeros((6, 1)), np.array([0, 0, 0, 0, 0, np.nan])])
+def test_a_wrong_goal_is_refused(goal: Any, arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    with pytest.raises(ValueError, match=r"Sts3215Actuator\.write: the goal"):
+        arm.write(goal)
+
+
+def test_without_torque_no_goal_is_sent(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    with pytest.raises(NotEnabled, match="call enable first"):
+        arm.write(POSE)
+    arm.enable()
+    arm.release()
+    assert energised(arm_emulator) == {False}
+    with pytest.raises(NotEnabled):
+        arm.write(POSE)
+    arm.hold()
+    assert energised(arm_emulator) == {False}
+
+
+def test_hold_stops_a_motion(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, velocity_ticks_s=300)
+    arm.connect()
+    arm.enable()
+    for _ in range(10):
+        arm.write(np.full(6, 0.6))
+    arm.hold()
+    goals = np.array([servo["goal_position"] for servo in arm_emulator.servos()])
+    assert (np.abs(goals - 2048) < 380).all()
+    assert energised(arm_emulator) == {True}
+
+
+def test_an_uncalibrated_arm_is_read_but_not_energised(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, calibrated=False, position_min_ticks=1000, position_max_ticks=3000)
+    arm.connect()
+    assert arm.joint_names[0] == "joint_1"
+    assert arm.read().position_rad[0] == pytest.approx(48 * 2 * np.pi / 4096)  # about 2000, the middle
+    with pytest.raises(NotCalibrated, match=r"MODE_CALIBRATION.*--allow-uncalibrated"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+    arm.disconnect()
+    waived = make_arm(arm_emulator, {"allow_uncalibrated": True}, calibrated=False)
+    waived.connect()
+    waived.enable()
+    assert energised(arm_emulator) == {True}
+
+
+def test_a_dry_run_does_everything_with_torque_off(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, {"dry_run": True})
+    arm.connect()
+    arm.enable()
+    assert arm.write(np.zeros(6)) == pytest.approx(np.zeros(6))
+    arm.hold()
+    arm.read()
+    assert energised(arm_emulator) == {False}
+    assert {entry["on"] for entry in arm_emulator.log("torque")} <= {False}
+
+
+def test_a_calibration_of_another_arm_is_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    with EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM2") as other:
+        foreign = other.calibration()
+    arm = make_arm(arm_emulator, calibration=foreign)
+    with pytest.raises(CalibrationMismatch) as caught:
+        arm.connect()
+    text = str(caught.value)
+    assert "it was made for usb:ARM2, and this is usb:ARM1" in text
+    assert "shoulder_pan (id 1): homing_offset" in text
+    assert "joshua calibrate --check" in text
+    assert not arm.connected
+
+
+def test_servos_calibrated_anew_need_a_new_file(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    old = arm_emulator.calibration()
+    arm_emulator.ask("set_register", id=3, name="homing_offset", value=77)
+    with pytest.raises(
+        CalibrationMismatch, match=r"calibrated anew since.*\n.*elbow_flex \(id 3\).*77 in the servo"
+    ):
+        make_arm(arm_emulator, calibration=old).connect()
+
+
+def test_servos_set_up_for_something_else_are_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm_emulator.ask("set_register", id=2, name="mode", value=1)
+    with pytest.raises(MotorCheckFailed, match=r"id 2 works in mode 1, expected 0 \(position\)"):
+        arm.connect()
+    arm_emulator.ask("set_register", id=2, name="mode", value=0)
+    arm_emulator.ask("set_register", id=2, name="max_position_limit", value=0)
+    with pytest.raises(
+        MotorCheckFailed, match=r"shoulder_lift \(id 2\): \d+ to \d+ allowed by the configuration"
+    ):
+        arm.connect()
+
+
+def test_overload_takes_the_torque_off_until_it_is_enabled_again(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault("overload", 3)
+    with pytest.raises(
+        SafetyTripped, match=r"elbow_flex: the servo reports: overloaded.*torque of this arm was taken off"
+    ):
+        arm.read()
+    assert energised(arm_emulator) == {False}
+    arm.read()
+    with pytest.raises(SafetyTripped, match="Enable it again first"):
+        arm.write(np.zeros(6))
+    arm.enable()
+    assert energised(arm_emulator) == {True}
+
+
+def test_heat_trips_and_stays_until_it_is_over(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.ask("set", id=1, temperature_c=75)
+    with pytest.raises(SafetyTripped, match="shoulder_pan"):
+        arm.read()
+    with pytest.raises(SafetyTripped, match="torque stays off: shoulder_pan"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+
+
+def test_a_power_cut_is_noticed_and_does_not_energise_again(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, velocity_ticks_s=800)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault("brown_out", 4)
+    deadline_s = time.monotonic() + 10
+    with pytest.raises((SafetyTripped, NoReply)) as caught:  # noqa: PT012 - until the check has its turn
+        while time.monotonic() < deadline_s:
+            arm.read()
+    while isinstance(caught.value, NoReply) and time.monotonic() < deadline_s:
+        with pytest.raises((SafetyTripped, NoReply)) as caught:  # noqa: PT012
+            while True:
+                arm.read()
+    assert "wrist_flex (id 4) lost torque or settings without a command" in str(caught.value)
+    assert energised(arm_emulator) == {False}
+
+
+def test_unplugging_disconnects_and_the_arm_is_found_under_another_name(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault("unplug")
+    arm_emulator.wait_for(["unplug"])
+    with pytest.raises(PortDisconnected, match="the adapter is gone"):
+        arm.read()
+    with pytest.raises(DeviceDisconnected):  # what cannot be verified is not claimed
+        arm.release()
+    arm.disconnect()
+    arm.release()
+    with pytest.raises(DeviceError, match=r"ARM1.*: no adapter of this identity"):
+        arm.connect()
+    arm_emulator.fault("replug", name="ttyACM4")
+    arm.connect()
+    assert arm.read().position_rad.shape == (6,)
+    with pytest.raises(NotEnabled):  # it never comes back energised by itself
+        arm.write(np.zeros(6))
+
+
+def test_a_servo_that_falls_silent_is_named(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.fault("break_after", 4)
+    with pytest.raises(
+        DeviceDisconnected, match=r"wrist_roll \(id 5\), gripper \(id 6\).*the chain breaks after id 4"
+    ):
+        arm.read()
+    arm_emulator.fault("silent")
+    with pytest.raises(DeviceDisconnected, match=r"no servo answers any more\. Check the supply"):
+        arm.read()
+
+
+def test_a_release_that_is_not_confirmed_is_reported(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault("silent", 2)
+    with pytest.raises(NoReply, match=r"shoulder_lift \(id 2\) does not confirm.*Cut the arm's supply"):
+        arm.release()
+    assert [servo["energised"] for servo in arm_emulator.servos()] == [
+        False,
+        True,
+        False,
+        False,
+        False,
+        False,
+    ]
+
+
+def test_line_faults_change_no_position(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    drive_to(arm, POSE)
+    for kind in ("drop", "corrupt", "late"):
+        arm_emulator.fault(kind, 0.02)
+    for _ in range(60):
+        assert arm.read().position_rad == pytest.approx(POSE, abs=0.006)
+        arm.write(POSE)
+    assert sum(arm.bus.counters.lost.values()) > 0
+    assert any("replies lost" in row.message for row in arm.diagnostics() if row.name == "bus")
+
+
+def test_diagnostics_before_and_after_reading(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    assert [row.name for row in arm.diagnostics()] == ["bus"]
+    arm.read()
+    rows = arm.diagnostics()
+    assert [row.name for row in rows] == [*arm.joint_names, "bus"]
+    assert rows[0].hardware_id == "usb:ARM1 id 1"
+    assert {row.level for row in rows} == {0}
+
+
+def test_calls_on_a_closed_device(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    for verb in (arm.read, arm.enable, arm.hold, lambda: arm.write(POSE)):
+        with pytest.raises(DeviceError, match="the device is not open: call connect first"):
+            verb()
+    arm.release()
+    arm.disconnect()
+    arm.disconnect()
+    assert arm.limits.position_min_rad.shape == (6,)

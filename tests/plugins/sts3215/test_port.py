@@ -1,0 +1,148 @@
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from joshua_emulator import EmulatedBus
+from joshua_sts3215.errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
+from joshua_sts3215.packet import PING, request
+from joshua_sts3215.port import SerialPort
+from joshua_sts3215.usb_ports import Endpoint
+
+
+def port_of(emulator: EmulatedBus, baudrate: int = 1_000_000) -> SerialPort:
+    return SerialPort(Endpoint(emulator.port, device_root=str(emulator.root)), baudrate)
+
+
+@contextmanager
+def as_other_user() -> Iterator[None]:
+    """Runs as a user without rights where the tests run as root."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+@pytest.mark.parametrize("baudrate", [1_000_000, 250_000, 128_000])
+def test_bytes_go_out_and_come_back_at_usual_and_unusual_speeds(baudrate: int) -> None:
+    with EmulatedBus(ids=(1,), baudrate=baudrate) as emulator:
+        port = port_of(emulator, baudrate)
+        port.open()
+        port.send(request(1, PING))
+        assert port.receive(6, time.monotonic() + 10) == bytes.fromhex("ffff010200fc")
+        port.close()
+        port.close()
+
+
+def test_a_read_ends_at_its_deadline_with_what_there_is(emulator: EmulatedBus) -> None:
+    port = port_of(emulator)
+    port.open()
+    port.send(request(1, PING))
+    assert len(port.receive(50, time.monotonic() + 0.1)) == 6
+    assert port.receive(50, time.monotonic() - 1) == b""
+    port.close()
+
+
+def test_sending_drops_what_came_before(emulator: EmulatedBus) -> None:
+    port = port_of(emulator)
+    port.open()
+    port.send(request(1, PING))
+    port.receive(1, time.monotonic() + 10)  # five bytes stay behind
+    port.send(request(2, PING))
+    assert port.receive(6, time.monotonic() + 10) == bytes.fromhex("ffff020200fb")
+    port.close()
+
+
+def test_a_wrong_path_is_named_with_the_ports_that_there_are(emulator: EmulatedBus) -> None:
+    port = SerialPort(Endpoint(str(emulator.root / "dev/ttyACM9"), device_root=str(emulator.root)), 1_000_000)
+    with pytest.raises(
+        PortNotFound, match=r"ttyACM9: no such serial port\. Ports here: .*ttyACM0 .*EMULATED0"
+    ):
+        port.open()
+    assert not port.is_open
+
+
+def test_a_file_is_no_serial_port(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(
+        PortUnusable, match=r"is no serial port\. Ports here: none.*Correct comm\.serial\.port"
+    ):
+        SerialPort(Endpoint(str(tmp_path / "file"), device_root=str(tmp_path)), 1_000_000).open()
+
+
+def test_a_port_belongs_to_one_process(emulator: EmulatedBus) -> None:
+    program = (
+        "import sys, time\nfrom joshua_sts3215.port import SerialPort\n"
+        "from joshua_sts3215.usb_ports import Endpoint\nport = SerialPort(Endpoint(sys.argv[1]), 1000000)\n"
+        "port.open()\nprint('open', flush=True)\ntime.sleep(60)\n"
+    )
+    other = subprocess.Popen(
+        [sys.executable, "-c", program, emulator.port], stdout=subprocess.PIPE, text=True
+    )
+    assert other.stdout is not None
+    assert other.stdout.readline() == "open\n"
+    port = port_of(emulator)
+    with pytest.raises(PortBusy, match=rf"the port is in use by .*\(process {other.pid}\).*two programs"):
+        port.open()
+    other.kill()
+    other.wait()
+    other.stdout.close()
+    port.open()  # a killed owner leaves no lock behind
+    port.close()
+
+
+def test_a_port_of_a_foreign_group_names_group_and_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "ttyACM0"
+    path.touch()
+    tmp_path.chmod(0o755)
+    for folder in tmp_path.parents:
+        if folder.stat().st_uid == os.geteuid() and not folder.stat().st_mode & 0o001:
+            folder.chmod(folder.stat().st_mode | 0o011)  # the path leads to the file for everybody
+    if os.geteuid() == 0:
+        os.chown(path, -1, 65534)
+    path.chmod(0o060)
+    group = path.group()
+    port = SerialPort(Endpoint(str(path), device_root=str(tmp_path)), 1_000_000)
+    with (
+        as_other_user(),
+        pytest.raises(
+            PortForbidden,
+            match=rf"belongs to the group {group}: run `sudo usermod -a -G {group} \$USER`.*log in again",
+        ),
+    ):
+        port.open()
+    path.chmod(0o000)
+    with as_other_user(), pytest.raises(PortForbidden, match=r"lets no group in: install the udev rules"):
+        port.open()
+
+
+def test_an_unplugged_adapter_is_reported_as_gone(emulator: EmulatedBus) -> None:
+    port = port_of(emulator)
+    port.open()
+    emulator.fault("unplug")
+    with pytest.raises(
+        PortDisconnected, match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable"
+    ):
+        port.receive(6, time.monotonic() + 10)
+    with pytest.raises(PortDisconnected):
+        port.send(b"x")
+    port.close()
+
+
+def test_a_speed_that_no_adapter_runs_at_is_refused(
+    emulator: EmulatedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = port_of(emulator)
+    port.open()
+    monkeypatch.setattr("joshua_sts3215.port._IS_LINUX", False)
+    with pytest.raises(PortUnusable, match=r"cannot run at 250000 bit/s.*such as 1000000"):
+        port.set_baudrate(250_000)
+    port.close()

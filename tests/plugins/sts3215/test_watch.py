@@ -1,0 +1,67 @@
+import re
+
+import pytest
+from joshua_sts3215.bus import BusCounters
+from joshua_sts3215.diagnostics import ERROR, OK, WARN, bus_row, joint_rows
+from joshua_sts3215.feedback import Feedback, parse_feedback
+from joshua_sts3215.registers import StatusBit
+from joshua_sts3215.watch import HealthLimits, HealthWatch
+
+GOOD = Feedback(2048, 0, 0.1, 12.0, 30, 0, False, 0.2)
+
+
+def watch() -> HealthWatch:
+    return HealthWatch(["pan", "lift"], [HealthLimits(70, 9.0, 14.0)] * 2)
+
+
+def test_feedback_is_read_with_its_signs() -> None:
+    data = bytes((0x00, 0x08, 0x0A, 0x80, 0xF4, 0x05, 121, 33, 0, 0x20, 1, 0, 0, 100, 0))
+    feedback = parse_feedback(data)
+    assert feedback == Feedback(2048, -10, -0.5, 12.1, 33, 0x20, True, pytest.approx(0.65))
+
+
+def test_a_healthy_arm_does_not_trip() -> None:
+    assert watch().trip_reason([GOOD, GOOD]) == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (
+            {"status": StatusBit.OVERLOAD, "load": 0.9},
+            r"lift: the servo reports: overloaded \(load \+90%, 30 °C, 12.0 V\)",
+        ),
+        ({"status": StatusBit.TEMPERATURE}, "lift: the servo reports: too hot"),
+        ({"temperature_c": 71}, "lift: 71 °C, at most 70 °C"),
+    ],
+)
+def test_overload_and_heat_trip_at_once(change: dict[str, object], reason: str) -> None:
+    assert re.match(reason, watch().trip_reason([GOOD, GOOD._replace(**change)]))  # type: ignore[arg-type]
+
+
+def test_a_voltage_must_be_wrong_for_a_while() -> None:
+    guard, low = watch(), GOOD._replace(voltage_v=8.0, status=StatusBit.VOLTAGE)
+    assert [guard.trip_reason([low, GOOD]) for _ in range(2)] == ["", ""]
+    assert guard.trip_reason([GOOD, GOOD]) == ""
+    assert [guard.trip_reason([low, GOOD]) for _ in range(2)] == ["", ""]
+    assert guard.trip_reason([low, GOOD]) == "pan: 8.0 V, allowed 9.0 to 14.0 V"
+
+
+def test_rows_tell_levels_and_values() -> None:
+    hot, overloaded = GOOD._replace(temperature_c=65), GOOD._replace(status=StatusBit.OVERLOAD)
+    rows = joint_rows(["pan", "lift"], [1, 2], [hot, overloaded], watch(), "usb:SN1")
+    assert [row.level for row in rows] == [WARN, ERROR]
+    assert [row.message for row in rows] == ["hot: 65 °C of at most 70 °C", "overloaded"]
+    assert rows[1].hardware_id == "usb:SN1 id 2"
+    assert rows[0].values["temperature_c"] == "65"
+    assert joint_rows(["pan"], [1], [GOOD], watch(), "")[0].level == OK
+
+
+def test_the_bus_row_counts_what_was_lost_since_the_last() -> None:
+    counters = BusCounters(requests=10, lost={3: 2, 1: 1})
+    row = bus_row(counters, 1, "usb:SN1")
+    assert (row.level, row.message) == (
+        WARN, "2 replies lost since the last report, most of id 3: check its cable",
+    )  # fmt: skip
+    assert bus_row(counters, 3, "").level == OK
+    assert row.values["lost_replies"] == "3"
