@@ -1,4 +1,4 @@
-"""Clocks of virtual sensors and of publishers: a fixed rate without drift and without bunching."""
+"""The clock of a virtual sensor: a fixed rate without drift and without bunching."""
 
 from __future__ import annotations
 
@@ -46,33 +46,3 @@ class FreeRunningClock:
         newest = max(self._next, int((now_ns - self._start_ns) / self._period_ns))
         self._next = newest + 1
         return Tick(newest, self._epoch_ns + self._start_ns + round(newest * self._period_ns))
-
-
-class RateLimit:
-    """Thins a stream of stamped readings to a rate, without a beat between the two rates.
-
-    A reading passes when it lies nearer to the next due time than the reading after it would, judged by
-    the distance of the last two; so a 30 Hz camera published at 30 Hz loses no frame to jitter.
-
-    Args:
-        rate_hz: largest rate of readings that pass, on average.
-    """
-
-    def __init__(self, rate_hz: float) -> None:
-        self._period_ns = NS_PER_S / rate_hz
-        self._due_ns: float | None = None
-        self._last_ns: int | None = None
-
-    def passes(self, stamp_ns: int) -> bool:
-        """Whether the reading with this stamp is published."""
-        distance_ns = stamp_ns - self._last_ns if self._last_ns is not None else 0
-        self._last_ns = stamp_ns
-        if self._due_ns is None:
-            self._due_ns = stamp_ns + self._period_ns
-            return True
-        tolerance_ns = min(distance_ns, self._period_ns) / 2
-        if stamp_ns < self._due_ns - tolerance_ns:
-            return False
-        late = stamp_ns - self._due_ns > self._period_ns
-        self._due_ns = (stamp_ns if late else self._due_ns) + self._period_ns
-        return True

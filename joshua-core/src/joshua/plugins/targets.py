@@ -23,7 +23,12 @@ _SETTINGS_BASE = "joshua.plugins.settings:BlockSettings"
 
 
 class TargetError(Exception):
-    """An import string leads nowhere; the message names it and the reason."""
+    """An import string leads nowhere; the message names it and the reason.
+
+    A node that fails with it ends with the exit code of a plugin that is not installed.
+    """
+
+    exit_code = 3
 
 
 def load_target(import_string: str) -> Any:

@@ -1,0 +1,240 @@
+"""The node of an actuator: publishes its state, follows its commands, ends in its safe state."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from joshua.devices.actuator import Actuator, FloatArray, JointReading
+from joshua.devices.actuator_test import ActuatorTest
+from joshua.devices.errors import DeviceError
+from joshua.devices.exercise import Oscillation
+from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
+from joshua.devices.joint_command import CommandReader
+from joshua.devices.mapping import LeaderMapping
+from joshua.messages.make import joint_state
+from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.implementation import load_implementation
+from joshua.node.rates import NS_PER_S, RateLimit, RateMeter, limit_below
+from joshua.plan import TopicSpec
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+
+#: Rate of the control loop of an actuator that publishes nothing.
+CONTROL_RATE_HZ = 50.0
+
+
+class ActuatorNode(NodeBehaviour):
+    """The standard behaviour of actuators.
+
+    One timer, at the rate of the fastest publisher, reads and publishes the state, then writes the newest
+    command. What was written is published on ``~/command``. A leader is read only and never gets torque;
+    neither does an actuator that nobody commands.
+
+    Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each joint), ``leader``
+    (``node``, ``topic``, ``joints``) for a follower, ``stale_after_s``, and ``exercise`` (``amplitude_rad``,
+    ``frequency_hz``), which moves an actuator without subscription in MODE_TEST.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        spec = context.spec
+        self._is_leader = spec.role == "ACTION_LEADER"
+        self._exercise: dict[str, float] | None = None if self._is_leader else spec.context.get("exercise")
+        self._rate_hz = max((topic.rate_hz for topic in spec.publishers), default=CONTROL_RATE_HZ)
+        self._actuator: Actuator | None = None
+        self._goals: GoalGenerator | None = None
+        self._oscillation: Oscillation | None = None
+        self._readers: list[CommandReader] = []
+        self._states: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
+        self._written: MessagePublisher | None = None
+        self._energised = self._timer_runs = False
+        self._start_ns = 0
+        self._last_state = GoalState.WAITING
+        self._test = ActuatorTest(spec)
+
+    def configure(self) -> None:
+        """Opens the device and declares topics. Raises DeviceError, TargetError."""
+        spec = self.context.spec
+        implementation, settings = load_implementation(spec, Actuator)
+        actuator: Actuator = implementation(settings, dict(spec.context))
+        self._check_topics()
+        self._actuator = actuator
+        actuator.connect()
+        self._goals = GoalGenerator(
+            actuator.limits,
+            1 / self._rate_hz,
+            stale_after_s=spec.context.get("stale_after_s", STALE_AFTER_S),
+        )
+        self._states = [
+            (
+                self.context.publisher(topic),
+                limit_below(topic.rate_hz, self._rate_hz),
+                self._test.meter(topic.name),
+            )
+            for topic in spec.publishers
+        ]
+        if self._is_commanded:
+            self._written = self.context.publisher(
+                TopicSpec(name="~/command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
+            )
+        if not self._is_leader:
+            for topic in spec.subscriptions:
+                self._subscribe(actuator, topic)
+
+    def activate(self) -> None:
+        """Energises the joints where they are, if anybody commands them, and starts the control loop."""
+        actuator, goals = self._device()
+        if self._is_commanded:
+            position = actuator.read().position_rad
+            goals.seed(position)
+            if self._exercise:
+                self._oscillation = Oscillation(position, actuator.limits, **self._exercise)
+            actuator.enable()
+            self._energised = True
+        self._start_ns = time.monotonic_ns()
+        if not self._timer_runs:
+            self._timer_runs = True
+            self.context.create_timer(1 / self._rate_hz, self._control, name="control")
+
+    def deactivate(self) -> None:
+        """Brings the joints into their safe state: a leader without torque, any other one held."""
+        if self._actuator is None or not self._actuator.connected:
+            return
+        if self._is_leader:
+            self._actuator.release()
+        elif self._energised:
+            self._energised = False
+            self._actuator.hold()
+
+    def cleanup(self) -> None:
+        """Closes the device."""
+        if self._actuator is not None:
+            self._actuator.disconnect()
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """Rates, commands, tracking error and range."""
+        return self._test.results(self._readers)
+
+    @property
+    def _is_commanded(self) -> bool:
+        return not self._is_leader and bool(self.context.spec.subscriptions or self._exercise)
+
+    def _device(self) -> tuple[Actuator, GoalGenerator]:
+        if self._actuator is None or self._goals is None:
+            raise RuntimeError(f"{self.context.spec.full_name}: activate came before configure")
+        return self._actuator, self._goals
+
+    def _check_topics(self) -> None:
+        spec = self.context.spec
+        for topic in spec.publishers:
+            if topic.type_name != JOINT_STATE:
+                raise DeviceError(
+                    f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: "
+                    "an actuator publishes its state; set data_type: JOINT_STATE"
+                )
+        for topic in spec.subscriptions:
+            if topic.type_name not in (JOINT_STATE, JOINT_TRAJECTORY):
+                raise DeviceError(
+                    f"{spec.full_name} cannot follow {topic.type_name} on {topic.name}: an actuator follows "
+                    "positions; set data_type: JOINT_STATE or JOINT_TRAJECTORY"
+                )
+        if self._is_leader and spec.subscriptions:
+            names = ", ".join(topic.name for topic in spec.subscriptions)
+            self.context.warn(f"{spec.full_name}: a leader is moved by hand, so {names} has no effect")
+
+    def _subscribe(self, actuator: Actuator, topic: TopicSpec) -> None:
+        reader = CommandReader(topic.name, actuator.joint_names, self.context.log, self._mapping(topic))
+        self._readers.append(reader)
+        self.context.subscribe(topic, self._command_handler(reader, topic.type_name))
+
+    def _command_handler(self, reader: CommandReader, type_name: str) -> Callable[[Any, int], None]:
+        """What runs on a transport thread for each message of a command topic."""
+        _, goals = self._device()
+        count = self._test.meter(reader.topic).add
+
+        def on_joint_state(message: Any, received_ns: int) -> None:
+            del received_ns  # the watchdog needs the monotonic clock
+            count()
+            if (command := reader.joint_state(message)) is not None:
+                goals.command(command, time.monotonic_ns())
+
+        def on_trajectory(message: Any, received_ns: int) -> None:
+            del received_ns
+            count()
+            if (trajectory := reader.trajectory(message)) is not None:
+                goals.play(trajectory, time.monotonic_ns())
+
+        return on_joint_state if type_name == JOINT_STATE else on_trajectory
+
+    def _mapping(self, topic: TopicSpec) -> LeaderMapping | None:
+        spec = self.context.spec
+        leader = spec.context.get("leader")
+        if not leader or leader["topic"] != topic.name:
+            return None
+        try:
+            mapping = LeaderMapping(leader["joints"], spec.context["joints"])
+        except ValueError as error:
+            raise DeviceError(f"{spec.full_name} cannot follow {leader['node']}: {error}") from error
+        pairs = ", ".join(f"{pair.leader} → {pair.follower}" for pair in mapping.pairs)
+        self.context.log.info("follows %s: %s", leader["node"], pairs)
+        unpaired = mapping.unpaired_leader + mapping.unpaired_follower
+        if unpaired:
+            self.context.warn(
+                f"{spec.full_name} and {leader['node']} differ in their joints; without partner: "
+                f"{', '.join(unpaired)}"
+            )
+        return mapping
+
+    def _control(self) -> None:
+        """One control cycle: read, publish, write. Whatever the device raises fails the node."""
+        actuator, goals = self._device()
+        reading = actuator.read()
+        for publisher, limit, meter in self._states:
+            if limit is None or limit.passes(reading.stamp_ns):
+                publisher.publish(self._message(reading))
+                meter.add()
+        self._test.state(reading, actuator.limits)
+        if not self._energised:
+            return
+        now_ns = time.monotonic_ns()
+        if self._oscillation is not None:
+            goals.command(self._oscillation.at((now_ns - self._start_ns) / NS_PER_S), now_ns)
+        written = actuator.write(goals.step(now_ns))
+        self._publish_written(written)
+        self._test.written(written, following=goals.state is GoalState.FOLLOWING and not goals.ramping)
+        self._report_state(goals.state)
+
+    def _message(self, reading: JointReading) -> Any:
+        assert self._actuator is not None
+        return joint_state(
+            self._actuator.joint_names,
+            reading.position_rad,
+            reading.velocity_rad_s,
+            reading.effort,
+            frame_id=self.context.spec.frame_id,
+            at_ns=reading.stamp_ns,
+        )
+
+    def _publish_written(self, written: FloatArray) -> None:
+        assert self._actuator is not None
+        if self._written is not None:
+            self._written.publish(
+                joint_state(
+                    self._actuator.joint_names,
+                    written,
+                    frame_id=self.context.spec.frame_id,
+                    at_ns=self.context.now_ns(),
+                )
+            )
+
+    def _report_state(self, state: GoalState) -> None:
+        if state is self._last_state:
+            return
+        if state is GoalState.HOLDING:
+            self.context.log.warning("no command any more: the joints hold their position")
+        elif self._last_state is GoalState.HOLDING:
+            self.context.log.info("commands are back: the joints approach them slowly")
+        self._last_state = state

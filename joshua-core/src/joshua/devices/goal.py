@@ -1,0 +1,135 @@
+"""From commands to goals: seeded, ramped, clamped, limited in speed, and held when commands stop."""
+
+from __future__ import annotations
+
+import threading
+from enum import Enum
+
+import numpy as np
+
+from joshua.devices.actuator import FloatArray, JointLimits
+from joshua.devices.joint_command import JointCommand, TrajectoryCommand
+
+NS_PER_S = 1_000_000_000
+
+#: Speed at which joints approach a first command: brisk for a desk arm, slow enough to step back from.
+RAMP_SPEED_RAD_S = 1.0
+
+#: Time without a command after which the joints hold.
+STALE_AFTER_S = 0.5
+
+
+class GoalState(str, Enum):
+    """What the goals follow."""
+
+    WAITING = "waiting"
+    """No command has come yet: the joints stay where they were found."""
+    FOLLOWING = "following"
+    """Commands come in."""
+    HOLDING = "holding"
+    """Commands stopped: the joints stay at the last goal."""
+
+
+class GoalGenerator:
+    """Makes the goal of each control cycle.
+
+    Commands come from a transport thread, steps from the control loop. Each joint approaches its first
+    command, and the first after a pause, at ``ramp_speed_rad_s`` at most; once it has caught up, at the
+    speed limit of the device. Joints that no command has named stay where they are.
+
+    Args:
+        limits: of the joints.
+        period_s: nominal length of a control cycle; a longer pause does not allow a longer step than two.
+        stale_after_s: time without a command after which the joints hold. A trajectory that plays or has
+            ended is not stale: it says itself where the joints stay.
+        ramp_speed_rad_s: largest speed of the approach.
+    """
+
+    def __init__(
+        self,
+        limits: JointLimits,
+        period_s: float,
+        *,
+        stale_after_s: float = STALE_AFTER_S,
+        ramp_speed_rad_s: float = RAMP_SPEED_RAD_S,
+    ) -> None:
+        self._limits = limits
+        self._period_s = period_s
+        self._stale_after_ns = round(stale_after_s * NS_PER_S)
+        self._ramp_speed = np.minimum(ramp_speed_rad_s, limits.velocity_max_rad_s)
+        count = len(limits.position_min_rad)
+        self._lock = threading.Lock()
+        self._goal = np.zeros(count)
+        self._target = np.full(count, np.nan)
+        self._ramping = np.ones(count, bool)
+        self._trajectory: TrajectoryCommand | None = None
+        self._trajectory_start: tuple[int, FloatArray] | None = None
+        self._command_ns: int | None = None
+        self._step_ns: int | None = None
+        self.state = GoalState.WAITING
+
+    @property
+    def ramping(self) -> bool:
+        """Whether a commanded joint is still on its approach."""
+        return bool((self._ramping & np.isfinite(self._target)).any())
+
+    def seed(self, position_rad: FloatArray) -> None:
+        """Starts from where the joints are, shape (N,); forgets every command."""
+        with self._lock:
+            self._goal = np.array(position_rad, np.float64)
+            self._forget()
+            self._step_ns = None
+            self.state = GoalState.WAITING
+
+    def command(self, command: JointCommand, now_ns: int) -> None:
+        """Takes a command; ``now_ns`` on the monotonic clock. Thread-safe."""
+        with self._lock:
+            self._trajectory = self._trajectory_start = None
+            self._target[command.indices] = command.position_rad
+            self._command_ns = now_ns
+            self.state = GoalState.FOLLOWING
+
+    def play(self, trajectory: TrajectoryCommand, now_ns: int) -> None:
+        """Starts a trajectory in place of what was commanded; one without points stops the joints."""
+        with self._lock:
+            self._command_ns = None
+            self._target[:] = np.nan
+            self._trajectory = trajectory if len(trajectory.time_s) else None
+            self._trajectory_start = (now_ns, self._goal[trajectory.indices].copy())
+            self.state = GoalState.FOLLOWING if self._trajectory else GoalState.HOLDING
+
+    def step(self, now_ns: int) -> FloatArray:
+        """The goal of this control cycle, shape (N,); ``now_ns`` on the monotonic clock."""
+        with self._lock:
+            elapsed_s = self._elapsed_s(now_ns)
+            if self._command_ns is not None and now_ns - self._command_ns > self._stale_after_ns:
+                self._forget()
+                self.state = GoalState.HOLDING
+            if self._trajectory is not None and self._trajectory_start is not None:
+                start_ns, start_rad = self._trajectory_start
+                played_s = (now_ns - start_ns) / NS_PER_S
+                self._target[self._trajectory.indices] = self._trajectory.at(played_s, start_rad)
+            self._move(elapsed_s)
+            return self._goal.copy()
+
+    def _elapsed_s(self, now_ns: int) -> float:
+        elapsed_s = self._period_s if self._step_ns is None else (now_ns - self._step_ns) / NS_PER_S
+        self._step_ns = now_ns
+        return min(max(elapsed_s, 0.0), 2 * self._period_s)
+
+    def _move(self, elapsed_s: float) -> None:
+        limits = self._limits
+        commanded = np.isfinite(self._target)
+        target = np.where(commanded, self._target, self._goal)
+        inside = np.clip(target, limits.position_min_rad, limits.position_max_rad)
+        way = np.where(commanded, inside - self._goal, 0.0)
+        ramp_step = self._ramp_speed * elapsed_s
+        self._ramping &= ~(commanded & (np.abs(way) <= ramp_step))
+        largest = np.where(self._ramping, ramp_step, limits.velocity_max_rad_s * elapsed_s)
+        self._goal = self._goal + np.clip(way, -largest, largest)
+
+    def _forget(self) -> None:
+        self._target[:] = np.nan
+        self._ramping[:] = True
+        self._trajectory = self._trajectory_start = None
+        self._command_ns = None

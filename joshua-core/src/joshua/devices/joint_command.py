@@ -1,0 +1,197 @@
+"""Commands as they arrive: matched to the joints by name, refused when they cannot be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from joshua.devices.actuator import FloatArray
+from joshua.devices.mapping import LeaderMapping, MappedJoint
+
+#: Refusals are logged at the first, then at each power of ten.
+_LOGGED_COUNTS = frozenset(10**power for power in range(12))
+
+
+@dataclass(frozen=True)
+class JointCommand:
+    """Positions for some of the joints.
+
+    Attributes:
+        indices: of the joints, shape (M,).
+        position_rad: shape (M,).
+    """
+
+    indices: npt.NDArray[np.intp]
+    position_rad: FloatArray
+
+
+@dataclass(frozen=True)
+class TrajectoryCommand:
+    """Positions over time for some of the joints, straight between the points.
+
+    Attributes:
+        indices: of the joints, shape (M,).
+        time_s: times of the points after the start, increasing, shape (K,), K ≥ 0.
+        position_rad: shape (K, M).
+    """
+
+    indices: npt.NDArray[np.intp]
+    time_s: FloatArray
+    position_rad: FloatArray
+
+    def at(self, elapsed_s: float, start_rad: FloatArray) -> FloatArray:
+        """Positions at a time after the start, shape (M,), from ``start_rad`` at 0 on."""
+        times = np.concatenate(([0.0], self.time_s)) if self.time_s[0] > 0 else self.time_s
+        points = np.vstack((start_rad, self.position_rad)) if self.time_s[0] > 0 else self.position_rad
+        return np.array([np.interp(elapsed_s, times, column) for column in points.T])
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last point."""
+        return float(self.time_s[-1])
+
+
+class CommandError(ValueError):
+    """A command cannot be trusted and is refused; the message says why."""
+
+
+class CommandReader:
+    """Turns the messages of one topic into commands for one group of joints.
+
+    Args:
+        topic: name, for messages.
+        joint_names: in joint order.
+        log: where refusals and unknown names are reported.
+        mapping: from a leader's joints to these; None takes radians as they are.
+    """
+
+    def __init__(
+        self, topic: str, joint_names: Sequence[str], log: Any, mapping: LeaderMapping | None = None
+    ) -> None:
+        self.topic = topic
+        self.accepted = 0
+        self.refused = 0
+        self._indices = {name: index for index, name in enumerate(joint_names)}
+        self._log = log
+        self._mapping = mapping
+        self._unknown: set[str] = set()
+        self._last_names: tuple[str, ...] | None = None
+        self._last_route: _Route
+
+    def joint_state(self, message: Any) -> JointCommand | None:
+        """Reads a JointState; None when it is refused."""
+        try:
+            positions = np.asarray(message.position, np.float64)
+            if positions.shape != (len(message.name),):
+                raise CommandError(f"{len(message.name)} names and {positions.size} positions")
+            route = self._route(tuple(message.name))
+            command = JointCommand(route.indices, route.values(positions[None, :])[0])
+        except CommandError as error:
+            self._refuse(error)
+            return None
+        self.accepted += 1
+        return command
+
+    def trajectory(self, message: Any) -> TrajectoryCommand | None:
+        """Reads a JointTrajectory; None when it is refused.
+
+        One without points means: stop here. The time of its header, and the velocities and accelerations of
+        its points, are not used: it starts when it arrives.
+        """
+        try:
+            command = self._trajectory(message)
+        except CommandError as error:
+            self._refuse(error)
+            return None
+        self.accepted += 1
+        return command
+
+    def _trajectory(self, message: Any) -> TrajectoryCommand:
+        names, points = tuple(message.joint_names), list(message.points)
+        if not points:
+            return TrajectoryCommand(np.zeros(0, np.intp), np.zeros(0), np.zeros((0, 0)))
+        times = np.array([p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points])
+        if (np.diff(times, prepend=-1.0) <= 0).any() or times[0] < 0:
+            raise CommandError("time_from_start is negative, or does not increase from point to point")
+        for number, point in enumerate(points):
+            if len(point.positions) != len(names):
+                raise CommandError(
+                    f"{len(names)} names and {len(point.positions)} positions in point {number}"
+                )
+        positions = np.array([point.positions for point in points], np.float64)
+        route = self._route(names)
+        return TrajectoryCommand(route.indices, times, route.values(positions))
+
+    def _route(self, names: tuple[str, ...]) -> _Route:
+        """Which positions of a message go to which joints; remembered, for names rarely change."""
+        if names != self._last_names:
+            self._last_route = self._make_route(names)
+            self._last_names = names
+        return self._last_route
+
+    def _make_route(self, names: tuple[str, ...]) -> _Route:
+        pairs = [self._mapping.pair(name) if self._mapping else None for name in names]
+        joints = [pair.follower if pair else name for pair, name in zip(pairs, names, strict=True)]
+        if len(set(joints)) != len(joints):
+            raise CommandError("a joint is named twice")
+        columns = [column for column, name in enumerate(joints) if name in self._indices]
+        unpaired = self._mapping.unpaired_leader if self._mapping else ()
+        self._warn_unknown([name for name in joints if name not in self._indices and name not in unpaired])
+        if not columns:
+            raise CommandError(
+                f"it names none of the joints; it names {_list(names)}, the joints are {_list(self._indices)}"
+            )
+        return _Route(
+            tuple(columns),
+            np.array([self._indices[joints[column]] for column in columns], np.intp),
+            tuple(pairs[column] for column in columns),
+            tuple(names[column] for column in columns),
+        )
+
+    def _warn_unknown(self, names: list[str]) -> None:
+        new = [name for name in names if name not in self._unknown]
+        if new and len(self._unknown) < 1000:  # names come from outside: what is remembered is bounded
+            self._unknown.update(new)
+            self._log.warning(
+                "%s: no joint is named %s; the joints are %s. Those names are ignored",
+                self.topic,
+                _list(new),
+                _list(self._indices),
+            )
+
+    def _refuse(self, error: CommandError) -> None:
+        self.refused += 1
+        if self.refused in _LOGGED_COUNTS:
+            self._log.warning("%s: command refused (%d so far): %s", self.topic, self.refused, error)
+
+
+@dataclass(frozen=True)
+class _Route:
+    """Which columns of a message go to which joints, each through its pair where there is a leader."""
+
+    columns: tuple[int, ...]
+    indices: npt.NDArray[np.intp]
+    pairs: tuple[MappedJoint | None, ...]
+    names: tuple[str, ...]
+
+    def values(self, positions: FloatArray) -> FloatArray:
+        """Positions of the joints, shape (K, M), from those of the message, shape (K, number of names)."""
+        chosen = positions[:, self.columns]
+        if not np.isfinite(chosen).all():
+            row, column = np.argwhere(~np.isfinite(chosen))[0]
+            raise CommandError(f"the position of {_list([self.names[column]])} is {chosen[row, column]}")
+        for column, pair in enumerate(self.pairs):
+            if pair is not None:
+                chosen[:, column] = [pair.position_rad(value) for value in chosen[:, column]]
+        return chosen
+
+
+def _list(names: Iterable[str]) -> str:
+    """Names for a message; they come from outside, so their length and number are bounded."""
+    shown = [repr(name if len(name) <= 64 else name[:64] + "…") for name in islice(names, 10)]
+    return ", ".join(shown) or "nothing"

@@ -1,0 +1,157 @@
+"""The node of a sensor: publishes its newest reading, and opens the device again when it was lost."""
+
+from __future__ import annotations
+
+import time
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.sensor import Reading, Sensor
+from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.implementation import load_implementation
+from joshua.node.rates import RateLimit, RateMeter
+
+#: Longest wait for a reading, so that the stop is noticed.
+READ_TIMEOUT_S = 0.2
+
+#: Silence after which the log says that a sensor delivers nothing.
+SILENCE_S = 2.0
+
+RECONNECT_FIRST_S = 0.25
+RECONNECT_LARGEST_S = 5.0
+
+
+class SensorNode(NodeBehaviour):
+    """The standard behaviour of sensors.
+
+    A thread reads; each new reading is published at once on every topic, at most at the topic's rate. A
+    reading is published once: one that is not newer than the last is dropped and counted.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._sensor: Sensor | None = None
+        self._outputs: list[tuple[MessagePublisher, RateLimit, RateMeter]] = []
+        self._reader_runs = False
+        self._last: Reading | None = None
+        self._readings = 0
+        self._lost = 0
+        self._repeated = 0
+        self._reconnections = 0
+        self._implausible: list[str] = []
+
+    def configure(self) -> None:
+        """Opens the device and declares topics. Raises DeviceError, TargetError."""
+        spec = self.context.spec
+        implementation, settings = load_implementation(spec, Sensor)
+        sensor: Sensor = implementation(settings, dict(spec.context))
+        for topic in spec.publishers:
+            if topic.type_name not in sensor.data_types:
+                raise DeviceError(
+                    f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: "
+                    f"{implementation.__name__} offers {', '.join(sensor.data_types)}"
+                )
+        if spec.subscriptions:
+            names = ", ".join(topic.name for topic in spec.subscriptions)
+            self.context.warn(f"{spec.full_name}: a sensor takes no commands, so {names} has no effect")
+        self._sensor = sensor
+        sensor.connect()
+        self._outputs = [
+            (self.context.publisher(topic), RateLimit(topic.rate_hz), RateMeter())
+            for topic in spec.publishers
+        ]
+
+    def activate(self) -> None:
+        """Starts the reader."""
+        if not self._reader_runs:
+            self._reader_runs = True
+            self.context.spawn_thread(self._read, name="sensor")
+
+    def cleanup(self) -> None:
+        """Closes the device."""
+        if self._sensor is not None:
+            self._sensor.disconnect()
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """Rates, order and plausibility of the readings."""
+        rows = [
+            meter.check(f"rate of {publisher.topic.name}", publisher.topic.rate_hz)
+            for publisher, _, meter in self._outputs
+        ]
+        order = f"{self._readings} new, {self._repeated} repeated or out of order, {self._lost} lost"
+        rows.append(("readings in order", self._readings > 0 and not self._repeated, order))
+        plausible = self._implausible[0] if self._implausible else "all"
+        rows.append(("readings plausible", not self._implausible, plausible))
+        if self._reconnections:
+            rows.append(("connection", False, f"lost {self._reconnections} times"))
+        return rows
+
+    def _read(self) -> None:
+        """Reads until the stop."""
+        sensor = self._sensor
+        assert sensor is not None
+        quiet_since, silent = time.monotonic(), False
+        while not self.context.stopping:
+            try:
+                reading = sensor.read(READ_TIMEOUT_S)
+            except DeviceDisconnected as error:
+                self._reconnect(sensor, error)
+                quiet_since = time.monotonic()
+                continue
+            if reading is not None:
+                if silent:
+                    self.context.log.info("the sensor delivers again")
+                quiet_since, silent = time.monotonic(), False
+                self._take(sensor, reading)
+            elif not silent and time.monotonic() - quiet_since > SILENCE_S:
+                silent = True
+                self.context.log.warning(
+                    "the sensor has delivered nothing for %g s: check its cable and power", SILENCE_S
+                )
+
+    def _take(self, sensor: Sensor, reading: Reading) -> None:
+        last, self._last = self._last, reading
+        if last is not None and (reading.sequence <= last.sequence or reading.stamp_ns <= last.stamp_ns):
+            self._last = last
+            self._repeated += 1
+            if self._repeated == 1:
+                self.context.log.warning(
+                    "reading %d came after reading %d and is not newer: dropped, as all such from now on",
+                    reading.sequence,
+                    last.sequence,
+                )
+            return
+        self._readings += 1
+        self._lost += reading.sequence - last.sequence - 1 if last is not None else 0
+        for publisher, limit, meter in self._outputs:
+            if limit.passes(reading.stamp_ns):
+                frame_id = self.context.spec.frame_id
+                publisher.publish(sensor.message(reading, publisher.topic.type_name, frame_id))
+                meter.add()
+        if len(self._implausible) < 10 and (text := sensor.implausible(reading)):
+            self._implausible.append(text)
+
+    def _reconnect(self, sensor: Sensor, reason: DeviceDisconnected) -> None:
+        """Closes and opens the device until that works or the node stops; waits longer each time."""
+        self._reconnections += 1
+        self._last = None  # the device may count from 0 again
+        wait_s = RECONNECT_FIRST_S
+        self.context.log.warning("connection lost: %s; trying again until it is back", reason)
+        while not self.context.stopping:
+            sensor.disconnect()
+            if self._stopped_within(wait_s):
+                return
+            try:
+                sensor.connect()
+            except DeviceError as error:
+                wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
+                self.context.log.warning("not back yet: %s; next attempt in %g s", error, wait_s)
+            else:
+                self.context.log.info("the connection is back")
+                return
+
+    def _stopped_within(self, duration_s: float) -> bool:
+        """Waits; returns early, and True, when the node is asked to stop."""
+        end = time.monotonic() + duration_s
+        while not (stopped := self.context.stopping) and (left_s := end - time.monotonic()) > 0:
+            time.sleep(min(left_s, 0.1))
+        return stopped

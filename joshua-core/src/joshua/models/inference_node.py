@@ -1,0 +1,188 @@
+"""The node of a model: observations in, actions out at the publisher's rate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from joshua.messages.make import joint_state
+from joshua.models.chunk_player import ChunkPlayer
+from joshua.models.model import FloatArray, JointSpace, Model, ModelError
+from joshua.models.observer import STALE_AFTER_S, Observer
+from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.implementation import load_implementation
+from joshua.node.rates import RateLimit, RateMeter, limit_below
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+#: Share of periods without an action that still counts as keeping up.
+GAPS_MAX = 0.05
+
+#: Longest wait of the model's thread, so that the stop is noticed.
+WAIT_S = 0.2
+
+
+class InferenceNode(NodeBehaviour):
+    """The standard behaviour of models.
+
+    A thread runs the model whenever a chunk of actions is wanted and every subscribed topic is fresh; a timer
+    at the publisher's rate plays the chunk. While a topic is stale nothing is published, so that the
+    actuator's own watchdog holds it.
+
+    Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each commanded joint),
+    ``task`` (instruction in natural language), ``observation_stale_s``.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        facts = context.spec.context
+        self._model: Model | None = None
+        self._joints = joint_space(facts.get("joints", ()))
+        self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
+        self._player = ChunkPlayer()
+        self._observer = Observer(
+            [topic.name for topic in context.spec.subscriptions],
+            facts.get("observation_stale_s", STALE_AFTER_S),
+            facts.get("task", ""),
+        )
+        self._outputs: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
+        self._received = {topic.name: RateMeter() for topic in context.spec.subscriptions}
+        self._runs = False
+        self._silent_about: tuple[str, ...] = ()
+        self._chunks = self._periods = self._gaps = 0
+        self._started = False
+
+    def configure(self) -> None:
+        """Loads the model and declares topics. Raises ModelError, TargetError."""
+        spec = self.context.spec
+        for topic in spec.publishers:
+            if topic.type_name != JOINT_STATE:
+                raise ModelError(
+                    f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: a model publishes "
+                    "joint positions; set data_type: JOINT_STATE"
+                )
+        if not spec.publishers:
+            raise ModelError(f"{spec.full_name} publishes no action: add a publisher of type JOINT_STATE")
+        if not self._joints.names:
+            raise ModelError(
+                f"{spec.full_name} does not know its joints: let an actuator subscribe to "
+                f"{spec.publishers[0].name}"
+            )
+        implementation, settings = load_implementation(spec, Model)
+        model: Model = implementation(settings, self._joints, dict(spec.context))
+        self._model = model
+        model.load()
+        model.reset()
+        self._outputs = [
+            (self.context.publisher(topic), limit_below(topic.rate_hz, self._rate_hz), RateMeter())
+            for topic in spec.publishers
+        ]
+        for topic in spec.subscriptions:
+            self.context.subscribe(topic, self._take(topic.name))
+
+    def activate(self) -> None:
+        """Starts the model's thread and the timer of the actions."""
+        if self._runs:
+            return
+        self._runs = True
+        self.context.spawn_thread(self._infer, name="model")
+        self.context.create_timer(1 / self._rate_hz, self._play, name="actions")
+
+    def deactivate(self) -> None:
+        """Plays nothing any more."""
+        self._player.clear()
+
+    def cleanup(self) -> None:
+        """Frees the model."""
+        if self._model is not None:
+            self._model.close()
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """Rates of actions and observations, and whether the model kept up."""
+        rows = [
+            meter.check(f"rate of {publisher.topic.name}", publisher.topic.rate_hz)
+            for publisher, _, meter in self._outputs
+        ]
+        for topic, meter in self._received.items():
+            rows.append(
+                (f"observations on {topic}", meter.count > 0, f"{meter.count} at {meter.rate_hz:.4g} Hz")
+            )
+        kept_up = self._chunks > 0 and self._gaps <= GAPS_MAX * self._periods
+        measured = f"{self._chunks} chunks, {self._gaps} of {self._periods} periods without an action"
+        rows.append(("model keeps up", kept_up, measured))
+        return rows
+
+    def _take(self, topic: str) -> Callable[[Any, int], None]:
+        count, add = self._received[topic].add, self._observer.add
+
+        def on_message(message: Any, received_ns: int) -> None:
+            count()
+            add(topic, message, received_ns)
+
+        return on_message
+
+    def _infer(self) -> None:
+        """Runs the model until the stop; whatever it raises fails the node."""
+        model = self._model
+        assert model is not None
+        while not self.context.stopping:
+            if not self._player.wait_until_wanted(WAIT_S) or self._observations_missing():
+                continue
+            chunk = self._checked(model.act(self._observer.observation()))
+            self._chunks += 1
+            self._player.put(chunk)
+
+    def _observations_missing(self) -> bool:
+        """Whether a topic is stale; says so once, and waits a little before the next look."""
+        missing = self._observer.missing()
+        if missing != self._silent_about:
+            self._silent_about = missing
+            if missing:
+                self.context.log.warning("waits for a fresh message on %s", ", ".join(missing))
+            else:
+                self.context.log.info("all observations are fresh")
+        if missing:
+            time.sleep(0.01)
+        return bool(missing)
+
+    def _checked(self, actions: FloatArray) -> FloatArray:
+        """Returns a model's actions clipped to the limits. Raises ModelError for any other shape or NaN."""
+        chunk = np.asarray(actions, np.float64)
+        count, name = len(self._joints.names), type(self._model).__name__
+        if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != count:
+            raise ModelError(
+                f"{name}.act returned shape {chunk.shape}; {count} joints need (T, {count}), T ≥ 1"
+            )
+        if not np.isfinite(chunk).all():
+            raise ModelError(f"{name}.act returned a value that is not finite: nothing is sent to the joints")
+        return np.clip(chunk, self._joints.position_min_rad, self._joints.position_max_rad)
+
+    def _play(self) -> None:
+        """Publishes the next action; drops what was planned on observations that have become stale."""
+        if self._observer.missing():
+            self._player.clear()
+            return
+        action = self._player.step()
+        self._periods += self._started
+        if action is None:
+            self._gaps += self._started
+            return
+        self._started = True
+        now_ns = self.context.now_ns()
+        message = joint_state(self._joints.names, action, frame_id=self.context.spec.frame_id, at_ns=now_ns)
+        for publisher, limit, meter in self._outputs:
+            if limit is None or limit.passes(now_ns):
+                publisher.publish(message)
+                meter.add()
+
+
+def joint_space(joints: Any) -> JointSpace:
+    """Makes a JointSpace of the plan's ``joints``: name, min_rad and max_rad of each."""
+    return JointSpace(
+        names=tuple(joint["name"] for joint in joints),
+        position_min_rad=np.array([joint["min_rad"] for joint in joints], np.float64),
+        position_max_rad=np.array([joint["max_rad"] for joint in joints], np.float64),
+    )

@@ -1,0 +1,49 @@
+"""Uniformly random joint positions: a test of the inference pipeline, and the baseline of every policy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from joshua.models.model import FloatArray, JointSpace, Model, ModelError, Observation
+from joshua.models.random_noise_settings import RandomNoiseSettings
+
+
+class RandomNoise(Model):
+    """Draws each joint's position uniformly about zero, clipped to the joint's limits; looks at nothing.
+
+    Args:
+        settings: seed and amplitude.
+        joints: the joints that are commanded.
+        context: further facts of the plan; not used.
+    """
+
+    settings: RandomNoiseSettings
+
+    def __init__(
+        self, settings: RandomNoiseSettings, joints: JointSpace, context: dict[str, Any] | None = None
+    ) -> None:
+        super().__init__(settings, joints, context)
+        self._generator: np.random.Generator | None = None
+
+    def load(self) -> None:
+        """Seeds the generator."""
+        self._generator = np.random.default_rng(self.settings.seed)
+
+    def reset(self) -> None:
+        """Starts the sequence of actions anew."""
+        self.load()
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Draws one step of actions, shape (1, N)."""
+        del observation
+        if self._generator is None:
+            raise ModelError("RandomNoise.act: the model is not loaded: call load first")
+        amplitude = self.settings.amplitude_rad
+        noise = self._generator.uniform(-amplitude, amplitude, (1, len(self.joints.names)))
+        return np.clip(noise, self.joints.position_min_rad, self.joints.position_max_rad)
+
+    def close(self) -> None:
+        """Forgets the generator; a second call does nothing."""
+        self._generator = None

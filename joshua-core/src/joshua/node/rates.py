@@ -1,0 +1,70 @@
+"""Rates of streams: the one that was achieved, and the one that is allowed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+NS_PER_S = 1_000_000_000
+
+
+class RateMeter:
+    """Counts events and measures their mean rate between the first and the last one."""
+
+    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self._clock = clock
+        self._first_ns = self._last_ns = 0
+        self.count = 0
+
+    def add(self) -> None:
+        """Counts one event, now."""
+        self._last_ns = self._clock()
+        if not self.count:
+            self._first_ns = self._last_ns
+        self.count += 1
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate; 0 for fewer than two events."""
+        elapsed_ns = self._last_ns - self._first_ns
+        return (self.count - 1) * NS_PER_S / elapsed_ns if elapsed_ns else 0.0
+
+    def check(self, name: str, wanted_hz: float, tolerance: float = 0.1) -> tuple[str, bool, str]:
+        """A row of MODE_TEST: whether the rate is the configured one, within a fraction of it."""
+        passed = abs(self.rate_hz - wanted_hz) <= tolerance * wanted_hz
+        return (name, passed, f"{self.rate_hz:.4g} Hz of {wanted_hz:g} Hz, {self.count} messages")
+
+
+class RateLimit:
+    """Thins a stream of stamped readings to a rate, without a beat between the two rates.
+
+    A reading passes when it lies nearer to the next due time than the reading after it would, judged by
+    the distance of the last two; so a 30 Hz camera published at 30 Hz loses no frame to jitter.
+
+    Args:
+        rate_hz: largest rate of readings that pass, on average.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_ns = NS_PER_S / rate_hz
+        self._due_ns: float | None = None
+        self._last_ns: int | None = None
+
+    def passes(self, stamp_ns: int) -> bool:
+        """Whether the reading with this stamp is published."""
+        distance_ns = stamp_ns - self._last_ns if self._last_ns is not None else 0
+        self._last_ns = stamp_ns
+        if self._due_ns is None or distance_ns < 0:  # the first one, or a device that was opened again
+            self._due_ns = stamp_ns + self._period_ns
+            return True
+        tolerance_ns = min(distance_ns, self._period_ns) / 2
+        if stamp_ns < self._due_ns - tolerance_ns:
+            return False
+        late = stamp_ns - self._due_ns > self._period_ns
+        self._due_ns = (stamp_ns if late else self._due_ns) + self._period_ns
+        return True
+
+
+def limit_below(rate_hz: float, source_hz: float) -> RateLimit | None:
+    """The limit for a publisher of a source with a rate of its own; None where every one passes."""
+    return RateLimit(rate_hz) if rate_hz < source_hz else None

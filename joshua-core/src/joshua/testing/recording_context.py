@@ -1,0 +1,112 @@
+"""A node context for tests of behaviours: no process, no transport; it records what a behaviour does."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from joshua.plan import NodeSpec, TopicSpec
+
+
+class RecordingPublisher:
+    """Keeps what is published; ``messages`` holds it in order."""
+
+    def __init__(self, topic: TopicSpec) -> None:
+        self.topic = topic
+        self.messages: list[Any] = []
+
+    def publish(self, message: Any) -> None:
+        """Keeps a message."""
+        self.messages.append(message)
+
+
+class RecordingContext:
+    """What a behaviour gets in place of the runtime's context.
+
+    Timers run when the test says so (``tick``), threads of ``spawn_thread`` are real ones, ``receive``
+    delivers a message as a transport does. ``stop`` joins the threads and raises what one of them raised.
+
+    Args:
+        spec: the node's part of the plan.
+    """
+
+    def __init__(self, spec: NodeSpec) -> None:
+        self.spec = spec
+        self.log = logging.getLogger(f"joshua.testing.{spec.name}")
+        self.publishers: dict[str, RecordingPublisher] = {}
+        self.subscriptions: dict[str, Callable[[Any, int], None]] = {}
+        self.timers: dict[str, tuple[float, Callable[[], None]]] = {}
+        self.warnings: list[str] = []
+        self.failures: list[str] = []
+        self._threads: list[threading.Thread] = []
+        self._errors: list[BaseException] = []
+        self._stopping = threading.Event()
+
+    def publisher(self, topic: TopicSpec) -> RecordingPublisher:
+        """Declares a publisher."""
+        return self.publishers.setdefault(topic.name, RecordingPublisher(topic))
+
+    def subscribe(self, topic: TopicSpec, callback: Callable[[Any, int], None]) -> None:
+        """Declares a subscription."""
+        self.subscriptions[topic.name] = callback
+
+    def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
+        """Keeps a timer for ``tick``."""
+        self.timers[name] = (period_s, callback)
+
+    def spawn_thread(self, target: Callable[[], None], *, name: str) -> None:
+        """Runs a thread until ``stop``."""
+
+        def run() -> None:
+            try:
+                target()
+            except BaseException as error:  # noqa: BLE001 (raised again by stop)
+                self._errors.append(error)
+
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    @property
+    def stopping(self) -> bool:
+        """Whether ``stop`` was called."""
+        return self._stopping.is_set()
+
+    def now_ns(self) -> int:
+        """Nanoseconds since the epoch."""
+        return time.time_ns()
+
+    def fail(self, reason: str) -> None:
+        """Keeps the reason of a failure."""
+        self.failures.append(reason)
+
+    def warn(self, text: str) -> None:
+        """Keeps a warning."""
+        self.warnings.append(text)
+
+    def tick(self, name: str, times: int = 1) -> None:
+        """Runs a timer as often as said, without waiting."""
+        for _ in range(times):
+            self.timers[name][1]()
+
+    def receive(self, topic: str, message: Any) -> None:
+        """Delivers a message to a subscription."""
+        self.subscriptions[topic](message, time.time_ns())
+
+    def stop(self, timeout_s: float = 30.0) -> None:
+        """Asks the threads to stop and waits for them.
+
+        Raises:
+            RuntimeError: a thread did not notice the stop.
+            BaseException: what a thread raised.
+        """
+        self._stopping.set()
+        for thread in self._threads:
+            thread.join(timeout_s)
+            if thread.is_alive():
+                raise RuntimeError(f"the thread {thread.name} did not notice the stop in {timeout_s:g} s")
+        if self._errors:
+            raise self._errors[0]

@@ -1,0 +1,300 @@
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.actuator_node import ActuatorNode
+from joshua.devices.errors import DeviceError
+from joshua.devices.mock_settings import MockMotorSettings
+from joshua.messages.make import joint_state
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plugins.targets import TargetError
+from joshua.schema import config_pb2
+from joshua.testing.recording_context import RecordingContext
+
+STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=200.0)
+COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
+
+
+def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **fields: Any) -> NodeSpec:
+    context = fields.pop("context", {})
+    settings = MockMotorSettings.from_block(
+        config_pb2.MockMotorConfig(**{"num_motors": 2, "position_max": 4095, **(block or {})}),
+        context=context,
+    )
+    return NodeSpec(
+        **{
+            "name": "arm",
+            "kind": NodeKind.ACTUATOR,
+            "role": role,
+            "behaviour": "joshua.devices.actuator_node:ActuatorNode",
+            "implementation": "joshua.devices.mock_actuator:MockActuator",
+            "settings_type": "joshua.devices.mock_settings:MockMotorSettings",
+            "settings": settings.model_dump(mode="json"),
+            "context": {"joints": settings.joints(), **context},
+            "frame_id": "base",
+            "publishers": (STATE,),
+            "subscriptions": (COMMAND,),
+            **fields,
+        }
+    )
+
+
+class Running:
+    """A node that was configured and activated."""
+
+    def __init__(self, node_spec: NodeSpec) -> None:
+        self.context = RecordingContext(node_spec)
+        self.node = ActuatorNode(self.context)
+        self.node.configure()
+        self.node.activate()
+
+    def cycles(self, count: int, send: Any = None, topic: str = "/arm/command") -> None:
+        for _ in range(count):
+            if send is not None:
+                self.context.receive(topic, send)
+            time.sleep(0.005)
+            self.context.tick("control")
+
+    @property
+    def states(self) -> list[Any]:
+        return self.context.publishers["/arm/state"].messages
+
+    @property
+    def written(self) -> list[Any]:
+        return self.context.publishers["~/command"].messages
+
+    @property
+    def actuator(self) -> Any:
+        return self.node._actuator
+
+    def end(self) -> None:
+        for _ in range(2):
+            self.node.deactivate()
+            self.context.stop()
+            self.node.cleanup()
+
+
+@pytest.fixture
+def run() -> Iterator[Any]:
+    started: list[Running] = []
+
+    def start(*args: Any, **fields: Any) -> Running:
+        started.append(Running(spec(*args, **fields)))
+        return started[-1]
+
+    yield start
+    for running in started:
+        running.end()
+
+
+def test_the_state_is_published_each_cycle(run: Any) -> None:
+    node = run()
+    assert node.context.timers["control"][0] == 1 / 200
+    node.cycles(3)
+    assert len(node.states) == 3
+    message = node.states[0]
+    assert message.name == ["joint_1", "joint_2"]
+    assert message.position == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert len(message.velocity) == len(message.effort) == 2
+    assert message.header.frame_id == "base"
+    assert abs(message.header.stamp.sec - time.time()) < 10
+
+
+def test_a_command_is_followed_and_what_was_written_is_published(run: Any) -> None:
+    node = run()
+    goal = joint_state(["joint_2", "joint_1"], [0.05, -0.05])
+    for _ in range(600):
+        node.cycles(1, send=goal)
+        if np.abs(node.states[-1].position - [-0.05, 0.05]).max() < 0.002:
+            break
+    assert node.states[-1].position == pytest.approx([-0.05, 0.05], abs=0.002)
+    assert node.written[-1].position == pytest.approx([-0.05, 0.05])
+    assert node.written[-1].name == ["joint_1", "joint_2"]
+    assert node.written[-1].header.stamp.sec > 0
+    assert len(node.written) == len(node.states)
+    positions = np.array([message.position for message in node.written])
+    assert np.abs(positions[0]).max() < 0.03, "the first goal is near where the joints were found"
+
+
+def test_values_that_cannot_be_trusted_are_never_written(run: Any) -> None:
+    node = run()
+    node.cycles(20, send=joint_state(["joint_1"], [math.nan]))
+    node.cycles(20, send=joint_state(["joint_1", "joint_2"], [0.1, math.inf]))
+    assert all(np.isfinite(message.position).all() for message in node.written)
+    assert node.written[-1].position == pytest.approx([0.0, 0.0], abs=1e-3)
+    rows = {check: (passed, measured) for check, passed, measured in node.node.test_results()}
+    assert rows["commands on /arm/command"] == (False, "0 at " + rows["commands on /arm/command"][1][5:])
+    assert "40 refused" in rows["commands on /arm/command"][1]
+
+
+def test_joints_hold_when_commands_stop(run: Any, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    node = run(context={"stale_after_s": 0.05})
+    node.cycles(5, send=joint_state(["joint_1"], [1.0]))
+    time.sleep(0.06)
+    node.cycles(2)
+    held = node.written[-1].position.copy()
+    node.cycles(10)
+    assert (node.written[-1].position == held).all()
+    assert caplog.messages == ["no command any more: the joints hold their position"]
+    node.cycles(2, send=joint_state(["joint_1"], [1.0]))
+    assert caplog.messages[1:] == ["commands are back: the joints approach them slowly"]
+
+
+def test_a_follower_takes_the_fraction_of_its_leaders_range(run: Any) -> None:
+    leader = {
+        "node": "/leader",
+        "topic": "/arm/command",
+        "joints": [
+            {"name": "l1", "min_rad": 0.0, "max_rad": 1.0},
+            {"name": "l2", "min_rad": 0.0, "max_rad": 1.0},
+        ],
+    }
+    node = run(block={"position_min": 2048, "position_max": 2148}, context={"leader": leader})
+    high = node.actuator.limits.position_max_rad[0]
+    for _ in range(600):
+        node.cycles(1, send=joint_state(["l1", "l2"], [0.5, 1.0]))
+        if np.abs(node.written[-1].position - [high / 2, high]).max() < 1e-6:
+            break
+    assert node.written[-1].position == pytest.approx([high / 2, high])
+
+
+def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
+    leader = {
+        "node": "/leader",
+        "topic": "/leader/state",
+        "joints": [{"name": "joint_1", "min_rad": 0.0, "max_rad": 1.0}],
+    }
+    other = TopicSpec(name="/leader/state", type_name="sensor_msgs/msg/JointState")
+    node = run(context={"leader": leader}, subscriptions=(COMMAND, other))
+    for _ in range(600):
+        node.cycles(1, send=joint_state(["joint_1"], [0.02]))
+        if abs(node.written[-1].position[0] - 0.02) < 1e-6:
+            break
+    assert node.written[-1].position[0] == pytest.approx(0.02)
+
+
+def test_a_leader_without_a_range_is_refused() -> None:
+    leader = {
+        "node": "/l",
+        "topic": "/arm/command",
+        "joints": [{"name": "a", "min_rad": 1.0, "max_rad": 1.0}],
+    }
+    context = RecordingContext(spec(context={"leader": leader}))
+    node = ActuatorNode(context)
+    with pytest.raises(DeviceError, match="/arm cannot follow /l: joint a of the leader has no range"):
+        node.configure()
+    node.cleanup()
+
+
+def test_a_leader_never_gets_torque(run: Any) -> None:
+    node = run("ACTION_LEADER", block={"motion": config_pb2.MOCK_MOTION_SINE, "motion_frequency_hz": 5.0})
+    node.cycles(20)
+    assert "~/command" not in node.context.publishers
+    assert not node.context.subscriptions
+    assert node.context.warnings == ["/arm: a leader is moved by hand, so /arm/command has no effect"]
+    positions = np.array([message.position for message in node.states])
+    assert np.ptp(positions, axis=0).max() > 0.05
+    assert all((message.effort == 0).all() for message in node.states)
+
+
+def test_an_actuator_that_nobody_commands_gets_no_torque(run: Any) -> None:
+    node = run("ACTION_SINGLE", subscriptions=())
+    node.cycles(3)
+    with pytest.raises(DeviceError, match="no torque"):
+        node.actuator.write(np.zeros(2))
+
+
+def test_the_safe_state_of_a_follower_is_to_hold(run: Any) -> None:
+    node = run()
+    node.cycles(10, send=joint_state(["joint_1"], [0.5]))
+    node.node.deactivate()
+    before = node.actuator.read().position_rad
+    time.sleep(0.05)
+    assert node.actuator.read().position_rad == pytest.approx(before, abs=2e-3)
+    node.actuator.write(np.zeros(2))  # torque is on, else this raises
+    count = len(node.written)
+    node.cycles(3)
+    assert len(node.written) == count, "nothing is written after the stop"
+    node.node.cleanup()
+    assert not node.actuator.connected
+
+
+def test_an_exercise_moves_the_joints_of_a_test(run: Any) -> None:
+    node = run(
+        "ACTION_SINGLE",
+        subscriptions=(),
+        context={"exercise": {"amplitude_rad": 0.2, "frequency_hz": 2.0}},
+    )
+    node.cycles(120)
+    positions = np.array([message.position for message in node.states])
+    assert np.ptp(positions, axis=0).min() > 0.1
+    rows = {check: passed for check, passed, _ in node.node.test_results()}
+    assert rows["tracking error"]
+
+
+def test_the_test_table_of_a_healthy_follower(run: Any) -> None:
+    node = run(publishers=(STATE.model_copy(update={"rate_hz": 50.0}),))
+    for _ in range(60):
+        node.context.receive("/arm/command", joint_state(["joint_1", "joint_2"], [0.02, 0.0]))
+        time.sleep(0.02)
+        node.context.tick("control")
+    results = node.node.test_results()
+    assert [check for check, _, _ in results] == [
+        "rate of /arm/state",
+        "positions",
+        "commands on /arm/command",
+        "tracking error",
+    ]
+    assert all(passed for check, passed, _ in results if not check.startswith("rate")), results
+
+
+def test_the_test_table_of_a_silent_follower(run: Any) -> None:
+    node = run()
+    node.cycles(3)
+    failed = {check: measured for check, passed, measured in node.node.test_results() if not passed}
+    assert failed["commands on /arm/command"] == "0 at 0 Hz"
+    assert failed["tracking error"] == "no cycle followed a command"
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"publishers": (TopicSpec(name="/x", type_name="sensor_msgs/msg/Imu", rate_hz=1.0),)},
+            r"/arm cannot publish sensor_msgs/msg/Imu on /x: .*set data_type: JOINT_STATE",
+        ),
+        (
+            {"subscriptions": (TopicSpec(name="/x", type_name="sensor_msgs/msg/Imu"),)},
+            r"/arm cannot follow sensor_msgs/msg/Imu on /x: .*JOINT_STATE or JOINT_TRAJECTORY",
+        ),
+    ],
+)
+def test_types_that_an_actuator_does_not_speak_are_refused(fields: dict[str, Any], message: str) -> None:
+    context = RecordingContext(spec(**fields))
+    with pytest.raises(DeviceError, match=message):
+        ActuatorNode(context).configure()
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"implementation": "acme_gone.driver:Arm", "plugin": "acme-arm"},
+            r"/arm: acme_gone\.driver:Arm cannot be imported: .*pip install --force-reinstall acme-arm",
+        ),
+        (
+            {"implementation": "joshua.devices.mock_camera:MockCamera"},
+            "is not derived from joshua.devices.actuator",
+        ),
+    ],
+)
+def test_a_driver_that_is_none_is_named(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(TargetError, match=message) as caught:
+        ActuatorNode(RecordingContext(spec(**fields))).configure()
+    assert caught.value.exit_code == 3

@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+import logging
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.joint_command import CommandReader, TrajectoryCommand
+from joshua.devices.mapping import LeaderMapping
+from joshua.messages import message_class
+from joshua.messages.make import header, joint_state
+
+LOG = logging.getLogger("test_joint_command")
+
+
+def reader(mapping: LeaderMapping | None = None) -> CommandReader:
+    return CommandReader("/command", ("a", "b", "c"), LOG, mapping)
+
+
+def raw_joint_state(names: list[str], positions: list[float]) -> Any:
+    empty = np.zeros(0)
+    return message_class("sensor_msgs/msg/JointState")(header(), names, np.array(positions), empty, empty)
+
+
+def trajectory(names: list[str], *points: tuple[float, list[float]]) -> Any:
+    duration = message_class("builtin_interfaces/msg/Duration")
+    point = message_class("trajectory_msgs/msg/JointTrajectoryPoint")
+    empty = np.zeros(0)
+    return message_class("trajectory_msgs/msg/JointTrajectory")(
+        header(),
+        names,
+        [
+            point(
+                np.array(positions),
+                empty,
+                empty,
+                empty,
+                duration(math.floor(time_s), round((time_s % 1) * 1e9)),
+            )
+            for time_s, positions in points
+        ],
+    )
+
+
+def test_joints_are_matched_by_name() -> None:
+    command = reader().joint_state(joint_state(["c", "a"], [0.3, 0.1]))
+    assert command is not None
+    assert list(command.indices) == [2, 0]
+    assert list(command.position_rad) == [0.3, 0.1]
+
+
+def test_unknown_names_are_warned_about_once(caplog: pytest.LogCaptureFixture) -> None:
+    one = reader()
+    for _ in range(3):
+        command = one.joint_state(joint_state(["x", "b"], [9.0, 0.2]))
+        assert command is not None
+        assert list(command.indices) == [1]
+    assert caplog.messages == [
+        "/command: no joint is named 'x'; the joints are 'a', 'b', 'c'. Those names are ignored"
+    ]
+    one.joint_state(joint_state(["b", "x"], [0.2, 9.0]))
+    assert len(caplog.messages) == 1
+    assert one.accepted == 4
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (raw_joint_state(["a", "b"], [0.1]), "2 names and 1 positions"),
+        (raw_joint_state(["a"], []), "1 names and 0 positions"),
+        (
+            raw_joint_state([], []),
+            "it names none of the joints; it names nothing, the joints are 'a', 'b', 'c'",
+        ),
+        (raw_joint_state(["a", "a"], [0.1, 0.2]), "a joint is named twice"),
+        (raw_joint_state(["x"], [0.1]), "it names none of the joints; it names 'x'"),
+        (raw_joint_state(["a", "b"], [0.1, math.nan]), "the position of 'b' is nan"),
+        (raw_joint_state(["a"], [math.inf]), "the position of 'a' is inf"),
+    ],
+)
+def test_what_cannot_be_trusted_is_refused(
+    caplog: pytest.LogCaptureFixture, message: Any, reason: str
+) -> None:
+    one = reader()
+    assert one.joint_state(message) is None
+    assert (one.accepted, one.refused) == (0, 1)
+    assert any(f"/command: command refused (1 so far): {reason}" in text for text in caplog.messages)
+
+
+def test_refusals_do_not_flood_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    one = reader()
+    for _ in range(250):
+        one.joint_state(raw_joint_state(["a"], [math.nan]))
+    assert one.refused == 250
+    assert len(caplog.messages) == 3, "at the 1st, 10th and 100th"
+
+
+def test_names_from_outside_are_shown_bounded_and_quoted(caplog: pytest.LogCaptureFixture) -> None:
+    reader().joint_state(raw_joint_state(["a\nFORGED LINE", "y" * 5000, *map(str, range(500))], [0.0] * 502))
+    assert all("\n" not in text and len(text) < 1000 for text in caplog.messages)
+
+
+def test_a_leaders_positions_pass_through_its_mapping() -> None:
+    leader = [
+        {"name": "l1", "min_rad": 0.0, "max_rad": 1.0},
+        {"name": "extra", "min_rad": 0.0, "max_rad": 1.0},
+    ]
+    follower = [{"name": "b", "min_rad": -2.0, "max_rad": 2.0}]
+    one = reader(LeaderMapping(leader, follower))
+    command = one.joint_state(joint_state(["l1", "extra"], [0.25, 0.5]))
+    assert command is not None
+    assert list(command.indices) == [1]
+    assert command.position_rad == pytest.approx([-1.0])
+    assert one.joint_state(raw_joint_state(["l1", "extra"], [math.nan, 0.0])) is None
+
+
+def test_a_trajectory_is_read_and_interpolated() -> None:
+    command = reader().trajectory(trajectory(["b", "a"], (1.0, [1.0, -1.0]), (2.5, [4.0, -4.0])))
+    assert command is not None
+    assert list(command.indices) == [1, 0]
+    start = np.array([0.5, 0.0])
+    assert command.at(0.0, start) == pytest.approx([0.5, 0.0])
+    assert command.at(0.5, start) == pytest.approx([0.75, -0.5])
+    assert command.at(1.75, start) == pytest.approx([2.5, -2.5])
+    assert command.at(99.0, start) == pytest.approx([4.0, -4.0])
+    assert command.duration_s == 2.5
+
+
+def test_a_trajectory_may_start_at_zero() -> None:
+    command = reader().trajectory(trajectory(["a"], (0.0, [1.0]), (1.0, [2.0])))
+    assert command is not None
+    assert command.at(0.5, np.array([77.0])) == pytest.approx([1.5])
+
+
+def test_a_trajectory_without_points_means_stop() -> None:
+    command = reader().trajectory(trajectory([]))
+    assert isinstance(command, TrajectoryCommand)
+    assert len(command.time_s) == 0
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (trajectory(["a"], (1.0, [0.0]), (1.0, [0.1])), "does not increase from point to point"),
+        (trajectory(["a"], (-1.0, [0.0])), "time_from_start is negative"),
+        (trajectory(["a", "b"], (1.0, [0.0, 0.0]), (2.0, [0.1])), "2 names and 1 positions in point 1"),
+        (trajectory(["a"], (1.0, [0.0]), (2.0, [math.inf])), "the position of 'a' is inf"),
+        (trajectory(["x"], (1.0, [0.0])), "it names none of the joints"),
+    ],
+)
+def test_a_bad_trajectory_is_refused(caplog: pytest.LogCaptureFixture, message: Any, reason: str) -> None:
+    one = reader()
+    assert one.trajectory(message) is None
+    assert one.refused == 1
+    assert any(reason in text for text in caplog.messages)

@@ -1,0 +1,236 @@
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import types
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.messages import message_class
+from joshua.models.inference_node import InferenceNode
+from joshua.models.model import Model, ModelError, Observation
+from joshua.models.random_noise_settings import RandomNoiseSettings
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.schema import config_pb2
+from joshua.testing.recording_context import RecordingContext
+
+JOINTS = [{"name": "a", "min_rad": -1.0, "max_rad": 1.0}, {"name": "b", "min_rad": -0.1, "max_rad": 0.1}]
+ACTION = TopicSpec(name="/action", type_name="sensor_msgs/msg/JointState", rate_hz=50.0)
+SEEN = TopicSpec(name="/seen", type_name="std_msgs/msg/Int64")
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline, "the condition did not come true in 30 s"
+        time.sleep(0.002)
+
+
+class ScriptedModel(Model):
+    """Returns what the test puts into ``chunk``; keeps what it was shown."""
+
+    chunk: Any = np.zeros((1, 2))
+    seen: list[Observation]
+    calls: list[str]
+    gate: threading.Event
+
+    def load(self) -> None:
+        self.calls.append("load")
+
+    def reset(self) -> None:
+        self.calls.append("reset")
+
+    def act(self, observation: Observation) -> Any:
+        self.gate.wait(30)
+        self.seen.append(observation)
+        return type(self).chunk
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+
+@pytest.fixture
+def model(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    module = types.ModuleType("joshua_scripted_model")
+    gate = threading.Event()
+    gate.set()
+    one = type("OneModel", (ScriptedModel,), {"seen": [], "calls": [], "gate": gate})
+    module.OneModel = one  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    yield one
+    gate.set()
+
+
+def spec(**fields: Any) -> NodeSpec:
+    return NodeSpec(
+        **{
+            "name": "policy",
+            "kind": NodeKind.MODEL,
+            "behaviour": "",
+            "implementation": "joshua_scripted_model:OneModel",
+            "context": {"joints": JOINTS, "task": "pick it up"},
+            "publishers": (ACTION,),
+            "subscriptions": (SEEN,),
+            **fields,
+        }
+    )
+
+
+def start(node_spec: NodeSpec) -> tuple[RecordingContext, InferenceNode]:
+    context = RecordingContext(node_spec)
+    node = InferenceNode(context)
+    node.configure()
+    node.activate()
+    return context, node
+
+
+def end(context: RecordingContext, node: InferenceNode) -> None:
+    for _ in range(2):
+        node.deactivate()
+        context.stop()
+        node.cleanup()
+
+
+def actions(context: RecordingContext) -> list[list[float]]:
+    return [message.position.tolist() for message in context.publishers["/action"].messages]
+
+
+def see(context: RecordingContext, number: int) -> None:
+    context.receive("/seen", message_class("std_msgs/msg/Int64")(number))
+
+
+def play_until(context: RecordingContext, count: int) -> None:
+    def enough() -> bool:
+        context.tick("actions")
+        return len(actions(context)) >= count
+
+    wait_until(enough)
+
+
+def test_observations_become_actions_at_the_publishers_rate(model: Any) -> None:
+    model.chunk = np.array([[0.1, 0.0], [0.2, 0.05]])
+    context, node = start(spec())
+    assert context.timers["actions"][0] == 1 / 50
+    see(context, 1)
+    see(context, 2)
+    play_until(context, 4)
+    end(context, node)
+    assert actions(context)[:4] == [[0.1, 0.0], [0.2, 0.05], [0.1, 0.0], [0.2, 0.05]]
+    observation = model.seen[0]
+    assert observation.messages["/seen"].data == 2, "the newest"
+    assert observation.task == "pick it up"
+    assert abs(observation.stamp_ns - time.time_ns()) < 60e9
+    message = context.publishers["/action"].messages[0]
+    assert message.name == ["a", "b"]
+    assert model.calls == ["load", "reset", "close", "close"]
+
+
+def test_nothing_is_published_before_everything_was_observed(
+    model: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    context, node = start(spec())
+    wait_until(lambda: bool(caplog.messages))
+    context.tick("actions", 5)
+    assert actions(context) == []
+    assert model.seen == []
+    assert caplog.messages == ["waits for a fresh message on /seen"]
+    see(context, 1)
+    play_until(context, 1)
+    end(context, node)
+
+
+def test_what_was_planned_on_stale_observations_is_dropped(model: Any) -> None:
+    model.chunk = np.full((1000, 2), 0.05)
+    context, node = start(spec(context={"joints": JOINTS, "observation_stale_s": 0.3}))
+    see(context, 1)
+    play_until(context, 1)
+    time.sleep(0.35)
+    count = len(actions(context))
+    context.tick("actions", 20)
+    assert len(actions(context)) == count
+    see(context, 2)
+    play_until(context, count + 1)
+    end(context, node)
+
+
+def test_a_slow_model_does_not_stop_the_timer(model: Any) -> None:
+    context, node = start(spec())
+    see(context, 1)
+    play_until(context, 1)
+    model.gate.clear()
+    before = time.monotonic()
+    while context.tick("actions") or node._gaps < 5:  # the timer finds nothing to play, and returns
+        assert time.monotonic() - before < 30
+    model.gate.set()
+    see(context, 2)
+    play_until(context, len(actions(context)) + 1)
+    end(context, node)
+    rows = {check: passed for check, passed, _ in node.test_results()}
+    assert not rows["model keeps up"]
+    assert rows["observations on /seen"]
+
+
+def test_actions_are_clipped_to_the_limits(model: Any) -> None:
+    model.chunk = np.array([[5.0, -5.0]])
+    context, node = start(spec(subscriptions=()))
+    play_until(context, 1)
+    end(context, node)
+    assert actions(context)[0] == [1.0, -0.1]
+
+
+@pytest.mark.parametrize(
+    ("chunk", "message"),
+    [
+        (np.zeros((1, 3)), r"OneModel\.act returned shape \(1, 3\); 2 joints need \(T, 2\), T ≥ 1"),
+        (np.zeros(2), r"OneModel\.act returned shape \(2,\)"),
+        (np.zeros((0, 2)), r"OneModel\.act returned shape \(0, 2\)"),
+        (np.array([[0.0, np.nan]]), r"OneModel\.act returned a value that is not finite"),
+    ],
+)
+def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, message: str) -> None:
+    model.chunk = chunk
+    context, node = start(spec(subscriptions=()))
+    wait_until(lambda: not any(thread.is_alive() for thread in context._threads))
+    context.tick("actions", 3)
+    with pytest.raises(ModelError, match=message):
+        context.stop()
+    node.cleanup()
+    assert actions(context) == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"context": {}}, "/policy does not know its joints: let an actuator subscribe to /action"),
+        ({"publishers": ()}, "/policy publishes no action: add a publisher of type JOINT_STATE"),
+        (
+            {"publishers": (TopicSpec(name="/x", type_name="sensor_msgs/msg/Imu", rate_hz=1.0),)},
+            "/policy cannot publish sensor_msgs/msg/Imu on /x",
+        ),
+    ],
+)
+def test_a_model_that_cannot_act_is_refused(model: Any, fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        InferenceNode(RecordingContext(spec(**fields))).configure()
+    assert model.calls == []
+
+
+def test_random_noise_runs_as_a_node() -> None:
+    settings = RandomNoiseSettings.from_block(config_pb2.RandomNoiseConfig(seed=5))
+    context, node = start(
+        spec(
+            implementation="joshua.models.random_noise:RandomNoise",
+            settings_type="joshua.models.random_noise_settings:RandomNoiseSettings",
+            settings=settings.model_dump(mode="json"),
+            subscriptions=(),
+        )
+    )
+    play_until(context, 20)
+    end(context, node)
+    drawn = np.array(actions(context))
+    assert np.abs(drawn).max() <= 0.5
+    assert np.abs(drawn[:, 1]).max() <= 0.1
+    assert len(np.unique(drawn[:, 0])) == len(drawn)
