@@ -53,6 +53,9 @@ def read_source(path: str, problems: Problems, at: Span | None) -> Source | None
 
 
 def _read_bytes(path: str, problems: Problems, at: Span | None) -> bytes | None:
+    if not path:
+        problems.error("file-missing", "The path of the configuration file is empty.", at, found='""')
+        return None
     try:
         # Opening a pipe or a device could block or act on it, so the kind is asked before.
         kind = Path(path).stat()
