@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import check_tree
+import pytest
+
+# Put together, so that this file passes the check itself.
+HOST = ".".join(("pypi", "org"))
+
+
+@pytest.fixture(autouse=True)
+def _root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(check_tree, "ROOT", tmp_path)
+
+
+def findings(tmp_path: Path, name: str, text: str) -> list[str]:
+    path = tmp_path / name
+    path.write_text(text)
+    return list(check_tree.examine(path))
+
+
+@pytest.mark.parametrize("path", ["home/ann/robot", "Users/ann", "root/x", "work/main"])
+def test_a_path_of_one_machine_is_found(tmp_path: Path, path: str):
+    assert findings(tmp_path, "a.md", f"see\n/{path} for it")[0].startswith("a.md:2: path of one machine:")
+
+
+@pytest.mark.parametrize("text", ["docs/home/x", "the /home/user folder", "/opt/policy-venv/bin/python"])
+def test_other_paths_may_stand(tmp_path: Path, text: str):
+    assert findings(tmp_path, "a.md", text) == []
+
+
+def test_a_registry_host_is_found(tmp_path: Path):
+    assert findings(tmp_path, "a.toml", f"url = 'https://{HOST}/simple'") == [
+        f"a.toml:1: host of a package registry: {HOST}"
+    ]
+
+
+@pytest.mark.parametrize("line", ["numpy @ https://example.org/x.whl", "numpy==2 --hash=sha256:00"])
+def test_a_constraint_is_a_name_and_a_version(tmp_path: Path, line: str):
+    assert "a name and a version only" in findings(tmp_path, "constraints.txt", line)[0]
+
+
+def test_a_long_module_is_found_but_generated_code_is_not(tmp_path: Path):
+    text = "pass\n" * 401
+    assert findings(tmp_path, "long.py", text) == ["long.py: 401 lines, at most 400: split it by idea"]
+    assert findings(tmp_path, "long_pb2.py", text) == []
+
+
+def test_a_file_that_is_not_text_is_passed_over(tmp_path: Path):
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG\xff\xfe")
+    assert list(check_tree.examine(tmp_path / "picture.png")) == []
+
+
+def test_this_repository_is_clean(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.undo()
+    assert [finding for path in check_tree.tracked_files() for finding in check_tree.examine(path)] == []
