@@ -31,8 +31,11 @@ PRELOADED = (
     "zenoh",
     "zenoh.ext",
     "joshua.transport.zenoh.transport",
-    "joshua.devices.actuator",
-    "joshua.devices.sensor",
+    "joshua.devices.actuator_node",
+    "joshua.devices.sensor_node",
+    "joshua.devices.mock_actuator",
+    "joshua.devices.mock_camera",
+    "joshua.models.inference_node",
 )
 
 #: Message types whose codecs are made ready.
