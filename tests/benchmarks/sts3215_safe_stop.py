@@ -1,0 +1,106 @@
+"""From SIGKILL of a driver to the safe state on the wire, measured at the emulator.
+
+A driver process moves an emulated arm; a second process waits at a pipe, as a guardian does, and runs the
+safe stop when the driver has been killed. Times are of the monotonic clock, which all processes share; the
+end is the emulator's own record of the last motor that lost its torque, or of the last goal that held it.
+The time that the second process needs to notice the death is part of the figure.
+Run: python tests/benchmarks/sts3215_safe_stop.py
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import statistics
+import subprocess
+import sys
+import time
+
+from joshua_emulator import EmulatedBus
+from joshua_sts3215.safe_stop import SafeStopRequest
+
+ROUNDS = 12
+IDS = (1, 2, 3, 4, 5, 6)
+
+DRIVER = """
+import sys, json, numpy as np
+from joshua_sts3215.actuator import Sts3215Actuator
+from joshua_sts3215.settings import Sts3215Settings
+arm = Sts3215Actuator(Sts3215Settings.model_validate_json(sys.argv[1]))
+arm.connect()
+arm.enable()
+print("driving", flush=True)
+goal = arm.read().position_rad
+while True:
+    goal = np.clip(goal + 0.002, arm.limits.position_min_rad, arm.limits.position_max_rad)
+    arm.read()
+    arm.write(goal)
+"""
+
+GUARDIAN = """
+import sys
+from joshua_sts3215.safe_stop import SafeStopRequest, run
+request = SafeStopRequest.from_json(sys.argv[1])
+print("watching", flush=True)
+sys.stdin.buffer.read()
+print(run(request).to_json(), flush=True)
+"""
+
+
+def one_round(action: str) -> tuple[float, float]:
+    """Kills a driver once; returns seconds until the state was on the wire and until it was verified."""
+    with EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM1") as emulator:
+        settings = {
+            "port": emulator.port,
+            "device_root": str(emulator.root),
+            "motor_ids": IDS,
+            "calibration": emulator.calibration(),
+        }
+        request = SafeStopRequest(action, IDS, path=emulator.port, device_root=str(emulator.root))
+        driver = subprocess.Popen(
+            [sys.executable, "-c", DRIVER, json.dumps(settings)], stdout=subprocess.PIPE, text=True
+        )
+        guardian = subprocess.Popen(
+            [sys.executable, "-c", GUARDIAN, request.to_json()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert driver.stdout is not None
+        assert guardian.stdin is not None
+        assert guardian.stdout is not None
+        driver.stdout.readline()
+        guardian.stdout.readline()
+        time.sleep(0.3)  # let the driver drive
+        before = emulator.log()[-1]["sequence"]
+        killed_ns = time.monotonic_ns()
+        driver.send_signal(signal.SIGKILL)
+        driver.wait()
+        guardian.stdin.close()
+        report = json.loads(guardian.stdout.readline())
+        verified_ns = time.monotonic_ns()
+        guardian.wait()
+        if not report["complete"]:
+            raise RuntimeError(f"the safe stop did not complete: {report['detail']}")
+        event = "torque" if action == "RELEASE" else "sync_write"
+        applied_ns = max(entry["t_ns"] for entry in emulator.log(event, since=before))
+        for process in (driver, guardian):
+            assert process.stdout is not None
+            process.stdout.close()
+        return (applied_ns - killed_ns) / 1e9, (verified_ns - killed_ns) / 1e9
+
+
+def main() -> None:
+    """Prints the figures of each action."""
+    for action in ("RELEASE", "HOLD"):
+        rounds = [one_round(action) for _ in range(ROUNDS)]
+        applied, verified = zip(*rounds, strict=True)
+        print(
+            f"{action:<8} SIGKILL to the wire: median {statistics.median(applied) * 1e3:.1f} ms, "
+            f"max {max(applied) * 1e3:.1f} ms; verified by reading back: median "
+            f"{statistics.median(verified) * 1e3:.1f} ms, max {max(verified) * 1e3:.1f} ms ({ROUNDS} rounds)"
+        )
+
+
+if __name__ == "__main__":
+    main()
