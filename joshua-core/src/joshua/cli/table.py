@@ -17,5 +17,7 @@ class Command:
 COMMANDS: tuple[Command, ...] = (
     Command("presets", "joshua.cli.commands.presets", "list the presets, or print one"),
     Command("new", "joshua.cli.commands.new", "copy a preset, to make it your own"),
+    Command("status", "joshua.cli.commands.status", "show the systems that run on this machine"),
+    Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
     Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
 )

@@ -5,22 +5,25 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import Generic, TypeVar
+
+_T = TypeVar("_T")
 
 #: Lines that may wait; beyond that the newest are dropped and counted.
 MAX_WAITING = 5000
 
 
-class BackgroundWriter:
-    """Hands lines to a function on one thread, in order.
+class BackgroundWriter(Generic[_T]):
+    """Hands lines, of whatever type, to a function on one thread, in order.
 
     Args:
         write: called with each batch of lines; what it raises ends the writer.
         name: of the thread.
     """
 
-    def __init__(self, write: Callable[[list[str]], None], name: str) -> None:
+    def __init__(self, write: Callable[[list[_T]], None], name: str) -> None:
         self._write = write
-        self._lines: deque[str] = deque()
+        self._lines: deque[_T] = deque()
         self._condition = threading.Condition()
         self._closing = False
         self._dropped = 0
@@ -32,7 +35,7 @@ class BackgroundWriter:
         """Lines that found the queue full."""
         return self._dropped
 
-    def put(self, line: str) -> None:
+    def put(self, line: _T) -> None:
         """Queues a line; never blocks."""
         with self._condition:
             if self._closing or len(self._lines) >= MAX_WAITING:

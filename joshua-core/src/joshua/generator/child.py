@@ -18,6 +18,9 @@ from joshua.ipc.messages import Message, ToSupervisor, decode_for_supervisor, en
 #: Last lines of standard error that are kept to explain a crash.
 KEPT_ERROR_LINES = 12
 
+#: After this time a flood is reported even if no further line comes.
+SETTLE_S = 1.1
+
 
 class ChildListener(Protocol):
     """Who hears of a child."""
@@ -66,9 +69,10 @@ class Child:
         self._interpreter = interpreter
         ours, theirs = socket.socketpair()
         self._frames = FrameSocket(ours)
-        budget = LineBudget()
-        output = self._pipe("stdout", budget)
-        error = self._pipe("stderr", budget)
+        self._budget = LineBudget()
+        self._settling = False
+        output = self._pipe("stdout")
+        error = self._pipe("stderr")
         self._streams = (output[0], error[0])
         inherited = (theirs.fileno(), output[1], error[1])
         reactor.watch(self._frames.fileno(), self._receive)
@@ -109,7 +113,7 @@ class Child:
             stream.drain()
         self._finish(status, "")
 
-    def _pipe(self, stream: str, budget: LineBudget) -> tuple[LinePipe, int]:
+    def _pipe(self, stream: str) -> tuple[LinePipe, int]:
         reading, writing = os.pipe()
 
         def on_line(line: str) -> None:
@@ -117,7 +121,7 @@ class Child:
                 self.last_errors.append(line)
             self._listener.on_output(stream, line)
 
-        pipe = LinePipe(reading, budget, on_line, self._listener.on_output_dropped)
+        pipe = LinePipe(reading, self._budget, on_line, self._listener.on_output_dropped, self._on_flood)
 
         def on_readable() -> None:
             if not pipe.read():
@@ -149,6 +153,21 @@ class Child:
         if done:
             self._reactor.watch(self._frames.fileno(), self._receive)
 
+    def _on_flood(self) -> None:
+        """Makes sure that a flood which ends without another line is still reported."""
+        if not self._settling:
+            self._settling = True
+            self._reactor.call_later(SETTLE_S, self._settle)
+
+    def _settle(self) -> None:
+        self._settling = False
+        if not self.ended:
+            self._report_dropped(self._budget.settle())
+
+    def _report_dropped(self, lines: int) -> None:
+        if lines:
+            self._listener.on_output_dropped(lines)
+
     def _close_control(self) -> None:
         if not self._frames.closed:
             self._reactor.forget(self._frames.fileno())
@@ -162,4 +181,5 @@ class Child:
         for stream in self._streams:
             self._reactor.forget(stream.descriptor)
             stream.close()
+        self._report_dropped(self._budget.close())
         self._listener.on_end(status, refusal)

@@ -21,6 +21,7 @@ class LinePipe:
         budget: lines that may pass; shared by the streams of a process.
         on_line: called with each line, without its end.
         on_dropped: called with the number of lines that were dropped before the next one.
+        on_flood: called whenever lines are dropped.
     """
 
     def __init__(
@@ -29,12 +30,14 @@ class LinePipe:
         budget: LineBudget,
         on_line: Callable[[str], None],
         on_dropped: Callable[[int], None],
+        on_flood: Callable[[], None],
     ) -> None:
         os.set_blocking(descriptor, False)
         self.descriptor = descriptor
         self._budget = budget
         self._on_line = on_line
         self._on_dropped = on_dropped
+        self._on_flood = on_flood
         self._partial = b""
         self._cut_bytes = 0
 
@@ -75,6 +78,7 @@ class LinePipe:
             # Only the line ends matter, and counting them is fast.
             lines = data.count(b"\n")
             self._budget.drop(lines)
+            self._on_flood()
             if lines:
                 self._partial, self._cut_bytes = data[data.rfind(b"\n") + 1 :][:MAX_LINE_BYTES], 0
             return

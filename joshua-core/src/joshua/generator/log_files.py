@@ -51,7 +51,7 @@ class LogFile:
         self._size = 0
         self._lost = 0
         self._retry_s = 0.0
-        self._writer = BackgroundWriter(self._write, "log-file")
+        self._writer = BackgroundWriter[str](self._write, "log-file")
 
     def put(self, line: str) -> None:
         """Queues one line without its line end; never blocks."""

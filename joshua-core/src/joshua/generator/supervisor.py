@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import time
+import traceback
 from collections.abc import Callable
 from enum import Enum
 from typing import Any
@@ -34,6 +35,10 @@ EXIT_INTERRUPTED = 130
 #: After a failure at the start the other nodes may go on for this long, so that one run shows every
 #: absent device and not only the first.
 START_SETTLE_S = 0.5
+
+
+#: Defects of the supervisor's own after which it lets the fork server end the nodes.
+MAX_DEFECTS = 10
 
 
 class Phase(Enum):
@@ -78,6 +83,7 @@ class Supervisor:
         self._router: Any = None
         self._activated = False
         self._settling = False
+        self._defects = 0
 
     def run(self) -> RunReport:
         """Runs the plan to its end; returns what the run was like. Call it once."""
@@ -94,7 +100,7 @@ class Supervisor:
             if self._open_run_directory(closers):
                 self._start(closers)
                 while self._phase is not Phase.ENDED:
-                    self._reactor.turn()
+                    self._turn()
             report = self._report()
             self._logbook.interface.call(lambda ui: ui.on_finish(report))
             return report
@@ -102,15 +108,25 @@ class Supervisor:
             while closers:
                 closers.pop()()
 
+    def _turn(self) -> None:
+        """Lets the loop turn once; a defect of this program stops the nodes in good order all the same."""
+        try:
+            self._reactor.turn()
+        except Exception as error:
+            self._defects += 1
+            if self._defects > MAX_DEFECTS:
+                raise
+            self._logbook.write(logging.ERROR, traceback.format_exc().rstrip())
+            self._stop(f"the supervisor failed: {type(error).__name__}: {error}", EXIT_FAILED)
+
     # Start.
 
     def _open_run_directory(self, closers: list[Callable[[], None]]) -> bool:
         plan = self._plan
         nodes = [spec.full_name for spec in plan.nodes]
         try:
-            directory = RunDirectory.create(
-                self._options.run_base, plan.source, plan.transport.domain_id, nodes
-            )
+            source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
+            directory = RunDirectory.create(self._options.run_base, source, plan.transport.domain_id, nodes)
         except (NodesInUseError, RunDirectoryError) as error:
             self._exit_code = EXIT_HARDWARE if isinstance(error, NodesInUseError) else EXIT_FAILED
             self._reason = str(error)
@@ -156,8 +172,10 @@ class Supervisor:
             self._router = host_or_join(self._plan.transport)
         except TransportError as error:
             missing = isinstance(error, TransportMissingError)
-            self._logbook.write(logging.ERROR, str(error))
             self._stop(str(error), EXIT_NOT_INSTALLED if missing else EXIT_FAILED)
+            return False
+        except Exception as error:  # noqa: BLE001 (whatever the middleware raises, the nodes must stop)
+            self._stop(f"the Zenoh router cannot be opened: {error}", EXIT_FAILED)
             return False
         if self._router is not None:
             closers.append(self._router.close)

@@ -40,9 +40,10 @@ class NodeLogHandler(logging.Handler):
         else:
             self._observers[node] = observer
 
-    def settle(self, node: str) -> None:
-        """Reports what the flood limit has dropped of a node that ends."""
-        dropped = self._budget(node).close()
+    def settle(self, node: str, *, ended: bool = False) -> None:
+        """Reports what the flood limit has dropped of a node, once lines may pass again or it has ended."""
+        budget = self._budget(node)
+        dropped = budget.close() if ended else budget.settle()
         if dropped:
             self._send(_dropped_line(node, dropped))
 

@@ -85,11 +85,12 @@ class NodeProcess:
             logger=lambda name: node_logger(handler, name, start.log_level),
             adopt_thread=handler.adopt_thread,
             observe_logs=handler.observe,
+            settle_logs=handler.settle,
             heartbeat_s=start.heartbeat_s,
         )
         self._run_nodes(start, services)
         for spec in start.nodes:
-            handler.settle(spec.full_name)
+            handler.settle(spec.full_name, ended=True)
         self._close_transport()
         self._channel.drain(DRAIN_S)
         return max(runtime.exit_code for runtime in self._runtimes)

@@ -45,6 +45,7 @@ class RuntimeServices:
         logger: makes the logger of a node.
         adopt_thread: says that the calling thread works for a node.
         observe_logs: hands each record of a node to a function; None ends that.
+        settle_logs: reports what the flood limit has dropped of a node.
         heartbeat_s: distance of two heartbeats.
     """
 
@@ -54,6 +55,7 @@ class RuntimeServices:
     logger: Callable[[str], logging.Logger]
     adopt_thread: Callable[[str], None]
     observe_logs: Callable[[str, Callable[..., None] | None], None]
+    settle_logs: Callable[[str], None]
     heartbeat_s: float
 
 
@@ -180,6 +182,7 @@ class NodeRuntime:
     def _send_totals(self) -> None:
         if self.context.endpoints is not None:
             self._services.send(self.context.endpoints.totals())
+        self._services.settle_logs(self._spec.full_name)
 
     def _report_failure(self) -> None:
         error = self.context.failure

@@ -198,7 +198,10 @@ class HoldsInterpreter(InTimer):
     """Hangs in native code that never gives the interpreter away."""
 
     def act(self) -> None:
-        ctypes.PyDLL(None).pause()
+        library = ctypes.PyDLL(None)
+        mutex = ctypes.create_string_buffer(64)
+        library.pthread_mutex_lock(mutex)
+        library.pthread_mutex_lock(mutex)
 
 
 class EndsRun(InTimer):
@@ -210,6 +213,14 @@ class Warns(Quiet):
     def configure(self) -> None:
         super().configure()
         self.context.warn("the latency timer is 16 ms: set it to 1 ms")
+
+
+class Chats(Quiet):
+    """Logs a line at 20 Hz."""
+
+    def configure(self) -> None:
+        super().configure()
+        self.context.create_timer(0.05, lambda: self.context.log.info("still here"), name="chat")
 
 
 class Floods(InTimer):
