@@ -57,11 +57,11 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
     """Starts the nodes and watches them until the end of the run."""
     from joshua.generator.options import SupervisorOptions
     from joshua.generator.supervisor import Supervisor
-    from joshua.generator.ui import SilentInterface
+    from joshua.generator.terminal import Terminal
 
     level = logging.getLevelName(arguments.log_level)
     options = SupervisorOptions(log_level=level, began_s=began_s)
-    return Supervisor(plan, server, options, SilentInterface()).run()
+    return Supervisor(plan, server, options, Terminal(level)).run()
 
 
 def conclude(plan: Plan, report: RunReport) -> int:
