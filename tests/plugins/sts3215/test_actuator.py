@@ -98,6 +98,16 @@ def test_a_goal_far_away_is_approached_at_the_allowed_speed(arm_emulator: Emulat
     assert (written < start + 0.9).all()
 
 
+def test_a_motion_of_less_than_a_tick_a_cycle_still_arrives(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, velocity_ticks_s=20)
+    arm.connect()
+    arm.enable()
+    start = arm.read().position_rad
+    deadline_s = time.monotonic() + 20
+    while np.abs(arm.write(start + 0.015) - start - 0.015).max() > 0.001:  # 10 ticks, half a second
+        assert time.monotonic() < deadline_s
+
+
 @pytest.mark.parametrize("goal", [np.zeros(5), np.zeros((6, 1)), np.array([0, 0, 0, 0, 0, np.nan])])
 def test_a_wrong_goal_is_refused(goal: Any, arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator)

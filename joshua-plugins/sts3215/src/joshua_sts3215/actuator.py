@@ -56,7 +56,7 @@ class Sts3215Actuator(Actuator):
         self._lock = threading.RLock()
         self._enabled = False
         self._tripped = ""
-        self._written = np.zeros(len(self._ids))  # rad
+        self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
         self._written_s = 0.0
         self._readings: list[Feedback] = []
         self._lost_reported = 0
@@ -160,7 +160,7 @@ class Sts3215Actuator(Actuator):
                 )
             self._enabled = True
             self._tripped = ""
-            self._remember(present)
+            self._remember(self._map.radians(present))
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
         """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
@@ -181,9 +181,11 @@ class Sts3215Actuator(Actuator):
                 raise NotEnabled(f"{self._port}: the joints have no torque: call enable first")
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
             step = self._map.speed_rad_s * elapsed_s
-            ticks = self._map.ticks(np.clip(goal, self._written - step, self._written + step))
+            goal = np.clip(goal, self._goal - step, self._goal + step)
+            ticks = self._map.ticks(goal)
             self._send_goals(ticks)
-            return self._remember(ticks)
+            self._remember(goal)
+            return self._map.radians(ticks)
 
     def hold(self) -> None:
         """Stops where the joints are; without torque it does nothing. Raises DeviceDisconnected."""
@@ -196,7 +198,7 @@ class Sts3215Actuator(Actuator):
             )
             present = np.array([PRESENT_POSITION.decode(value) for value in values], dtype=np.int64)
             self._send_goals(present)
-            self._remember(present)
+            self._remember(self._map.radians(present))
 
     def release(self) -> None:
         """Takes torque off all joints and verifies it; does nothing on a closed device.
@@ -343,7 +345,6 @@ class Sts3215Actuator(Actuator):
         rows = {i: GOAL_POSITION.encode(t) for i, t in zip(self._ids, ticks.tolist(), strict=True)}
         self._bus.sync_write(GOAL_POSITION.address, GOAL_POSITION.width, rows)
 
-    def _remember(self, ticks: TickArray) -> FloatArray:
-        self._written = self._map.radians(ticks)
+    def _remember(self, goal_rad: FloatArray) -> None:
+        self._goal = goal_rad
         self._written_s = time.monotonic()
-        return self._written.copy()
