@@ -192,7 +192,7 @@ def test_an_option_settles_what_the_file_left_out(path: Path) -> None:
         ("robot.actions[5].node.node_id=1", "override-index", 7, "actions has no entry [5]; it has 2"),
         ("robot.actions[nobody].node.node_id=1", "override-index", 7, "actions has no entry [nobody]"),
         ("robot.actions[-1].node.node_id=1", "override-index", 7, "actions has no entry [-1]"),
-        ("robot.perceptions[1].node.node_id=1", "override-index", 7, "perceptions has no entry [1]; it has 0"),
+        ("robot.perceptions[1].node.node_id=1", "override-index", 7, "perceptions has no entry [1]"),
         ("general.mode=MODE_TELOPERATE", "unknown-enum-value", 14, "OperationMode has no value"),
         ("robot.actions[0].node.node_id=x", "wrong-type", 31, "node_id takes a whole number."),
         ("robot.actions[0].node=5", "wrong-type", 23, "node is a block of fields, not one value."),
