@@ -105,6 +105,13 @@ def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     assert launch.plan is None
 
 
+def test_nodes_that_lack_the_same_plugin_share_a_finding(tmp_path):
+    examination = examine(Request(teleoperation(tmp_path), blocked_plugins=("core",)))
+    (finding,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]
+    assert finding.message.startswith("follower, leader: mock_motor_config needs the plugin joshua-core")
+    assert [place.label for place in finding.related] == ["leader needs it too"]
+
+
 def test_a_data_store_beside_teleoperation_is_optional(tmp_path):
     store = """
 ai { data_store {

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
-from joshua.plan import Diagnostic, Position, Severity
+from joshua.plan import Diagnostic, Position, Related, Severity
 
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
@@ -31,24 +32,37 @@ class Findings:
         remedy: str = "",
         found: str = "",
         allowed: tuple[str, ...] = (),
+        related: tuple[Related, ...] = (),
     ) -> None:
         """Adds one finding at a field path; the position is that of the value, else of its name."""
         self.items.append(
-            Diagnostic(code, severity, message, self._position(path), path, found, allowed, remedy)
+            Diagnostic(code, severity, message, self._position(path), path, found, allowed, remedy, related)
         )
 
     def _position(self, path: str) -> Position | None:
         return (self.positions.name(path) or self.positions.value(path)) if path else None
 
-    def plugin_missing(self, want: Wanted, registry: Registry) -> None:
-        """A device or model whose plugin is not installed: an error at launch, else a note."""
-        node = want.entry.node.node_name or want.entry.owner_path
+    def plugin_missing(self, wants: Sequence[Wanted], registry: Registry) -> None:
+        """Devices or models of one kind and block whose plugin is not installed.
+
+        One finding for all of them: an error at launch, else a note.
+        """
+        first = wants[0]
+        names = ", ".join(want.entry.node.node_name or want.entry.owner_path for want in wants)
+        # Several nodes with one block may have different roles, none of which matters here.
+        same_role = len({want.enum_value for want in wants}) == 1
+        enum_value = first.enum_value if same_role or not first.block_name else ""
         self.add(
             "plugin-missing",
             Severity.ERROR if self.launch else Severity.NOTE,
-            registry.missing(node, want.kind, want.block_name, want.enum_value),
-            want.block_path,
+            registry.missing(names, first.kind, first.block_name, enum_value),
+            first.block_path,
             remedy="install the plugin, then see what `joshua plugins` lists",
+            related=tuple(
+                Related(position=place, label=f"{want.entry.node.node_name} needs it too")
+                for want in wants[1:]
+                if (place := self._position(want.block_path)) is not None
+            ),
         )
 
     def service_missing(

@@ -48,8 +48,12 @@ class Resolver:
     def resolve(self, wanted: list[Wanted]) -> list[Resolved]:
         """Resolves all nodes whose plugin is installed; the others become findings."""
         resolved = []
+        missing: dict[tuple[ProvisionKind, str], list[Wanted]] = {}
         for want in wanted:
             provision = self._provision(want)
+            if provision is None and _is_complete(want):
+                key = (want.kind, want.block_name or want.enum_value)
+                missing.setdefault(key, []).append(want)
             calibration = self._calibrations.get(want.entry.node.node_name)
             context = {"calibration": calibration_values(calibration)} if calibration else {}
             settings = None
@@ -59,17 +63,14 @@ class Resolver:
                 resolved.append(Resolved(want, provision, settings, context))
             if want.kind is ProvisionKind.ACTUATOR:
                 self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
+        for wants in missing.values():
+            self._findings.plugin_missing(wants, self._registry)
         return resolved
 
     def _provision(self, want: Wanted) -> Provision | None:
-        if want.kind is not ProvisionKind.MODEL and not want.block_name:
-            return None  # the checks have reported the missing block
-        if want.enum_value.endswith("_UNSPECIFIED"):
-            return None  # the checks have reported the missing type
-        provision = self._registry.find(want.kind, want.block_name, want.enum_value)
-        if provision is None:
-            self._findings.plugin_missing(want, self._registry)
-        return provision
+        if not _is_complete(want):
+            return None
+        return self._registry.find(want.kind, want.block_name, want.enum_value)
 
     def _settings(
         self, want: Wanted, provision: Provision, context: dict[str, Any]
@@ -88,6 +89,12 @@ class Resolver:
             field_path=want.block_path,
             positions=self._findings.positions,
         )
+
+
+def _is_complete(want: Wanted) -> bool:
+    """Whether block and type are there; the checks report what is absent."""
+    has_block = bool(want.block_name) or want.kind is ProvisionKind.MODEL
+    return has_block and not want.enum_value.endswith("_UNSPECIFIED")
 
 
 def calibration_values(calibration: calibration_pb2.ArmCalibration) -> dict[str, Any]:
