@@ -108,6 +108,14 @@ FIELD_CODES: dict[str, CodeDoc] = {
         "A field is set and has no effect beside the other settings.",
         "Remove it, or change the setting that makes it useless.",
     ),
+    "simulation-missing": CodeDoc(
+        "A simulated device stands in a file without a simulation block.",
+        "Add the simulation block that names the model.",
+    ),
+    "controls-missing": CodeDoc(
+        "A gamepad or keyboard has no controls, so it moves nothing.",
+        "Add a controls block for each joint.",
+    ),
     "link-missing": CodeDoc(
         "comm does not say how the device is connected.",
         "Add a serial or ble block to it.",

@@ -31,8 +31,8 @@ READING_CODES: dict[str, CodeDoc] = {
         "Delete the byte; inside a string write it as \\0.",
     ),
     "too-many-problems": CodeDoc(
-        "Reading stopped after 1000 problems.",
-        "Correct the problems above and run the command again.",
+        "Reading or checking stopped after 1000 problems.",
+        "Correct the problems that are shown and run the command again.",
     ),
     # Syntax
     "unexpected-text": CodeDoc(

@@ -6,7 +6,7 @@ Pure functions of the configuration message, used by the checks and by planning 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from joshua.plan.qos import QosProfile
@@ -52,7 +52,7 @@ class Endpoint:
         block: the Publisher or Subscription message.
         is_publisher: which of the two it is.
         topic: fully qualified topic name.
-        qos: the profile in force; a subscription without one carries its publisher's.
+        qos: the profile in force; a subscription without one carries what its publishers have in common.
         qos_path: field path of the block that gave the profile; "" where none did.
     """
 
@@ -106,6 +106,32 @@ def profile(block: pb.QoSSettings) -> QosProfile:
     )
 
 
+def common_profile(one: QosProfile, other: QosProfile) -> QosProfile:
+    """The strictest profile that two publishers both satisfy, as a subscription may request it.
+
+    Source: the «best available» policies of the ROS 2 documentation, «Quality of Service settings».
+    """
+    if one == other:
+        return one
+    both_reliable = one.reliability == other.reliability == "RELIABLE"
+    both_latched = one.durability == other.durability == "TRANSIENT_LOCAL"
+    both_manual = one.liveliness == other.liveliness == "MANUAL_BY_TOPIC"
+    return replace(
+        one,
+        reliability="RELIABLE" if both_reliable else "BEST_EFFORT",
+        durability="TRANSIENT_LOCAL" if both_latched else "VOLATILE",
+        depth=max(one.depth, other.depth),
+        liveliness="MANUAL_BY_TOPIC" if both_manual else "AUTOMATIC",
+        deadline_s=_longest(one.deadline_s, other.deadline_s),
+        lease_duration_s=_longest(one.lease_duration_s, other.lease_duration_s),
+    )
+
+
+def _longest(one_s: float, other_s: float) -> float:
+    """The longer of two durations, of which 0 stands for none."""
+    return max(one_s, other_s) if one_s > 0 and other_s > 0 else 0.0
+
+
 def endpoints(config: pb.Config) -> list[Endpoint]:
     """Lists every publisher and subscription with its resolved name and the profile in force."""
     publishers = [
@@ -115,7 +141,8 @@ def endpoints(config: pb.Config) -> list[Endpoint]:
     ]
     adopted: dict[str, QosProfile] = {}
     for publisher in publishers:
-        adopted.setdefault(publisher.topic, publisher.qos)
+        known = adopted.get(publisher.topic)
+        adopted[publisher.topic] = publisher.qos if known is None else common_profile(known, publisher.qos)
     subscriptions = [
         _endpoint(entry, f"{entry.path}.subscriptions[{index}]", block, is_publisher=False, adopted=adopted)
         for entry in node_entries(config)

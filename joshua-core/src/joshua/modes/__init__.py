@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 
-from joshua.config.checks import Context, Loaded
+from joshua.config.checks import Context, Loaded, at_most
 from joshua.config.checks.cascades import without_cascades
 from joshua.modes import (
     calibration,
@@ -60,5 +61,5 @@ def check_mode(loaded: Loaded) -> list[Diagnostic]:
     check = _CHECKS.get(context.config.general.mode)
     if check is None:
         return []
-    findings = [*check(context), *unused.check(context)]
+    findings = at_most(chain(check(context), unused.check(context)))
     return without_cascades(findings, loaded, absent=ABSENT)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from joshua.config.checks import Context
-from joshua.config.checks.topics import usable
 from joshua.modes.parts import actions, commands, lacks
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
@@ -37,7 +36,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
 def _record(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if store.storage == pb.STORAGE_LOCAL and not store.local_path:
         yield _lacks_path(context, "Recording to this machine")
-    if not any(item.is_publisher for item in usable(context)):
+    if not any(item.is_publisher for item in context.usable):
         yield lacks(
             context,
             "mode-lacks-publisher",

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
+from typing import Any
 
 from joshua.config.checks import Context
 from joshua.config.checks.identity import title
 from joshua.config.checks.topics import unpublished
 from joshua.config.topics import NodeEntry
-from joshua.modes.parts import actions, command_sources, commands, is_model, lacks, models
+from joshua.modes.parts import COMMAND_TYPES, actions, command_sources, commands, is_model, lacks, models
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 
-_PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
+_MOST_NAMES = 50
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
@@ -37,9 +39,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
     yield from _commands(context)
     heard = {item.topic for entry in actions(context) for item in commands(context, entry)}
+    pictures = (item.topic for item in context.usable if item.is_publisher and _is_picture(item.block))
+    cameras = tuple(islice(pictures, _MOST_NAMES))
     for entry in models(context):
         yield from _actions_out(context, entry, heard)
-        yield from _observations_in(context, entry)
+        if entry.owner.model_type == pb.SMOLVLA:
+            yield from _observations_in(context, entry, cameras)
 
 
 def _commands(context: Context) -> Iterator[Diagnostic]:
@@ -53,7 +58,9 @@ def _commands(context: Context) -> Iterator[Diagnostic]:
 
 def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterator[Diagnostic]:
     own = [
-        item for group in command_sources(context).values() for item in group if item.entry.path == entry.path
+        item
+        for item in context.of_entry(entry)
+        if item.is_publisher and item.block.data_type in COMMAND_TYPES
     ]
     if not entry.node.publishers:
         yield lacks(
@@ -72,7 +79,7 @@ def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterato
             f"No actuator subscribes to {own[0].topic}, so {title(entry)} drives nothing",
             f"{own[0].path}.topic_name",
             found=context.found(f"{own[0].path}.topic_name", own[0].block.topic_name),
-            allowed=tuple(sorted(heard)),
+            allowed=tuple(sorted(heard)[:_MOST_NAMES]),
             remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{own[0].topic}" }} to the node '
             f"{title(actuators[0])}" + (", or publish on the topic that it subscribes to" if heard else ""),
             related=context.see(f"{actuators[0].path}.subscriptions[0].topic_name", "what the actuator hears")
@@ -81,19 +88,19 @@ def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterato
         )
 
 
-def _observations_in(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
-    if entry.owner.model_type != pb.SMOLVLA:
+def _observations_in(context: Context, entry: NodeEntry, cameras: tuple[str, ...]) -> Iterator[Diagnostic]:
+    if any(_is_picture(item) for item in entry.node.subscriptions):
         return
-    if not any(item.data_type in _PICTURES for item in entry.node.subscriptions):
-        cameras = [
-            item.topic for item in context.publishers if item.block.data_type in _PICTURES and item.topic
-        ]
-        sample = cameras[0] if cameras else "/camera/top/image_raw"
-        yield context.error(
-            "model-without-camera",
-            f"{title(entry)} is a vision model and subscribes to no camera",
-            f"{entry.path}.subscriptions",
-            position=context.block_position(entry.path),
-            allowed=tuple(cameras),
-            remedy=f'Add subscriptions {{ data_type: IMAGE topic_name: "{sample}" }}',
-        )
+    sample = cameras[0] if cameras else "/camera/top/image_raw"
+    yield context.error(
+        "model-without-camera",
+        f"{title(entry)} is a vision model and subscribes to no camera",
+        f"{entry.path}.subscriptions",
+        position=context.block_position(entry.path),
+        allowed=cameras,
+        remedy=f'Add subscriptions {{ data_type: IMAGE topic_name: "{sample}" }}',
+    )
+
+
+def _is_picture(block: Any) -> bool:
+    return block.data_type in (types.IMAGE, types.COMPRESSED_IMAGE)

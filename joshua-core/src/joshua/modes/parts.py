@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from joshua.config.checks import Context
-from joshua.config.checks.topics import is_command, usable
+from joshua.config.checks.context import is_command
 from joshua.config.topics import Endpoint, NodeEntry
 from joshua.plan import Diagnostic, Position
 from joshua.schema import config_pb2 as pb
@@ -56,13 +56,13 @@ def is_model(entry: NodeEntry) -> bool:
 
 def commands(context: Context, entry: NodeEntry) -> list[Endpoint]:
     """Subscriptions by which an actuator takes commands."""
-    return [item for item in usable(context) if item.entry.path == entry.path and is_command(item)]
+    return [item for item in context.of_entry(entry) if is_command(item)]
 
 
 def command_sources(context: Context) -> dict[str, list[Endpoint]]:
     """Publishers that can command an actuator, by topic."""
     found: dict[str, list[Endpoint]] = {}
-    for item in usable(context):
+    for item in context.usable:
         if item.is_publisher and item.block.data_type in COMMAND_TYPES:
             found.setdefault(item.topic, []).append(item)
     return found

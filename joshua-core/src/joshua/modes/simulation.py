@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from joshua.config.checks import Context
-from joshua.config.checks.topics import published_names, type_text
+from joshua.config.checks.topics import type_text
 from joshua.config.names import topic_fault
 from joshua.config.nearest import nearest
 from joshua.modes.parts import lacks
@@ -28,9 +28,18 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy="Add simulation { mode: INTERACTIVE model_path: ... }",
         )
         return
+    if simulation.mode == sim.PASSIVE and not context.config.ai.HasField("data_store"):
+        yield context.error(
+            "mode-lacks-block",
+            "PASSIVE replays recorded episodes, and no ai.data_store says where they are",
+            "ai.data_store",
+            position=context.position("simulation.mode"),
+            remedy="Add ai { data_store { ... operation: DATA_STORE_REPLAY } }, "
+            "or choose INTERACTIVE or OFFSCREEN",
+        )
     if simulation.mode == sim.MIRROR:
         yield from _mirror(context, simulation)
-    elif simulation.mode and simulation.mirror_topic_mappings:
+    elif simulation.mirror_topic_mappings and simulation.mode in sim.SimulationMode.values()[1:]:
         yield context.note(
             "block-unused",
             f"mirror_topic_mappings have an effect only with mode: MIRROR, and the mode is "
@@ -52,7 +61,7 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
             remedy='Add mirror_topic_mappings { ros_topic: "/follower/joint_states" '
             'mujoco_actuator: "gripper" } for each actuator of the model',
         )
-    published = published_names(context)
+    published = context.published
     first: dict[str, int] = {}
     noted: set[str] = set()
     for index, mapping in enumerate(simulation.mirror_topic_mappings):

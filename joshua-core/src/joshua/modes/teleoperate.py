@@ -14,17 +14,16 @@ from joshua.modes.parts import actions, command_sources, commands, lacks, mode_n
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 
+# More suggestions than these nobody reads, and more leaders no follower has.
+_MOST_LEADERS = 50
+
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Pairs every follower with what drives it."""
     sources = command_sources(context)
     driven = [entry for entry in actions(context) if entry.owner.action_type != pb.ACTION_LEADER]
-    leading = [
-        item
-        for group in sources.values()
-        for item in group
-        if not (isinstance(item.entry.owner, pb.SingleAction) and item.entry in driven)
-    ]
+    followed = {entry.path for entry in driven}
+    leading = [item for group in sources.values() for item in group if item.entry.path not in followed]
     if not leading:
         yield _no_leader(context)
     if not driven:
@@ -41,12 +40,15 @@ def check(context: Context) -> Iterator[Diagnostic]:
         return
     followers = [entry for entry in driven if entry.owner.action_type == pb.ACTION_FOLLOWER]
     for entry in followers:
-        yield from _follower(context, entry, sources, leading)
+        yield from _follower(context, entry, sources, leading[:_MOST_LEADERS])
     others = [
-        item for entry in actions(context) if entry not in followers for item in commands(context, entry)
+        item
+        for entry in actions(context)
+        if entry.owner.action_type != pb.ACTION_FOLLOWER
+        for item in commands(context, entry)
     ]
     if not followers and not any(item.topic in sources for item in others):
-        yield _nobody_listens(context, driven[0], leading)
+        yield _nobody_listens(context, driven[0], leading[:_MOST_LEADERS])
     else:
         yield from (unpublished(context, item) for item in others if item.topic not in sources)
     for entry in driven:
@@ -127,7 +129,7 @@ def _joint_counts(
     """A leader and its follower have as many joints, or one of them has joints that nobody pairs."""
     mine = joint_count(entry)
     for item in commands(context, entry):
-        for source in sources.get(item.topic, ()):
+        for source in sources.get(item.topic, ())[:_MOST_LEADERS]:
             if getattr(source.entry.owner, "action_type", None) != pb.ACTION_LEADER:
                 continue
             theirs = joint_count(source.entry)

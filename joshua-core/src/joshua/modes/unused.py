@@ -23,6 +23,7 @@ class _Use:
 
 _USES = {
     "test": _Use((pb.MODE_TEST,), "in MODE_TEST"),
+    "calibration_run": _Use((pb.MODE_CALIBRATION,), "in MODE_CALIBRATION"),
     "ai.training": _Use((pb.MODE_TRAINING,), "in MODE_TRAINING"),
     "ai.data_store": _Use(
         (

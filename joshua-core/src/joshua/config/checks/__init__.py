@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import islice
 
 from joshua.config.checks import (
     calibration,
+    device_types,
     fields,
     fit,
     identity,
     limits,
     name_rules,
+    no_effect,
     qos,
     rates,
     resources,
@@ -19,9 +22,10 @@ from joshua.config.checks import (
 )
 from joshua.config.checks.cascades import without_cascades
 from joshua.config.checks.context import Context, Loaded
-from joshua.plan import Diagnostic
+from joshua.config.limits import MAX_PROBLEMS
+from joshua.plan import Diagnostic, Severity
 
-__all__ = ["Context", "Loaded", "check"]
+__all__ = ["Context", "Loaded", "at_most", "check"]
 
 _FAMILIES: tuple[Callable[[Context], Iterator[Diagnostic]], ...] = (
     fields.check,
@@ -32,8 +36,10 @@ _FAMILIES: tuple[Callable[[Context], Iterator[Diagnostic]], ...] = (
     limits.check,
     rates.check,
     topics.check,
+    device_types.check,
     qos.check,
     calibration.check,
+    no_effect.check,
     transport.check,
 )
 
@@ -50,5 +56,20 @@ def check(loaded: Loaded) -> list[Diagnostic]:
     if not loaded.is_readable:
         return []
     context = Context(loaded)
-    findings = [item for family in _FAMILIES for item in family(context)]
+    findings = at_most(item for family in _FAMILIES for item in family(context))
     return without_cascades(findings, loaded)
+
+
+def at_most(findings: Iterator[Diagnostic], most: int = MAX_PROBLEMS) -> list[Diagnostic]:
+    """Takes so many findings as a person may read, and says so where there are more."""
+    taken = list(islice(findings, most))
+    if next(findings, None) is not None:
+        taken.append(
+            Diagnostic(
+                code="too-many-problems",
+                severity=Severity.ERROR,
+                message=f"Checking stopped after {most} problems; there may be more.",
+                remedy="Correct the problems that are shown and run the command again.",
+            )
+        )
+    return taken

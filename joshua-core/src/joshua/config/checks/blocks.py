@@ -28,6 +28,10 @@ class Block:
     message: Any
     facts: tuple[FieldFacts, ...]
 
+    def has_presence(self, name: str) -> bool:
+        """Whether a field of this block knows the difference between unset and default."""
+        return next(facts.has_presence for facts in self.facts if facts.name == name)
+
     def field_path(self, name: str) -> str:
         """Path of a field of this block."""
         return f"{self.path}.{name}" if self.path else name

@@ -68,7 +68,8 @@ def _motors(
 ) -> Iterator[Diagnostic]:
     """The ids of the calibration are those of the bus, no more and no less."""
     name, block = block_of(entry.owner)
-    bus: Sequence[int] = getattr(block, "motor_ids", ()) if name != "plugin_config" else ()
+    listed: Sequence[int] = getattr(block, "motor_ids", ()) if name != "plugin_config" else ()
+    bus = dict.fromkeys(listed)
     if not bus or not arm.motors:
         return
     calibrated = {motor.id for motor in arm.motors}
@@ -81,11 +82,11 @@ def _motors(
                 f"{arm.node_name} has no motor {motor.id}, so the calibration is that of another arm",
                 f"{path}.motors[{index}].id",
                 found=str(motor.id),
-                allowed=tuple(str(number) for number in dict.fromkeys(bus)),
+                allowed=tuple(str(number) for number in bus),
                 remedy="Calibrate this arm again with MODE_CALIBRATION, or correct motor_ids",
                 related=related,
             )
-    absent = [str(number) for number in dict.fromkeys(bus) if number not in calibrated]
+    absent = [str(number) for number in bus if number not in calibrated]
     # Foreign or doubled ids are reported for themselves, and the same remedy cures what is absent then.
     if absent and calibrated <= set(bus) and len(calibrated) == len(arm.motors):
         motors = f"motor{'s' if len(absent) > 1 else ''} {', '.join(absent)}"
@@ -94,7 +95,8 @@ def _motors(
             f"The calibration of {arm.node_name} lacks {motors}",
             f"{path}.motors",
             position=context.block_position(path),
-            found=f"motors {', '.join(str(motor.id) for motor in arm.motors)}",
+            found=f"{len(arm.motors)} motor{'s' if len(arm.motors) > 1 else ''}: "
+            + ", ".join(str(motor.id) for motor in arm.motors),
             remedy="Calibrate this arm again with MODE_CALIBRATION",
             related=related,
         )

@@ -15,7 +15,9 @@ from joshua.config.checks.device_table import ACTUATOR_BLOCKS, DEVICE_BLOCKS
 from joshua.plan import Diagnostic, Position, Severity
 
 # Findings about something that is absent from a block.
-_ABSENT_FIELD = frozenset(("required-missing", "too-few-entries", "block-missing", "link-missing"))
+_ABSENT_FIELD = frozenset(
+    ("required-missing", "too-few-entries", "block-missing", "link-missing", "controls-missing")
+)
 # Findings that compare parts of the file, or miss one: they do not hold while a part could not be read.
 _ABSENT_PART = frozenset(
     (
@@ -25,6 +27,7 @@ _ABSENT_PART = frozenset(
         "field-unused",
         "hosts-apart",
         "sensor-unpublished",
+        "simulation-missing",
         "tls-missing",
         "tls-unused",
         "topic-unpublished",
@@ -36,7 +39,9 @@ _LOCAL = frozenset(
     (
         "bad-escape",
         "duplicate-field",
+        "extension-field",
         "extra-comma",
+        "missing-brace",
         "missing-colon",
         "missing-comma",
         "missing-value",
@@ -53,6 +58,8 @@ _LOCAL = frozenset(
         "wrong-type",
     )
 )
+# Errors whose path is that of a block which was read all the same.
+_IN_BLOCK = frozenset(("extension-field", "missing-brace", "unexpected-text"))
 # Fields whose loss takes more with it than themselves.
 _STRUCTURE = frozenset(
     (
@@ -140,7 +147,9 @@ def _assess(errors: list[Diagnostic], loaded: Loaded) -> _Damage:
             # Which of the two is meant is open, so neither is held against the type beside it.
             owner = item.field_path.rpartition(".")[0]
             paths.update(f"{owner}.{name}" for name in _CHOICES)
-        if item.field_path:
+        if item.code in _IN_BLOCK:
+            blocks.add(item.field_path)
+        if item.field_path and item.code not in _IN_BLOCK:
             paths.add(item.field_path)
             blocks.add(_without_index(item.field_path).rpartition(".")[0])
             names.update({_leaf(item.field_path), *item.allowed[:1]})

@@ -9,10 +9,11 @@ from typing import Any, Protocol
 
 from joshua.config.checks.blocks import Block, all_blocks
 from joshua.config.field_facts import number_text
-from joshua.config.names import NameFault
+from joshua.config.names import NameFault, topic_fault
 from joshua.config.topics import Endpoint, NodeEntry, endpoints, node_entries
 from joshua.plan import Diagnostic, Position, Related, Severity
 from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
 
 
 class Positions(Protocol):
@@ -85,20 +86,52 @@ class Context:
         """Every publisher and subscription."""
         return endpoints(self.config)
 
-    @property
-    def publishers(self) -> list[Endpoint]:
-        """Every publisher."""
-        return [item for item in self.endpoints if item.is_publisher]
+    @cached_property
+    def usable(self) -> list[Endpoint]:
+        """The endpoints whose topic name is valid; the others are reported by the naming rules."""
+        return [
+            item
+            for item in self.endpoints
+            if item.block.topic_name and topic_fault(item.block.topic_name) is None
+        ]
 
-    @property
-    def subscriptions(self) -> list[Endpoint]:
-        """Every subscription."""
-        return [item for item in self.endpoints if not item.is_publisher]
+    @cached_property
+    def by_topic(self) -> dict[str, list[Endpoint]]:
+        """The usable endpoints of each topic."""
+        return _grouped((item.topic, item) for item in self.usable)
+
+    @cached_property
+    def _by_entry(self) -> dict[str, list[Endpoint]]:
+        return _grouped((item.entry.path, item) for item in self.usable)
+
+    def of_entry(self, entry: NodeEntry) -> list[Endpoint]:
+        """The usable endpoints of one node."""
+        return self._by_entry.get(entry.path, [])
+
+    @cached_property
+    def published_by_nodes(self) -> dict[str, int]:
+        """Topics that the nodes of the file publish, and their types."""
+        return {item.topic: item.block.data_type for item in self.usable if item.is_publisher}
+
+    @cached_property
+    def published(self) -> dict[str, int]:
+        """Topics that the run publishes, and their types.
+
+        That is what its nodes name, what an actuator adds by itself, and what a replay commands.
+        """
+        names = dict(self.published_by_nodes)
+        for entry in self.entries:
+            if isinstance(entry.owner, pb.SingleAction) and entry.node.node_name:
+                names.setdefault(f"{entry.full_name}/command", types.JOINT_STATE)
+        replays = self.config.ai.data_store.operation == pb.DATA_STORE_REPLAY
+        if replays and self.config.general.mode == pb.MODE_DATA_STORE:
+            names |= {item.topic: item.block.data_type for item in self.usable if is_command(item)}
+        return names
 
     def is_set(self, block: Block, name: str) -> bool:
         """Whether a singular field of a block is written."""
         message = block.message
-        if message.DESCRIPTOR.fields_by_name[name].has_presence:
+        if block.has_presence(name):
             return bool(message.HasField(name))
         return bool(getattr(message, name)) or self.loaded.positions.is_set(block.field_path(name))
 
@@ -187,3 +220,19 @@ class Context:
 
 def _sentence(text: str) -> str:
     return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
+def is_command(item: Endpoint) -> bool:
+    """Whether an endpoint is the subscription by which an actuator is commanded."""
+    return (
+        not item.is_publisher
+        and isinstance(item.entry.owner, pb.SingleAction)
+        and item.block.data_type in (types.JOINT_STATE, types.JOINT_TRAJECTORY)
+    )
+
+
+def _grouped(items: Iterable[tuple[str, Endpoint]]) -> dict[str, list[Endpoint]]:
+    groups: dict[str, list[Endpoint]] = {}
+    for key, item in items:
+        groups.setdefault(key, []).append(item)
+    return groups

@@ -92,6 +92,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
     if facts.is_message:
         return
     seen: dict[Any, int] = {}
+    used = set(values) if facts.allowed else ()
     for index, value in enumerate(values):
         yield from _value(context, facts, f"{path}[{index}]", value)
         if facts.allowed and value in seen:
@@ -100,7 +101,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
                 f'"{value}" stands twice in {facts.name}, where each entry may stand once',
                 f"{path}[{index}]",
                 found=context.found(f"{path}[{index}]", value),
-                allowed=tuple(entry for entry in facts.allowed if entry not in values),
+                allowed=tuple(f'"{entry}"' for entry in facts.allowed if entry not in used),
                 remedy="Remove one of the two",
                 related=context.see(f"{path}[{seen[value]}]", "first entry"),
             )

@@ -23,6 +23,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             yield from _model(context, entry)
         else:
             yield from _device(context, entry)
+            yield from _simulated(context, entry)
     for block in context.blocks:
         if isinstance(block.message, comm_pb2.Comm):
             yield from _link(context, block)
@@ -75,6 +76,24 @@ def _one_of(names: tuple[str, ...]) -> str:
     return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
+# Blocks of devices that live in the physics of the simulation block.
+_SIMULATED = ("sim_config", "sim_camera_config")
+
+
+def _simulated(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
+    name, _ = block_of(entry.owner)
+    if name in _SIMULATED and not context.config.HasField("simulation"):
+        path = f"{entry.owner_path}.{name}"
+        yield context.error(
+            "simulation-missing",
+            f"{title(entry)} is part of a simulated robot, and the file has no simulation block",
+            path,
+            position=context.block_position(path),
+            found=name,
+            remedy='Add simulation { mode: OFFSCREEN model_path: "so_arm100/scene.xml" }',
+        )
+
+
 def _link(context: Context, block: Block) -> Iterator[Diagnostic]:
     owner = block.path.split(".")[-2] if "." in block.path else ""
     needed = LINKS.get(owner)
@@ -107,15 +126,21 @@ def _samples(facts: tuple[FieldFacts, ...], names: tuple[str, ...]) -> tuple[str
     return tuple(by_name[name].sample() for name in names)
 
 
+_MODEL_BLOCKS = {
+    "plugin_config": pb.MODEL_PLUGIN,
+    "random_noise_config": pb.RANDOM_NOISE,
+    "smolvla_config": pb.SMOLVLA,
+}
+
+
 def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
     model = entry.owner
     path = entry.owner_path
     if model.model_type == pb.MODEL_PLUGIN and not model.HasField("plugin_config"):
         yield _lacks_plugin(context, path, f"{path}.model_type", "MODEL_PLUGIN")
-    elif model.model_type in (pb.RANDOM_NOISE, pb.SMOLVLA) and model.HasField("plugin_config"):
-        yield _unused(context, f"{path}.plugin_config", "MODEL_PLUGIN", f"{path}.model_type")
-    if model.model_type in (pb.SMOLVLA, pb.MODEL_PLUGIN) and model.HasField("random_noise_config"):
-        yield _unused(context, f"{path}.random_noise_config", "RANDOM_NOISE", f"{path}.model_type")
+    for name, needed in _MODEL_BLOCKS.items():
+        if model.model_type not in (needed, pb.MODEL_UNSPECIFIED) and _has(model, name):
+            yield _unused(context, f"{path}.{name}", pb.ModelType.Name(needed), f"{path}.model_type")
     weights = "pretrained_model_name_or_path"
     if model.model_type == pb.SMOLVLA and not model.pretrained_model_name_or_path:
         yield context.error(
@@ -125,13 +150,6 @@ def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
             position=context.block_position(path),
             allowed=('"lerobot/smolvla_base"', "a folder of trained weights"),
             remedy=f'Add {weights}: "lerobot/smolvla_base"',
-        )
-    if model.model_type == pb.RANDOM_NOISE and model.pretrained_model_name_or_path:
-        yield context.note(
-            "field-unused",
-            f"{weights} has no effect: RANDOM_NOISE has no weights",
-            f"{path}.{weights}",
-            remedy="Remove it, or choose another model_type",
         )
 
 

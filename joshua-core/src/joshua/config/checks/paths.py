@@ -14,7 +14,7 @@ from joshua.config.field_facts import FieldFacts
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import options_pb2 as rules
-from joshua.schema import transport_pb2
+from joshua.schema import simulation_pb2, transport_pb2
 
 # A hub id is «owner/name»; what starts with a dot, a slash or ~ is always a path.
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
@@ -86,6 +86,9 @@ class _Search:
             reads = {pb.DATA_STORE_UPLOAD: "upload", pb.DATA_STORE_REPLAY: "replay"}.get(store.operation)
             if reads:
                 yield from self._data_set("ai.data_store.local_path", store.local_path, reads)
+        passive = config.simulation.mode == simulation_pb2.PASSIVE
+        if config.general.mode == pb.MODE_SIMULATION and passive and store.local_path:
+            yield from self._data_set("ai.data_store.local_path", store.local_path, "replay")
         if config.general.mode == pb.MODE_TRAINING and config.ai.training.method == pb.METHOD_IMITATION:
             name = config.ai.training.imitation_config.dataset_name
             if store.local_path and name:
@@ -129,12 +132,16 @@ class _Search:
             return
         place = self._resolve(path, value)
         label = _LABELS.get(facts.name, facts.name.replace("_", " "))
-        extra = " and among the packaged models" if facts.name == "model_path" else ""
+        extra = ", and no simulator that is installed brings a model of this name"
+        extra = extra if facts.name == "model_path" else ""
         yield from self._need_file(path, value, place, label, extra)
 
     def _need_file(
         self, path: str, value: str, place: Path, label: str, extra: str = ""
     ) -> Iterator[Diagnostic]:
+        remedy = "Correct the path or put the file there"
+        if label == _LABELS["model_path"]:
+            remedy += "; the simulator's plugin brings models such as so_arm100/scene.xml"
         if _is_directory(place):
             yield self._missing(
                 "input-file-is-folder",
@@ -149,7 +156,7 @@ class _Search:
                 f"The {label} does not exist: looked for {place}{extra}",
                 path,
                 value,
-                "Correct the path or put the file there",
+                remedy,
             )
         elif not os.access(place, os.R_OK):
             yield self._missing(

@@ -6,17 +6,16 @@ publisher offers must be at least what a subscription requests.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.config.checks.topics import usable
 from joshua.config.field_facts import number_text
 from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic, QosProfile, Related
-from joshua.schema import config_pb2 as pb
+
+_MOST_PROFILES = 20
 
 
 @dataclass(frozen=True)
@@ -29,14 +28,11 @@ class _Clash:
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares what the publishers of each topic offer with what its subscriptions request."""
-    publishers: dict[str, list[Endpoint]] = defaultdict(list)
-    for item in usable(context):
-        if item.is_publisher:
-            publishers[item.topic].append(item)
-    for item in usable(context):
-        if not item.is_publisher:
-            yield from _subscription(context, item, publishers[item.topic])
-    yield from _depth(context)
+    for group in context.by_topic.values():
+        publishers = _different(item for item in group if item.is_publisher)
+        for item in group:
+            if not item.is_publisher:
+                yield from _subscription(context, item, publishers)
     yield from _deadline(context)
 
 
@@ -85,6 +81,18 @@ def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
     return found
 
 
+def _different(publishers: Iterable[Endpoint]) -> list[Endpoint]:
+    """One publisher for each profile; so many different ones as the bound has no real topic."""
+    found: dict[tuple[object, ...], Endpoint] = {}
+    for item in publishers:
+        qos = item.qos
+        key = (qos.reliability, qos.durability, qos.liveliness, qos.deadline_s, qos.lease_duration_s)
+        found.setdefault(key, item)
+        if len(found) >= _MOST_PROFILES:
+            break
+    return list(found.values())
+
+
 def _subscription(context: Context, item: Endpoint, publishers: list[Endpoint]) -> Iterator[Diagnostic]:
     if not item.qos_path:
         return  # it adopts its publisher's profile
@@ -119,22 +127,11 @@ def _request(context: Context, item: Endpoint) -> tuple[Related, ...]:
     return context.see(f"{item.path}.topic_name", "subscription that this profile holds for")
 
 
-def _depth(context: Context) -> Iterator[Diagnostic]:
-    for block in context.blocks:
-        if not isinstance(block.message, pb.QoSSettings):
-            continue
-        if block.message.history == pb.KEEP_ALL and block.message.depth > 0:
-            yield context.note(
-                "field-unused",
-                "depth has no effect: KEEP_ALL keeps every message",
-                block.field_path("depth"),
-                remedy="Remove depth, or set history: KEEP_LAST",
-            )
-
-
 def _deadline(context: Context) -> Iterator[Diagnostic]:
     """A deadline shorter than the publisher's own period is missed with every message."""
-    for item in context.publishers:
+    for item in context.endpoints:
+        if not item.is_publisher:
+            continue
         rate, deadline = item.block.publish_rate_hz, item.qos.deadline_s
         if not (rate > 0 and deadline > 0 and deadline * rate < 1):
             continue

@@ -48,7 +48,6 @@ _EXCLUSIVE: dict[int, _Kind] = {
 class _Use:
     entry: NodeEntry
     path: str
-    text: str
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
@@ -60,7 +59,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 def _devices(context: Context) -> Iterator[Diagnostic]:
     owners = {entry.owner_path: entry for entry in context.entries}
-    first: dict[tuple[int, str], list[_Use]] = {}
+    first: dict[tuple[int, str], dict[str, _Use]] = {}
     for block in context.blocks:
         entry = owners.get(".".join(block.path.split(".")[:2]))
         if entry is None:
@@ -71,10 +70,9 @@ def _devices(context: Context) -> Iterator[Diagnostic]:
             identity, path = _identity(context, block, facts)
             if not identity:
                 continue
-            uses = first.setdefault((facts.kind, identity), [])
-            # The same name on another machine is another device; a node without a host runs on each.
-            clash = next((use for use in uses if _same_machine(use.entry, entry)), None)
-            uses.append(_Use(entry, path, identity))
+            uses = first.setdefault((facts.kind, identity), {})
+            clash = _clash(uses, entry.node.host)
+            uses.setdefault(entry.node.host, _Use(entry, path))
             if clash is None:
                 continue
             kind = _EXCLUSIVE[facts.kind]
@@ -107,8 +105,14 @@ def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, s
     return value, path
 
 
-def _same_machine(one: NodeEntry, other: NodeEntry) -> bool:
-    return not one.node.host or not other.node.host or one.node.host == other.node.host
+def _clash(uses: dict[str, _Use], host: str) -> _Use | None:
+    """The first use of a device on the same machine.
+
+    The same name on another machine is another device; a node without a host runs on each of them.
+    """
+    if not host:
+        return next(iter(uses.values()), None)
+    return uses.get(host) or uses.get("")
 
 
 def _motor_ids(context: Context, block: Block) -> Iterator[Diagnostic]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
+from itertools import islice
 
-from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import block_of, fitting_blocks, messages_of
+from joshua.config.checks.context import Context, is_command
 from joshua.config.checks.identity import title
-from joshua.config.names import topic_fault
 from joshua.config.nearest import nearest
 from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic
@@ -18,51 +16,17 @@ from joshua.schema import data_type_pb2 as types
 # Every ROS 2 node has these without a publisher in any file.
 _SYSTEM_TOPICS = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/joint_states")
 
+_MOST_NAMES = 200
+
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Holds the endpoints of each topic against each other and against the devices behind them."""
-    by_topic: dict[str, list[Endpoint]] = defaultdict(list)
-    for endpoint in usable(context):
-        by_topic[endpoint.topic].append(endpoint)
-    for group in by_topic.values():
+    """Holds the endpoints of each topic against each other."""
+    for group in context.by_topic.values():
         publishers = [item for item in group if item.is_publisher]
         yield from _types(context, group)
         yield from _publishers(context, publishers, group)
-    for endpoint in context.endpoints:
-        yield from _device_types(context, endpoint)
     yield from _unpublished(context)
     yield from _feedback(context)
-    yield from _silent_sensors(context)
-
-
-def usable(context: Context) -> list[Endpoint]:
-    """The endpoints whose topic name is valid; the others are reported by the naming rules."""
-    return [
-        item
-        for item in context.endpoints
-        if item.block.topic_name and topic_fault(item.block.topic_name) is None
-    ]
-
-
-def published_names(context: Context) -> dict[str, int]:
-    """Topics that this file's run publishes, and their types.
-
-    That is what its nodes name, what an actuator adds by itself, and what a replay commands.
-    """
-    names = {item.topic: item.block.data_type for item in usable(context) if item.is_publisher}
-    for entry in context.entries:
-        if isinstance(entry.owner, pb.SingleAction) and entry.node.node_name:
-            names.setdefault(f"{entry.full_name}/command", types.JOINT_STATE)
-    if _replays(context.config):
-        names |= {item.topic: item.block.data_type for item in usable(context) if is_command(item)}
-    return names
-
-
-def _replays(config: pb.Config) -> bool:
-    """A replay speaks on the topics by which the actuators take commands."""
-    return (
-        config.general.mode == pb.MODE_DATA_STORE and config.ai.data_store.operation == pb.DATA_STORE_REPLAY
-    )
 
 
 def type_text(number: int) -> str:
@@ -150,54 +114,11 @@ def _two_publishers(
     )
 
 
-def is_command(item: Endpoint) -> bool:
-    """Whether a subscription commands an actuator."""
-    return (
-        not item.is_publisher
-        and isinstance(item.entry.owner, pb.SingleAction)
-        and item.block.data_type in (types.JOINT_STATE, types.JOINT_TRAJECTORY)
-    )
-
-
-def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
-    number = item.block.data_type
-    owner = item.entry.owner
-    messages = messages_of(owner)
-    allowed = messages.publishes if item.is_publisher else messages.hears
-    if not number or allowed is None or number in allowed:
-        return
-    what, _ = block_of(owner)
-    if what and what not in fitting_blocks(owner):
-        return  # it is not known which of the two is meant
-    device = title(item.entry) + (f" ({what})" if what else "")
-    path = f"{item.path}.data_type"
-    if not allowed:
-        yield context.error(
-            "subscription-unfit",
-            f"{device} listens to no topic, so this subscription would have no effect",
-            item.path,
-            position=context.block_position(item.path),
-            found=f"subscription to {item.topic} as {type_text(number)}",
-            remedy="Remove the subscription",
-        )
-        return
-    verb = "publish" if item.is_publisher else "take commands as"
-    yield context.error(
-        "data-type-unfit",
-        f"{device} cannot {verb} {type_text(number)}",
-        path,
-        found=context.found(path, type_text(number)),
-        allowed=tuple(type_text(entry) for entry in allowed),
-        remedy=f"Write data_type: {type_text(allowed[0])}",
-    )
-
-
 def _unpublished(context: Context) -> Iterator[Diagnostic]:
-    published = published_names(context)
     # In these modes an actuator without a commander breaks the mode, whose own checks say so.
     by_mode = context.config.general.mode in (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE)
-    for item in usable(context):
-        if item.is_publisher or item.topic in published or item.topic in _SYSTEM_TOPICS:
+    for item in context.usable:
+        if item.is_publisher or item.topic in context.published or item.topic in _SYSTEM_TOPICS:
             continue
         if not (by_mode and is_command(item)):
             yield unpublished(context, item)
@@ -210,13 +131,12 @@ def unpublished(context: Context, item: Endpoint) -> Diagnostic:
     found = context.found(path, written)
     if written != item.topic:
         found += f", which is {item.topic} in full"
-    others = [endpoint for endpoint in usable(context) if endpoint.entry.path != item.entry.path]
-    names = [endpoint.topic for endpoint in others if endpoint.is_publisher]
-    similar = nearest(item.topic, names)
     number = item.block.data_type
-    same_type = [
-        endpoint.topic for endpoint in others if endpoint.is_publisher and endpoint.block.data_type == number
-    ]
+    # A node's own topics are no help, and so many as these nobody reads.
+    own = {endpoint.topic for endpoint in context.of_entry(item.entry)}
+    others = [name for name in islice(context.published_by_nodes, _MOST_NAMES) if name not in own]
+    similar = nearest(item.topic, others)
+    same_type = [name for name in others if context.published_by_nodes[name] == number]
     return context.warning(
         "topic-unpublished",
         f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
@@ -230,8 +150,8 @@ def unpublished(context: Context, item: Endpoint) -> Diagnostic:
 
 def _feedback(context: Context) -> Iterator[Diagnostic]:
     """A node that hears itself: for an actuator a command loop."""
-    own = {(item.entry.path, item.topic): item for item in usable(context) if item.is_publisher}
-    for item in usable(context):
+    own = {(item.entry.path, item.topic): item for item in context.usable if item.is_publisher}
+    for item in context.usable:
         publisher = own.get((item.entry.path, item.topic))
         if item.is_publisher or publisher is None:
             continue
@@ -248,19 +168,3 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
             else "Subscribe to another topic",
             related=context.see(f"{publisher.path}.topic_name", "published here"),
         )
-
-
-def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
-    for entry in context.entries:
-        if isinstance(entry.owner, pb.SinglePerception) and not entry.node.publishers:
-            messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
-            sample = (
-                f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}" publish_rate_hz: 30.0'
-            )
-            yield context.warning(
-                "sensor-unpublished",
-                f"{title(entry)} publishes no topic, so nobody gets what it measures",
-                entry.path,
-                position=context.block_position(entry.path),
-                remedy=f"Add publishers {{ {sample} }}",
-            )

@@ -5,8 +5,6 @@ from __future__ import annotations
 from joshua.config.diagnostics.cells import cell
 from joshua.plan import Position
 
-# Characters beyond these bounds of a span never fit on the screen, so they are not even looked at.
-_REACH = 400
 _ELISION = "..."
 
 
@@ -39,7 +37,10 @@ def snippet(line: str, column: int, length: int, columns: int) -> tuple[str, str
     """
     first = min(max(column - 1, 0), len(line))
     last = min(first + max(length, 1), len(line) + 1)  # a caret may stand one past the end
-    low, high = max(0, first - _REACH), min(len(line), first + _REACH)
+    if len(line) <= columns and line.isascii() and line.isprintable():
+        return line.rstrip(), " " * first + "^" * (last - first)
+    # Characters farther away never fit on the screen, so they are not even looked at.
+    low, high = max(0, first - 2 * columns), min(len(line), first + 2 * columns)
     cells = [cell(character) for character in line[low:high]]
     start, end, more_left, more_right = _window(cells, first - low, last - low, columns)
     more_left = more_left or low > 0
