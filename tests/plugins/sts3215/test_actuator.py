@@ -60,6 +60,33 @@ def test_enabling_seeds_the_goal_where_the_arm_is(arm_emulator: EmulatedBus, mak
     assert arm_emulator.ask("registers", id=1)["registers"]["acceleration"] == 50
 
 
+def test_enabling_without_a_first_reading_energises_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.fault("silent", 3)
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+
+
+def test_enabling_is_all_or_nothing_on_a_bad_line(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    for _ in range(8):
+        arm_emulator.fault("drop_request", 0.5)
+        try:
+            arm.enable()
+        except DeviceError:
+            assert not arm.enabled
+        else:
+            assert energised(arm_emulator) == {True}
+        arm_emulator.ask("clear_faults")
+        arm.release()
+        assert energised(arm_emulator) == {False}
+    goals = [servo["goal_position"] for servo in arm_emulator.servos()]
+    assert goals == [2048] * 6
+
+
 def test_writing_moves_within_limits_and_returns_what_was_written(
     arm_emulator: EmulatedBus, make_arm: Any
 ) -> None:
@@ -106,6 +133,7 @@ def test_a_motion_of_less_than_a_tick_a_cycle_still_arrives(arm_emulator: Emulat
     deadline_s = time.monotonic() + 20
     while np.abs(arm.write(start + 0.015) - start - 0.015).max() > 0.001:  # 10 ticks, half a second
         assert time.monotonic() < deadline_s
+        arm.read()  # paces the loop by the line
 
 
 @pytest.mark.parametrize("goal", [np.zeros(5), np.zeros((6, 1)), np.array([0, 0, 0, 0, 0, np.nan])])

@@ -38,3 +38,13 @@ def test_noise_and_a_broken_packet_before_a_good_one() -> None:
     search = Search()
     assert list(search.feed(b"\x00\xff\x13" + bytes(broken) + good)) == [Reply(2, 0, b"\x01\x02")]
     assert search.broken >= 1
+
+
+@given(st.lists(st.binary(max_size=30), max_size=10))
+def test_any_bytes_are_survived_and_every_reply_is_whole(chunks: list[bytes]) -> None:
+    search = Search()
+    found = [reply for chunk in chunks for reply in search.feed(chunk)]
+    stream = b"".join(chunks)
+    for reply in found:
+        assert status_packet(*reply) in stream
+    assert len(search.rest) <= 259

@@ -90,12 +90,16 @@ def test_a_port_belongs_to_one_process(emulator: EmulatedBus) -> None:
     assert other.stdout is not None
     assert other.stdout.readline() == "open\n"
     port = port_of(emulator)
-    with pytest.raises(PortBusy, match=rf"the port is in use by .*\(process {other.pid}\).*two programs"):
+    with pytest.raises(
+        PortBusy, match=rf"the port is in use by \S+ \(process {other.pid}\)\. .*two programs"
+    ):
         port.open()
     other.kill()
     other.wait()
     other.stdout.close()
     port.open()  # a killed owner leaves no lock behind
+    with pytest.raises(PortBusy, match=rf"the port is in use by \S+ \(process {os.getpid()}, this one\)"):
+        port_of(emulator).open()
     port.close()
 
 

@@ -17,6 +17,7 @@ from joshua_emulator.feetech.packets import (
 from joshua_emulator.feetech.servo import MIDDLE, Servo
 from joshua_emulator.wire import TimedReply, WireClock
 
+LARGEST_READ = 250  # bytes of a reply; the length byte of a packet holds no more
 SPEED_TOLERANCE = 0.03  # a UART still reads bytes whose speed is off by this share
 
 _NAMES = {instruction.value: instruction.name.lower() for instruction in Instruction}
@@ -91,7 +92,7 @@ class FeetechBus:
             servo.advance(end_s)
             return status_packet(servo_id, servo.status)
         if packet.instruction == Instruction.READ:
-            if len(parameters) != 2:
+            if len(parameters) != 2 or parameters[1] > LARGEST_READ:
                 return None
             data = servo.read(parameters[0], parameters[1], end_s)
             return status_packet(servo_id, servo.status, data)
@@ -116,7 +117,7 @@ class FeetechBus:
     def _sync_read(
         self, packet: InstructionPacket, listening: list[Servo], line_speed: int, end_s: float
     ) -> Iterable[TimedReply]:
-        if len(packet.parameters) < 3:
+        if len(packet.parameters) < 3 or packet.parameters[1] > LARGEST_READ:
             return
         address, length = packet.parameters[:2]
         for servo_id in packet.parameters[2:]:
