@@ -88,6 +88,14 @@ def bench(session: nox.Session) -> None:
         session.run("python", str(script.relative_to(ROOT)))
 
 
+@nox.session(reuse_venv=False)
+def pins(session: nox.Session) -> None:
+    """Resolves everything afresh and writes the versions into constraints.txt."""
+    groups = list(PYPROJECT["dependency-groups"])
+    session.install(*group(*groups), *editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS))
+    session.run("python", "tools/write_constraints.py")
+
+
 def group(*names: str) -> list[str]:
     """Lists the requirements of dependency groups of pyproject.toml."""
     return list(nox.project.dependency_groups(PYPROJECT, *names))

@@ -1,0 +1,58 @@
+"""The pins cover what the repository asks for, and fit it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import nox.project
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parents[2]
+MANIFESTS = [
+    ROOT / "pyproject.toml",
+    *ROOT.glob("joshua-*/pyproject.toml"),
+    *ROOT.glob("joshua-plugins/*/pyproject.toml"),
+]
+
+
+def pins() -> dict[str, Requirement]:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    found = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    return {canonicalize_name(requirement.name): requirement for requirement in found}
+
+
+def requirements(manifest: Path) -> list[Requirement]:
+    content = nox.project.load_toml(manifest)
+    project = content.get("project", {})
+    groups = [
+        *project.get("optional-dependencies", {}).values(),
+        *content.get("dependency-groups", {}).values(),
+    ]
+    texts = [*project.get("dependencies", ()), *(text for group in groups for text in group)]
+    return [Requirement(text) for text in texts]
+
+
+def test_each_pin_is_one_version_and_each_name_stands_once():
+    lines = [
+        line
+        for line in (ROOT / "constraints.txt").read_text().splitlines()
+        if line and not line.startswith("#")
+    ]
+    for line in lines:
+        assert re.fullmatch(r'[a-z0-9-]+==[0-9][\w.+]*( ; python_version >= "3\.\d+")?', line), line
+    assert len(lines) == len(pins())
+
+
+@pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda path: path.parent.name)
+def test_every_requirement_is_pinned_to_a_version_that_fits_it(manifest: Path):
+    known = pins()
+    for requirement in requirements(manifest):
+        name = canonicalize_name(requirement.name)
+        if name.startswith("joshua"):
+            continue
+        assert name in known, f"{name} has no pin: run `nox -s pins`"
+        (specifier,) = known[name].specifier
+        assert requirement.specifier.contains(specifier.version), f"{requirement} against {known[name]}"
