@@ -43,7 +43,7 @@ def is_foreign(distribution: Distribution) -> bool:
 
 def pin(distribution: Distribution) -> str:
     """Line for one distribution; a marker where it needs a newer Python than the oldest supported."""
-    needs = distribution.metadata.get("Requires-Python") or ""
+    needs = str(distribution.metadata.json.get("requires_python", ""))
     match = re.search(r">=\s*3\.(\d+)", needs)
     newer = f' ; python_version >= "3.{match[1]}"' if match and int(match[1]) > 10 else ""
     return f"{name_of(distribution)}=={distribution.version}{newer}"

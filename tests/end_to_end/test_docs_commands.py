@@ -1,0 +1,144 @@
+"""Every command of the documentation and of the README runs, in the order of its page."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from doc_commands import Step, steps
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TIMEOUT_S = 90
+
+
+class Terminal:
+    """The shell of a reader: a folder, an environment, and at most one command in the background."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._environment = os.environ | {
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+            "XDG_RUNTIME_DIR": str(folder / "runtime"),
+            "COLUMNS": "100",
+        }
+        (folder / "runtime").mkdir(mode=0o700)
+        self._background: subprocess.Popen[bytes] | None = None
+        self._log = folder / "background.log"
+
+    def run(self, step: Step) -> None:
+        """Does one step of a page."""
+        if step.interrupt:
+            self.interrupt()
+        elif step.until:
+            self._start(step)
+        else:
+            for command in step.commands:
+                last = command == step.commands[-1]
+                self._foreground(command, step.exit_code if last else 0)
+
+    def _foreground(self, command: str, expected: int) -> None:
+        result = subprocess.run(
+            ["bash", "-c", command],
+            cwd=self._folder,
+            env=self._environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+        )
+        said = f"{command}\n{result.stdout[-4000:]}{result.stderr[-4000:]}"
+        assert result.returncode == expected, f"exit code {result.returncode}, expected {expected}: {said}"
+        assert "Traceback" not in said
+
+    def _start(self, step: Step) -> None:
+        assert self._background is None, "one command in the background is enough"
+        (command,) = step.commands
+        with self._log.open("wb") as log:
+            self._background = subprocess.Popen(
+                ["bash", "-c", f"exec {command}"],
+                cwd=self._folder,
+                env=self._environment | {"PYTHONUNBUFFERED": "1"},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        deadline = time.monotonic() + TIMEOUT_S
+        while step.until not in self._said():
+            assert self._background.poll() is None, f"{command} ended early:\n{self._said()}"
+            assert time.monotonic() < deadline, f"{command} never said {step.until!r}:\n{self._said()}"
+            time.sleep(0.05)
+
+    def _said(self) -> str:
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    def interrupt(self) -> None:
+        """Ctrl-C in the background command's terminal; it must end in good order."""
+        assert self._background is not None, "nothing runs in the background"
+        os.killpg(self._background.pid, signal.SIGINT)
+        assert self._background.wait(TIMEOUT_S) == 0, self._said()
+        self._background = None
+
+    def close(self) -> None:
+        """Ends what a failed page left behind."""
+        if self._background is not None:
+            os.killpg(self._background.pid, signal.SIGKILL)
+            self._background.wait()
+            self._background = None
+
+
+@pytest.fixture
+def terminal(tmp_path: Path, joshua_domain_id: int) -> Iterator[Terminal]:
+    opened = Terminal(tmp_path)
+    yield opened
+    opened.close()
+
+
+def commanding_pages() -> list[Path]:
+    return [page for page in PAGES if steps(page)]
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("page", commanding_pages(), ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_commands_of_a_page_run(page: Path, terminal: Terminal):
+    for step in steps(page):
+        try:
+            terminal.run(step)
+        except AssertionError as error:
+            raise AssertionError(f"{page.relative_to(ROOT)}:{step.line}: {error}") from error
+    assert terminal._background is None, "the page leaves a command running: say when to press Ctrl-C"
+
+
+def test_the_pages_that_a_newcomer_reads_have_commands():
+    names = {str(page.relative_to(ROOT)) for page in commanding_pages()}
+    assert {"README.md", "docs/index.md", "docs/tutorial.md", "docs/concepts.md"} <= names
+
+
+def test_commands_stand_in_blocks_that_are_run():
+    """A shell block of another language name would be left out silently."""
+    fences = re.compile(r"^ *```+ *(\S*)", re.MULTILINE)
+    for page in PAGES:
+        names = set(fences.findall(page.read_text(encoding="utf-8")))
+        assert names <= {"", "console", "bash", "text", "protobuf", "python", "toml", "json"}, page
+    assert shutil.which("bash")
+
+
+def test_every_command_in_running_text_exists():
+    from joshua.cli.parser import build_parser
+    from joshua.cli.table import COMMANDS
+
+    options = {option for action in build_parser()._actions for option in action.option_strings}
+    known = {command.name for command in COMMANDS} | options
+    for page in (page for page in PAGES if page.parent.name != "reference"):
+        for word in re.findall(r"`joshua (\S+?)[ `]", page.read_text(encoding="utf-8")):
+            first = word.split("|")[0]
+            assert first in known or first == "…", f"{page.relative_to(ROOT)}: joshua {word}"
