@@ -87,6 +87,8 @@ class ActuatorNode(NodeBehaviour):
     def activate(self) -> None:
         """Energises the joints where they are, if anybody commands them, and starts the control loop."""
         actuator, goals = self._device()
+        if self._is_leader:
+            actuator.release()  # a person moves it, also where an earlier run has left it holding
         if self._is_commanded:
             position = actuator.read().position_rad
             goals.seed(position)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
-CAPACITY = 200_000  # entries; the oldest go first
+CAPACITY = 50_000  # entries, some 20 MB; the oldest go first
 
 
 class EventLog:

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
+from joshua.devices.calibration import ArmCalibration
 from joshua.devices.units import ticks_to_rad
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
-from joshua_sts3215.calibration import ArmCalibration
 from joshua_sts3215.registers import BAUDRATES, MIDDLE_TICK, TICKS_PER_TURN
 
 _VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")

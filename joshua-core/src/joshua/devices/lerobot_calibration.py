@@ -1,4 +1,4 @@
-"""Calibration of an arm as a value, and the LeRobot file format that holds the same facts."""
+"""Calibration files of LeRobot: the same facts as a ``calibration`` block, in JSON."""
 
 from __future__ import annotations
 
@@ -6,70 +6,13 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from typing_extensions import Self
+from pydantic import ValidationError
 
-LARGEST_OFFSET = 2047  # the register has eleven bits and a sign
+from joshua.devices.calibration import ArmCalibration
 
 
 class CalibrationError(ValueError):
     """A calibration that cannot be used; the message says where and what to do."""
-
-
-class MotorCalibration(BaseModel):
-    """Calibration of one motor, in ticks as the servo counts them.
-
-    Attributes:
-        homing_offset: what the servo subtracts from its raw position, so that 2048 is zero radians.
-        range_min, range_max: ends of the joint's range, homing offset applied.
-        inverted: the motor turns against the joint's positive direction.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    id: int = Field(ge=0, le=253)
-    joint_name: str = Field(min_length=1)
-    homing_offset: int = Field(default=0, ge=-LARGEST_OFFSET, le=LARGEST_OFFSET)
-    range_min: int = Field(default=0, ge=0, le=4095)
-    range_max: int = Field(ge=0, le=4095)
-    inverted: bool = False
-
-    @model_validator(mode="after")
-    def _has_a_range(self) -> Self:
-        if self.range_min >= self.range_max:
-            raise ValueError(
-                f"{self.joint_name}: range_min {self.range_min} is not below range_max {self.range_max}; "
-                "calibrate this joint again"
-            )
-        return self
-
-
-class ArmCalibration(BaseModel):
-    """Calibration of the motors of one arm; ids and joint names are unique.
-
-    Attributes:
-        device_identity: of the adapter, such as ``usb:5A46082345``; "" where unknown.
-        calibrated_at: RFC 3339 time.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    motors: tuple[MotorCalibration, ...] = Field(min_length=1)
-    device_identity: str = ""
-    calibrated_at: str = ""
-
-    @model_validator(mode="after")
-    def _names_each_motor_once(self) -> Self:
-        for what in ("id", "joint_name"):
-            values = [getattr(motor, what) for motor in self.motors]
-            twice = sorted({value for value in values if values.count(value) > 1})
-            if twice:
-                raise ValueError(f"{what} {twice[0]} stands there twice; each motor needs one of its own")
-        return self
-
-    def motor(self, servo_id: int) -> MotorCalibration | None:
-        """Calibration of one motor by its bus id."""
-        return next((motor for motor in self.motors if motor.id == servo_id), None)
 
 
 def from_lerobot(text: str, *, source: str = "the file") -> ArmCalibration:

@@ -4,24 +4,14 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua_sts3215.calibration import (
-    ArmCalibration,
-    CalibrationError,
-    MotorCalibration,
-    from_lerobot,
-    to_lerobot,
-)
-from pydantic import ValidationError
+from joshua.devices.calibration import ArmCalibration, MotorCalibration
+from joshua.devices.lerobot_calibration import CalibrationError, from_lerobot, to_lerobot
 
 # as LeRobot writes it for an SO-100 follower
 LEROBOT = {
     "shoulder_pan": {"id": 1, "drive_mode": 0, "homing_offset": -1470, "range_min": 758, "range_max": 3292},
     "gripper": {"id": 6, "drive_mode": 1, "homing_offset": 1407, "range_min": 2031, "range_max": 3476},
 }
-
-
-def motor(**values: Any) -> dict[str, Any]:
-    return {"id": 1, "joint_name": "a", "homing_offset": 0, "range_min": 0, "range_max": 4095} | values
 
 
 def test_a_lerobot_file_is_read_and_written_back_unchanged() -> None:
@@ -92,9 +82,3 @@ def test_a_wrong_value_is_named_with_its_joint(change: dict[str, Any], message: 
     content = {**LEROBOT, "shoulder_pan": {**LEROBOT["shoulder_pan"], **change}}
     with pytest.raises(CalibrationError, match=message):
         from_lerobot(json.dumps(content), source="arm.json")
-
-
-def test_joint_names_are_unique() -> None:
-    with pytest.raises(ValidationError, match="joint_name a stands there twice"):
-        ArmCalibration.model_validate({"motors": [motor(), motor(id=2)]})
-    assert ArmCalibration.model_validate({"motors": [motor()]}).motor(2) is None

@@ -1,0 +1,90 @@
+"""Calibration of an arm as a value: what turns the ticks of its motors into radians."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from typing_extensions import Self
+
+from joshua.schema import calibration_pb2
+
+LARGEST_OFFSET = 2047  # servos keep the offset in eleven bits and a sign
+
+
+class MotorCalibration(BaseModel):
+    """Calibration of one motor, in ticks as its servo counts them.
+
+    Attributes:
+        id: on the bus.
+        joint_name: of the joint that the motor moves.
+        homing_offset: what the servo subtracts from its raw position, so that 2048 is zero radians.
+        range_min, range_max: ends of the joint's range, homing offset applied.
+        inverted: the motor turns against the joint's positive direction.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: int = Field(ge=0, le=253)
+    joint_name: str = Field(min_length=1)
+    homing_offset: int = Field(default=0, ge=-LARGEST_OFFSET, le=LARGEST_OFFSET)
+    range_min: int = Field(default=0, ge=0, le=4095)
+    range_max: int = Field(ge=0, le=4095)
+    inverted: bool = False
+
+    @model_validator(mode="after")
+    def _has_a_range(self) -> Self:
+        if self.range_min >= self.range_max:
+            raise ValueError(
+                f"{self.joint_name}: range_min {self.range_min} is not below range_max {self.range_max}; "
+                "calibrate this joint again"
+            )
+        return self
+
+
+class ArmCalibration(BaseModel):
+    """Calibration of the motors of one arm; ids and joint names are unique.
+
+    Attributes:
+        motors: one entry for each motor.
+        device_identity: of the adapter, such as ``usb:5A46082345``; "" where unknown.
+        calibrated_at: RFC 3339 time; "" where unknown.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    motors: tuple[MotorCalibration, ...] = Field(min_length=1)
+    device_identity: str = ""
+    calibrated_at: str = ""
+
+    @model_validator(mode="after")
+    def _names_each_motor_once(self) -> Self:
+        for what in ("id", "joint_name"):
+            values = [getattr(motor, what) for motor in self.motors]
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise ValueError(f"{what} {twice[0]} stands there twice; each motor needs one of its own")
+        return self
+
+    def motor(self, motor_id: int) -> MotorCalibration | None:
+        """Calibration of one motor by its bus id."""
+        return next((motor for motor in self.motors if motor.id == motor_id), None)
+
+    def to_block(self, node_name: str) -> calibration_pb2.ArmCalibration:
+        """The entry of a ``calibration`` block for the node that drives the arm."""
+        return calibration_pb2.ArmCalibration(
+            node_name=node_name,
+            device_identity=self.device_identity,
+            calibrated_at=self.calibrated_at,
+            motors=[calibration_pb2.MotorCalibration(**motor.model_dump()) for motor in self.motors],
+        )
+
+    @classmethod
+    def from_block(cls, block: calibration_pb2.ArmCalibration) -> Self:
+        """Reads an entry of a ``calibration`` block. Raises pydantic.ValidationError."""
+        names = MotorCalibration.model_fields
+        return cls(
+            motors=tuple(
+                MotorCalibration(**{name: getattr(motor, name) for name in names}) for motor in block.motors
+            ),
+            device_identity=block.device_identity,
+            calibrated_at=block.calibrated_at,
+        )
