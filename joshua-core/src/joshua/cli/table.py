@@ -19,6 +19,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("new", "joshua.cli.commands.new", "copy a preset, to make it your own"),
     Command("status", "joshua.cli.commands.status", "show the systems that run on this machine"),
     Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
+    Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
     Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
     Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
 )

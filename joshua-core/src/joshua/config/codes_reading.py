@@ -170,6 +170,11 @@ READING_CODES: dict[str, CodeDoc] = {
         "More than 256 files are included.",
         "Join small files.",
     ),
+    # joshua fmt
+    "format-refused": CodeDoc(
+        "The formatted text would not say the same as the file.",
+        "Report the file as an error of `joshua fmt`.",
+    ),
     # --set
     "override-syntax": CodeDoc(
         "An option --set is not of the form PATH=VALUE or 'PATH { … }'.",

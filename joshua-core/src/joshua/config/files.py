@@ -48,11 +48,12 @@ def read_source(path: str, problems: Problems, at: Span | None) -> Source | None
     Returns:
         The text, repaired where single bytes are wrong; None where there is no text to go on with.
     """
-    data = _read_bytes(path, problems, at)
-    return None if data is None else _decode(path, data, problems, at)
+    data = read_bytes(path, problems, at)
+    return None if data is None else decode_source(path, data, problems, at)
 
 
-def _read_bytes(path: str, problems: Problems, at: Span | None) -> bytes | None:
+def read_bytes(path: str, problems: Problems, at: Span | None) -> bytes | None:
+    """Reads the bytes of a file; the arguments are those of ``read_source``, None where there are none."""
     if not path:
         problems.error("file-missing", "The path of the configuration file is empty.", at, found='""')
         return None
@@ -74,9 +75,6 @@ def _read_bytes(path: str, problems: Problems, at: Span | None) -> bytes | None:
         return None
     except (OSError, ValueError) as fault:
         _unreadable(path, fault, problems, at)
-        return None
-    if len(data) > MAX_FILE_BYTES:
-        _too_large(path, f"more than {MAX_FILE_BYTES} bytes", problems, at)
         return None
     return data
 
@@ -153,7 +151,11 @@ def _configurations_in(folder: str) -> list[str]:
         return []
 
 
-def _decode(path: str, data: bytes, problems: Problems, at: Span | None) -> Source | None:
+def decode_source(path: str, data: bytes, problems: Problems, at: Span | None) -> Source | None:
+    """Turns the bytes of a file into text; the arguments and the result are those of ``read_source``."""
+    if len(data) > MAX_FILE_BYTES:
+        _too_large(path, f"more than {MAX_FILE_BYTES} bytes", problems, at)
+        return None
     if data.startswith(_UTF16_MARKS):
         problems.error(
             "not-utf8",

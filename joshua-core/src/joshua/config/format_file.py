@@ -1,0 +1,96 @@
+"""Formats configuration files in place: reads, formats, checks the result, and replaces the file at once."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.config.files import decode_source, read_bytes
+from joshua.config.formatting import format_source, same_content
+from joshua.config.lexer import tokenize
+from joshua.config.parser import Parser
+from joshua.config.problems import Problems
+from joshua.config.source import Source
+
+if TYPE_CHECKING:
+    from joshua.plan import Diagnostic
+
+
+@dataclass(frozen=True)
+class Formatted:
+    """The outcome for one text.
+
+    Attributes:
+        text: formatted; None where there are diagnostics.
+        is_changed: whether it differs from the original.
+        diagnostics: what keeps the text from being formatted; sources: for showing them.
+    """
+
+    text: str | None
+    is_changed: bool = False
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    sources: dict[str, str] = field(default_factory=dict)
+
+
+def format_file(path: str) -> Formatted:
+    """Formats the text of a file, which stays as it is."""
+    problems = Problems()
+    data = read_bytes(path, problems, None)
+    if data is None:
+        return Formatted(None, diagnostics=problems.diagnostics())
+    return _format(decode_source(path, data, problems, None), problems, data)
+
+
+def format_bytes(name: str, data: bytes) -> Formatted:
+    """Formats a text; ``name`` stands for it in diagnostics."""
+    problems = Problems()
+    return _format(decode_source(name, data, problems, None), problems, data)
+
+
+def replace_file(path: str, text: str) -> None:
+    """Replaces the content of a file in one step, so that no reader ever sees half of it; keeps its mode.
+
+    Raises:
+        OSError: if the folder or the file cannot be written.
+    """
+    target = Path(path).resolve()
+    status = target.stat()
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(text.encode())
+            file.flush()
+            os.fchmod(handle, status.st_mode & 0o7777)
+            with contextlib.suppress(PermissionError):  # only root may give a file away
+                os.fchown(handle, status.st_uid, status.st_gid)
+            os.fsync(handle)
+        Path(name).replace(target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _format(source: Source | None, problems: Problems, original: bytes) -> Formatted:
+    if source is None or len(problems):
+        return Formatted(None, diagnostics=problems.diagnostics(), sources=_sources(source))
+    tokens = tokenize(source)
+    fields = Parser(source, tokens, problems).document()
+    if len(problems):
+        return Formatted(None, diagnostics=problems.diagnostics(), sources=_sources(source))
+    text = format_source(source, tokens, fields)
+    again = Source(source.name, text)
+    again_tokens = tokenize(again)
+    again_fields = Parser(again, again_tokens, problems).document()
+    if len(problems) or not same_content((source, tokens, fields), (again, again_tokens, again_fields)):
+        # No text is known for which this happens; should there be one, it must not be damaged.
+        problems.error("format-refused", f"Formatting would change what {source.name} says.", None)
+        return Formatted(None, diagnostics=problems.diagnostics(), sources=_sources(source))
+    return Formatted(text, is_changed=text.encode() != original)
+
+
+def _sources(source: Source | None) -> dict[str, str]:
+    return {} if source is None else {source.name: source.text}
