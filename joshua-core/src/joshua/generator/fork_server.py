@@ -174,8 +174,8 @@ def _serve_forked(ours: socket.socket, theirs: socket.socket, parent_id: int, pr
         from joshua.generator.fork_server_process import serve
 
         code = serve(theirs, parent_id, preload=preload)
-    except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
-        sys.excepthook(*sys.exc_info())
+    except BaseException as error:  # noqa: BLE001 (the process ends here, whatever it was)
+        os.write(2, f"the fork server failed: {error!r}\n".encode())
     finally:
         os._exit(code)
 

@@ -14,6 +14,7 @@ import signal
 import socket
 import sys
 import time
+import traceback
 from typing import Any, NoReturn
 
 from joshua.ipc.frames import EndOfStreamError, FrameSocket
@@ -81,6 +82,12 @@ class Server:
                 self._end_children()
         return 0
 
+    def close(self) -> None:
+        """Closes the sockets; a second call does nothing."""
+        signal.set_wakeup_fd(-1)
+        for item in (self._frames, self._wake_receiver, self._wake_sender):
+            item.close()
+
     def report(self, **event: Any) -> None:
         """Tells the supervisor."""
         self._frames.send(json.dumps(event).encode())
@@ -123,7 +130,7 @@ class Server:
             set_title(request["title"])
             _run_node_process()
         except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
-            sys.excepthook(*sys.exc_info())
+            _show_crash()
         finally:
             os._exit(70)
 
@@ -171,9 +178,11 @@ def serve(sock: socket.socket, parent_id: int, *, preload: bool) -> int:
     set_parent_death_signal(0)
     try:
         server.report(event="preloaded", text=", ".join(missing), threads=_threads())
+        return server.run()
     except EndOfStreamError:
-        return 0
-    return server.run()
+        return 0  # the supervisor ended while modules were loading
+    finally:
+        server.close()
 
 
 def load_modules() -> list[str]:
@@ -237,9 +246,15 @@ def _run_node_process() -> None:
     try:
         code = program.run_forked(CONTROL_DESCRIPTOR)
     except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
-        sys.excepthook(*sys.exc_info())
+        _show_crash()
     finally:
         program.finish(code)
+
+
+def _show_crash() -> None:
+    """Writes the traceback past ``sys.stderr``, which may be an object of the process that was forked."""
+    with contextlib.suppress(OSError):
+        os.write(2, traceback.format_exc().encode("utf-8", "backslashreplace"))
 
 
 def main() -> None:

@@ -347,7 +347,7 @@ class Supervisor:
             findings=plan.findings,
         )
         self._logbook.interface.call(lambda ui: ui.on_table(table))
-        self._logbook.write(logging.INFO, f"all nodes ready after {ready_s:.2f} s")
+        self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
 
     def _status(self) -> RunStatus:
         return RunStatus(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -16,7 +17,7 @@ PROTOCOL_VERSION = 1
 class Message(BaseModel):
     """Base of all messages."""
 
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants", extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class Start(Message):
@@ -197,7 +198,8 @@ _TO_SUPERVISOR: TypeAdapter[ToSupervisor] = TypeAdapter(Annotated[ToSupervisor, 
 
 def encode(message: Message) -> bytes:
     """Serialises a message as JSON."""
-    return message.model_dump_json().encode()
+    # Limits and rates can be infinite, for which pydantic's own JSON writes null.
+    return json.dumps(message.model_dump()).encode()
 
 
 def decode_for_child(payload: bytes) -> ToChild:

@@ -1,0 +1,140 @@
+"""``joshua status`` and ``joshua stop`` against a run in another process."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CONFIGURATION = """
+general { mode: MODE_TEST id: "status-test" name: "status test" }
+test { duration_s: 300 }
+robot {
+  perceptions {
+    node {
+      node_name: "watched_encoder" node_id: 1 node_type: PYTHON
+      publishers { data_type: JOINT_STATE topic_name: "/watched/joint_states" publish_rate_hz: 20.0 }
+    }
+    perception_type: PERCEPTION_ENCODER
+    mock_encoder_config { resolution: 4096 }
+  }
+}
+transport { listen_endpoints: "tcp/localhost:PORT" }
+"""
+
+
+@pytest.fixture
+def environment(tmp_path, joshua_domain_id):
+    (tmp_path / "run").mkdir(mode=0o700)
+    return {
+        **os.environ,
+        "XDG_RUNTIME_DIR": str(tmp_path / "run"),
+        "JOSHUA_LOG_DIR": str(tmp_path / "log"),
+        "ROS_DOMAIN_ID": str(joshua_domain_id),
+    }
+
+
+def joshua(environment, *arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "joshua.cli.main", *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def start(environment, tmp_path, name):
+    import socket
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    path = tmp_path / name
+    path.write_text(CONFIGURATION.replace("PORT", str(port)).replace("watched", Path(name).stem))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    shown = ""
+    for line in process.stdout:
+        shown += line
+        if "nodes ready after" in line:
+            return process, path
+    process.wait()
+    process.stdout.close()
+    raise AssertionError(shown)
+
+
+@pytest.fixture
+def running(environment, tmp_path):
+    process, path = start(environment, tmp_path, "one.pbtxt")
+    yield process, path
+    if process.poll() is None:
+        process.terminate()
+    process.communicate(timeout=60)
+
+
+def test_nothing_runs(environment):
+    for command in ("status", "stop"):
+        result = joshua(environment, command)
+        assert (result.returncode, result.stdout) == (0, "nothing runs\n"), result.stderr
+
+
+def test_status_shows_the_run_and_stop_ends_it(environment, running):
+    process, path = running
+
+    text = joshua(environment, "status")
+    assert text.returncode == 0, text.stderr
+    assert str(path) in text.stdout
+    assert "/one_encoder" in text.stdout
+    (answer,) = json.loads(joshua(environment, "status", "--format", "json").stdout)
+    assert answer["process_id"] == process.pid
+    assert [node["state"] for node in answer["nodes"]] == ["ready"]
+
+    stopped = joshua(environment, "stop")
+    assert stopped.returncode == 0, stopped.stderr
+    assert stopped.stdout == f"stopped {path} (process {process.pid})\n"
+    assert process.wait(60) == 0
+
+
+def test_stop_asks_which_when_several_run(environment, running, tmp_path):
+    second, path = start(environment, tmp_path, "two.pbtxt")
+    try:
+        unclear = joshua(environment, "stop")
+        assert unclear.returncode == 2
+        assert "several systems run, name one" in unclear.stderr
+        assert str(path) in unclear.stderr
+
+        unknown = joshua(environment, "stop", "three.pbtxt")
+        assert unknown.returncode == 2
+        assert "no system 'three.pbtxt' runs" in unknown.stderr
+
+        chosen = joshua(environment, "stop", str(second.pid))
+        assert chosen.returncode == 0, chosen.stderr
+        assert second.wait(60) == 0
+        assert running[0].poll() is None
+    finally:
+        if second.poll() is None:
+            second.terminate()
+        second.communicate(timeout=60)
+
+
+def test_a_system_that_does_not_answer_is_named(environment, running):
+    process, path = running
+    (socket_path,) = Path(environment["XDG_RUNTIME_DIR"]).glob("joshua/runs/*/control.sock")
+    socket_path.unlink()
+
+    status = joshua(environment, "status")
+    assert status.returncode == 1
+    assert f"process {process.pid}, which runs {path}, does not answer" in status.stderr
+    stop = joshua(environment, "stop")
+    assert stop.returncode == 1
+    assert f"kill {process.pid}" in stop.stderr
