@@ -1,0 +1,58 @@
+"""The presets through the real program: all are valid, and those for mock hardware run."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from joshua.cli.commands.new import copy_of
+from joshua.cli.presets import Preset, read_presets
+
+JOSHUA = str(Path(sys.executable).parent / "joshua")
+
+
+def joshua(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [JOSHUA, *words], cwd=cwd, capture_output=True, text=True, timeout=90, stdin=subprocess.DEVNULL
+    )
+
+
+@pytest.mark.parametrize("preset", read_presets(), ids=lambda preset: preset.name)
+def test_each_copy_is_valid_and_lacks_no_plugin_that_its_header_hides(preset: Preset, tmp_path: Path):
+    (tmp_path / "mine.pbtxt").write_text(copy_of(preset, "mine", "mine"), encoding="utf-8")
+    result = joshua("--config", "mine.pbtxt", "--validate-only", "--format", "json", cwd=tmp_path)
+    assert result.returncode == 0, result.stdout
+    found = json.loads(result.stdout)
+    items = found["diagnostics"] if isinstance(found, dict) else found
+    assert {item["severity"] for item in items} <= {"note"}
+    missing = {
+        name
+        for item in items
+        if item["code"] == "plugin-missing"
+        for name in re.findall(r"needs the plugin (joshua-[\w-]+)", item["message"])
+    }
+    assert missing <= set(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))
+
+
+def test_the_mock_hardware_preset_passes_its_own_test(tmp_path: Path, joshua_domain_id: int):
+    joshua("new", "mine", "--from", "test_mock_hardware", cwd=tmp_path)
+    result = joshua("--config", "mine.pbtxt", cwd=tmp_path)
+    said = result.stdout + result.stderr
+    assert result.returncode == 0, said
+    for node in ("/mock_leader", "/mock_follower", "/mock_camera"):
+        assert re.search(rf"^PASS +{node} ", said, re.MULTILINE)
+    assert "FAIL" not in said
+
+
+def test_random_actions_reach_the_mock_arm(tmp_path: Path, joshua_domain_id: int):
+    joshua("new", "mine", "--from", "inference_random_noise", cwd=tmp_path)
+    result = joshua("--config", "mine.pbtxt", "--duration", "3", cwd=tmp_path)
+    said = result.stdout + result.stderr
+    assert result.returncode == 0, said
+    heard = re.search(r"^/mock_arm +in /ai/actions .* (\d+)$", said, re.MULTILINE)
+    assert heard is not None, said
+    assert int(heard[1]) > 0
