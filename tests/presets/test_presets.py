@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from google.protobuf import text_format
+from joshua.cli.commands import fmt
 from joshua.cli.presets import FOLDER, Preset, preset_names, read_preset, read_presets
 from joshua.config import check, load
 from joshua.config.checks.paths import check_paths
@@ -146,6 +148,13 @@ def test_servos_of_one_robot_are_calibrated_under_the_names_that_use_them():
 
 def test_the_presets_are_the_files_of_configs():
     assert FOLDER.resolve() == ROOT / "configs"
+
+
+def test_the_layout_is_that_of_joshua_fmt(capsys: pytest.CaptureFixture[str]):
+    parser = argparse.ArgumentParser()
+    fmt.add_arguments(parser)
+    files = [str(FOLDER / f"{name}.pbtxt") for name in preset_names()]
+    assert fmt.run(parser.parse_args(["--check", *files])) == 0, capsys.readouterr()
 
 
 @pytest.mark.slow

@@ -108,16 +108,10 @@ def test_the_script_of_each_shell_is_accepted_by_it(shell: str, capsys: pytest.C
         subprocess.run([program, "-n", "/dev/stdin"], input=script, text=True, check=True, timeout=60)
 
 
-def test_every_option_that_takes_a_path_completes_files():
-    found = {
-        option
-        for action in actions(build_parser(populate=True))
-        if action.metavar == "PATH" and action.option_strings
-        for option in action.option_strings
-    }
-    from joshua.cli.completion import FILE_OPTIONS
-
-    assert found <= set(FILE_OPTIONS)
+def test_files_are_completed_for_arguments_of_commands(script: Path, tmp_path: Path):
+    (tmp_path / "my_robot.pbtxt").touch()
+    assert complete(script, "fmt", "my_", cwd=tmp_path) == ["my_robot.pbtxt"]
+    assert complete(script, "plan", "--config", "my_", cwd=tmp_path) == ["my_robot.pbtxt"]
 
 
 def test_completion_costs_nothing_unless_asked_for():

@@ -8,8 +8,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-#: Options whose value is the path of a file.
-FILE_OPTIONS = ("--config",)
+#: Names of values that are paths of files.
+FILE_METAVARS = ("PATH", "FILE")
 
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
@@ -24,7 +24,7 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
     from joshua.cli.presets import preset_names
 
     for action in actions(parser):
-        if set(FILE_OPTIONS) & set(action.option_strings):
+        if action.metavar in FILE_METAVARS:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "PRESET":
             action.choices = preset_names()
