@@ -71,6 +71,9 @@ class SensorNode(NodeBehaviour):
         if self._sensor is not None:
             self._sensor.disconnect()
 
+    def observe(self, reading: Reading) -> None:
+        """Sees each new reading after it was published, on the reader's thread; for displays."""
+
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates, order and plausibility of the readings."""
         rows = [
@@ -127,6 +130,7 @@ class SensorNode(NodeBehaviour):
                 frame_id = self.context.spec.frame_id
                 publisher.publish(sensor.message(reading, publisher.topic.type_name, frame_id))
                 meter.add()
+        self.observe(reading)
         if len(self._implausible) < 10 and (text := sensor.implausible(reading)):
             self._implausible.append(text)
 

@@ -40,6 +40,7 @@ class NodePlanner:
         self._joints = joints
         self._findings = findings
         self._endpoints = endpoints(config)
+        self._testing = config.general.mode == pb.MODE_TEST
 
     def spec(self, resolved: Resolved) -> NodeSpec:
         """Makes the spec of one resolved node."""
@@ -96,7 +97,8 @@ class NodePlanner:
             joints = {"joints": self._joints[want.entry.path]}
             return joints | ({"leader": leader} if leader else {})
         commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
-        return {"joints": commanded} if commanded else {}
+        testing = {"testing": True} if self._testing and want.kind is ProvisionKind.SENSOR else {}
+        return testing | ({"joints": commanded} if commanded else {})
 
     def _leader(self, want: Wanted) -> dict[str, Any] | None:
         heard = {

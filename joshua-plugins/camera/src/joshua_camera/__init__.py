@@ -1,0 +1,1 @@
+"""Cameras read by OpenCV: devices, network streams, video files and numbered pictures."""

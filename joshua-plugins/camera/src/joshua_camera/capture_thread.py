@@ -1,0 +1,192 @@
+"""The thread that empties a camera's buffers and keeps the newest picture only."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+
+from joshua_camera.backlog import Backlog
+from joshua_camera.capture import Capture, Grab
+from joshua_camera.figures import FigureKeeper
+from joshua_camera.limits import stall_limit_s
+from joshua_camera.picture import Picture
+
+#: How long the end of the thread is waited for; a library that does not wake up ends it later by itself.
+JOIN_S = 1.0
+
+_EXPOSURE_EVERY_NS = 1_000_000_000
+_NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Newest:
+    """The newest picture: its running number, its stamp (ns since the epoch), acquisition (monotonic)."""
+
+    number: int
+    stamp_ns: int
+    acquired_ns: int
+    picture: Picture
+
+
+class CaptureThread:
+    """Owns a capture from its opening to its end, so that OpenCV is used by one thread only."""
+
+    def __init__(self, capture: Capture) -> None:
+        self.figures = FigureKeeper()
+        self._capture = capture
+        self._changed = threading.Condition()
+        self._stop = threading.Event()
+        self._taken = -1
+        self._newest: Newest | None = None
+        self._failure: DeviceError | None = None
+        self._last_ns = 0
+        self._last_stamp_ns = 0
+        self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the camera does otherwise than it was asked."""
+        return tuple(self._capture.warnings)
+
+    def open(self, timeout_s: float) -> None:
+        """Starts the thread and waits for the first picture. Raises DeviceError; the thread is ended then."""
+        self._thread.start()
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while self._newest is None and self._failure is None and not self._stop.is_set():
+                if not self._changed.wait(max(0.0, deadline_s - time.monotonic())):
+                    break
+            ready, failure, stopped = self._newest is not None, self._failure, self._stop.is_set()
+        if ready:
+            return
+        self.close()
+        label = self._capture.source.label
+        if failure is not None:
+            raise failure
+        if stopped:
+            raise DeviceError(f"{label} was closed while it was being opened: open it again")
+        raise DeviceError(
+            f"{label} delivered no picture within {timeout_s:g} s ({self._what_came()}): check cable and "
+            "power, and that no other program uses it; several cameras at one USB hub need pixel_format "
+            '"MJPG" or a hub each'
+        )
+
+    def take(self, timeout_s: float) -> Newest | None:
+        """Waits for a picture that was not taken yet; None when none came in time.
+
+        Raises:
+            DeviceDisconnected: the camera has ended or stalls.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while True:
+                newest = self._newest
+                if newest is not None and newest.number > self._taken:
+                    self._taken = newest.number
+                    return newest
+                if self._failure is not None:
+                    raise self._failure
+                self._check_stall()
+                wait_s = deadline_s - time.monotonic()
+                if wait_s <= 0 or self._stop.is_set():
+                    return None
+                self._changed.wait(wait_s)
+
+    def interrupt(self) -> None:
+        """Ends the waits of ``open`` and ``take``, and the thread; any thread, does not wait."""
+        with self._changed:
+            self._stop.set()
+            self._changed.notify_all()
+        self._capture.interrupt()
+
+    def close(self) -> None:
+        """Ends the thread; a second call does nothing."""
+        self.interrupt()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(JOIN_S)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread still runs."""
+        return self._thread.is_alive()
+
+    def _run(self) -> None:
+        capture = self._capture
+        try:
+            capture.open()
+            self._loop()
+        except DeviceError as error:
+            self._fail(error)
+        except Exception as error:  # noqa: BLE001 - OpenCV's own exceptions; the reader must hear of it
+            text = " ".join(str(error).split())
+            self._fail(DeviceDisconnected(f"{capture.source.label} failed in OpenCV: {text}"))
+        finally:
+            capture.close()
+
+    def _loop(self) -> None:
+        capture, settings = self._capture, self._capture.settings
+        live_by_arrival = capture.source.live and not capture.has_own_clock
+        backlog = Backlog(settings.fps) if live_by_arrival else None
+        self.figures.pixel_format = capture.pixel_format()
+        exposure_due_ns = 0
+        while not self._stop.is_set():
+            grab = capture.grab()
+            if grab is None:
+                if not self._stop.is_set():
+                    raise DeviceDisconnected(
+                        f"{capture.source.label} ended its stream: check cable, power and network"
+                    )
+                return
+            self._last_ns = grab.ended_ns
+            number = self.figures.received
+            self.figures.arrived(grab.ended_ns)
+            fresh = backlog is None or backlog.is_fresh(grab.began_ns, grab.ended_ns, grab.slept_ns)
+            if grab.picture is None:
+                self.figures.damaged += 1
+            elif not fresh:
+                self.figures.stale += 1
+            else:
+                self._offer(grab, number, grab.picture)
+            if grab.ended_ns >= exposure_due_ns:
+                exposure_due_ns = grab.ended_ns + _EXPOSURE_EVERY_NS
+                self.figures.exposure = capture.exposure()
+
+    def _offer(self, grab: Grab, number: int, picture: Picture) -> None:
+        settings = self._capture.settings
+        if (grab.width, grab.height) != (settings.width, settings.height):
+            raise DeviceError(
+                f"{self._capture.source.label} delivers {grab.width} × {grab.height}, and the file asks for "
+                f"{settings.width} × {settings.height}: set width: {grab.width} height: {grab.height}, or "
+                "another size at the camera"
+            )
+        # The acquisition time on the clock of stamps; it never runs backwards, though that clock may.
+        age_ns = time.monotonic_ns() - grab.acquired_ns
+        self._last_stamp_ns = max(time.time_ns() - age_ns, self._last_stamp_ns + 1)
+        newest = Newest(number, self._last_stamp_ns, grab.acquired_ns, picture)
+        with self._changed:
+            if self._newest is not None and self._newest.number > self._taken:
+                self.figures.dropped += 1
+            self._newest = newest
+            self._changed.notify_all()
+
+    def _fail(self, error: DeviceError) -> None:
+        with self._changed:
+            self._failure = error
+            self._changed.notify_all()
+
+    def _check_stall(self) -> None:
+        limit_s = stall_limit_s(self._capture.settings.fps)
+        if time.monotonic_ns() - self._last_ns > limit_s * _NS_PER_S:
+            raise DeviceDisconnected(
+                f"{self._capture.source.label} has delivered nothing for {limit_s:g} s: check cable, "
+                "power and network"
+            )
+
+    def _what_came(self) -> str:
+        figures = self.figures
+        if not figures.received:
+            return "nothing came"
+        return f"{figures.received} came, {figures.damaged} of them damaged, {figures.stale} stale"

@@ -1,0 +1,76 @@
+"""A video file or numbered pictures in place of a camera, at the pace of the settings."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from joshua.config.camera_source import SourceKind
+
+from joshua_camera.capture import Capture, Grab
+from joshua_camera.settings import CameraSettings
+from joshua_camera.source import CameraSource
+
+_NS_PER_S = 1_000_000_000
+
+
+class FileCapture(Capture):
+    """Plays a file again and again, one picture each 1 / fps, as a camera would deliver them."""
+
+    def __init__(self, source: CameraSource, settings: CameraSettings) -> None:
+        super().__init__(source, settings)
+        self._period_ns = _NS_PER_S / settings.fps
+        self._start_ns = 0
+        self._next = 0
+
+    def open(self) -> None:
+        """Opens the file. Raises DeviceError."""
+        self._load()
+        self._video = self._start()
+        rate = self._video.get(self._cv2.CAP_PROP_FPS)
+        # Pictures have no rate of their own; OpenCV then says 0 or 1.
+        if self.source.kind is SourceKind.FILE and rate > 1 and round(rate) != self.settings.fps:
+            self.warnings.append(
+                f"{self.source.label} was taken at {rate:g} Hz and is played at {self.settings.fps} Hz"
+            )
+        self._start_ns = time.monotonic_ns()
+
+    def interrupt(self) -> None:
+        """Ends the wait for the time of the next picture."""
+        self._interrupted.set()
+
+    def grab(self) -> Grab | None:
+        """Waits for the time of the next picture."""
+        began_ns = time.monotonic_ns()
+        due_ns = self._start_ns + round(self._next * self._period_ns)
+        if self._interrupted.wait(max(0, due_ns - began_ns) / _NS_PER_S):
+            return None
+        late = int((time.monotonic_ns() - due_ns) / self._period_ns)  # whole periods: held up
+        self._next += 1 + max(0, late)
+        if not self._video.grab() and not self._rewind():
+            return None
+        ended_ns = time.monotonic_ns()
+        return self._finish(Grab(began_ns, ended_ns, 0, ended_ns))
+
+    def _rewind(self) -> bool:
+        self._video.release()
+        self._video = self._start()
+        return bool(self._video.grab())
+
+    def _start(self) -> Any:
+        cv2, target = self._cv2, self.source.target
+        video = cv2.VideoCapture()
+        if self.source.kind is SourceKind.PICTURES:
+            if video.open(target, cv2.CAP_IMAGES):
+                return video
+            raise self._refuse(
+                "matches no picture",
+                "number the pictures without gaps from 0 or 1 on, and write the pattern with as many digits "
+                "as they have, such as pictures/%04d.jpg",
+            )
+        if not Path(target).is_file():
+            raise self._refuse("does not exist", "correct the path in source")
+        if video.open(target, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1]):
+            return video
+        raise self._refuse("is no video that can be read", "convert it, for example to H.264 in an mp4 file")

@@ -1,0 +1,129 @@
+"""The node of a camera: a sensor's node with figures, a last picture and a window."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from pathlib import Path
+
+from joshua.devices.sensor import Reading
+from joshua.devices.sensor_node import SensorNode
+from joshua.generator.log_files import log_directory
+from joshua.node.behaviour import NodeContext
+
+from joshua_camera.camera import OpenCvCamera
+from joshua_camera.figures import Figures
+from joshua_camera.picture import Picture
+from joshua_camera.preview import Preview, display_problem
+
+FIGURES_PERIOD_S = 1.0
+
+#: Share of the pictures that may be damaged before MODE_TEST fails a camera.
+DAMAGED_SHARE = 0.01
+RATE_TOLERANCE = 0.1
+
+
+class CameraNode(SensorNode):
+    """Publishes a camera's pictures.
+
+    In MODE_TEST it logs live figures each second, and leaves the last picture beside the log; with
+    ``display`` it shows the pictures in a window.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._testing = bool(context.spec.context.get("testing"))
+        self._preview: Preview | None = None
+        self._last_picture: Picture | None = None
+
+    @property
+    def camera(self) -> OpenCvCamera:
+        """The camera that this node drives."""
+        assert isinstance(self._sensor, OpenCvCamera)
+        return self._sensor
+
+    def configure(self) -> None:
+        """Opens the camera, declares topics, and says what the camera does otherwise than asked."""
+        super().configure()
+        for text in self.camera.warnings:
+            self.context.warn(text)
+        if self.camera.settings.display:
+            self._open_preview()
+        self.context.create_timer(FIGURES_PERIOD_S, self._log_figures, name="figures")
+
+    def deactivate(self) -> None:
+        """Ends a connection attempt that is under way."""
+        if isinstance(self._sensor, OpenCvCamera):
+            self._sensor.cancel()
+        if self._preview is not None:
+            self._preview.close()
+
+    def observe(self, reading: Reading) -> None:
+        """Keeps the newest picture for the window and for the end of a test."""
+        self._last_picture = reading.data
+        if self._preview is not None:
+            self._preview.show(reading.data)
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """The rows of a sensor, then rate, settings, losses, latency and the last picture."""
+        rows = super().test_results()
+        if not self._testing or not isinstance(self._sensor, OpenCvCamera):
+            return rows
+        camera, figures = self._sensor, self._sensor.figures
+        settings = camera.settings
+        kept = not camera.warnings
+        rows.append(_rate(figures, settings.fps))
+        rows.append(("settings kept", kept, "all" if kept else "; ".join(camera.warnings)))
+        rows.append(_losses(figures))
+        rows.append(("latency", figures.delivered > 0, _latency(figures)))
+        if figures.exposure:
+            rows.append(("exposure", True, figures.exposure))
+        rows.append(self._save_picture())
+        return rows
+
+    def _log_figures(self) -> None:
+        line = self.camera.figures.line()
+        if self._testing:
+            self.context.log.info(line)
+        else:
+            self.context.log.debug(line)
+
+    def _open_preview(self) -> None:
+        problem = display_problem()
+        if problem:
+            self.context.warn(problem)
+            return
+        spec = self.context.spec
+        self._preview = Preview(spec.full_name, lambda: self.camera.figures.line(), self.context.log.warning)
+        self._preview.open()
+
+    def _save_picture(self) -> tuple[str, bool, str]:
+        if self._last_picture is None:
+            return ("last picture", False, "none came")
+        name = re.sub(r"[^A-Za-z0-9_]+", "_", self.context.spec.full_name).strip("_")
+        path = log_directory(os.environ) / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jpg"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(self._last_picture.as_jpeg())
+        except OSError as error:
+            return ("last picture", False, f"cannot be written to {path}: {(error.strerror or '').lower()}")
+        return ("last picture", True, str(Path(path)))
+
+
+def _rate(figures: Figures, wanted_hz: float) -> tuple[str, bool, str]:
+    passed = abs(figures.fps - wanted_hz) <= RATE_TOLERANCE * wanted_hz
+    hint = "" if passed else ": many cameras are slower in poor light, and at USB hubs that others share"
+    return ("frame rate", passed, f"{figures.fps:.4g} Hz of {wanted_hz:g} Hz{hint}")
+
+
+def _losses(figures: Figures) -> tuple[str, bool, str]:
+    passed = figures.received > 0 and figures.damaged <= DAMAGED_SHARE * figures.received
+    lost = f"{figures.dropped} dropped, {figures.stale} stale, {figures.damaged} damaged"
+    return ("pictures whole", passed, f"{figures.received} came, {lost}")
+
+
+def _latency(figures: Figures) -> str:
+    if not figures.delivered:
+        return "no picture was handed over"
+    return f"median {figures.latency_p50_s * 1e3:.1f} ms, 99 % within {figures.latency_p99_s * 1e3:.1f} ms"

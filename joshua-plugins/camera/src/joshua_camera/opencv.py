@@ -1,0 +1,27 @@
+"""OpenCV, loaded once and made quiet: what it would print is said by our own messages."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from typing import Any
+
+# Read by OpenCV when it is loaded. FFmpeg's log level -8 is «quiet»; the wait for a device that delivers
+# nothing, in seconds, bounds how long a capture thread can be stuck.
+_ENVIRONMENT = {
+    "OPENCV_FFMPEG_LOGLEVEL": "-8",
+    "OPENCV_LOG_LEVEL": "SILENT",
+    "OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT": "2",
+}
+
+
+@lru_cache(maxsize=1)
+def load_opencv() -> Any:
+    """Returns the module ``cv2``; settings that the user has made in the environment stay."""
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    import cv2
+
+    # One picture is too small to share among threads, and a pool would outlive the camera.
+    cv2.setNumThreads(1)
+    return cv2

@@ -1,0 +1,21 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins import Provision, ProvisionKind, hookimpl
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the camera."""
+    return [
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="camera_config",
+            enum_values=("PERCEPTION_CAMERA",),
+            implementation="joshua_camera.camera:OpenCvCamera",
+            settings="joshua_camera.settings:CameraSettings",
+            behaviour="joshua_camera.node:CameraNode",
+            summary="USB and network cameras, video files and pictures, by OpenCV",
+        )
+    ]

@@ -1,0 +1,58 @@
+"""Where a camera's pictures come from, with the name that messages give it."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from urllib.parse import urlsplit, urlunsplit
+
+from joshua.config.camera_source import SourceKind, device_path, scheme, source_kind
+
+from joshua_camera.settings import CameraSettings
+
+
+@dataclass(frozen=True)
+class CameraSource:
+    """Where the pictures come from.
+
+    Attributes:
+        kind: what is opened.
+        target: path of a device or of files, or an address.
+        index: N of /dev/videoN where the source is named by ``device_id``; None otherwise.
+    """
+
+    kind: SourceKind
+    target: str
+    index: int | None = None
+
+    @classmethod
+    def of(cls, settings: CameraSettings) -> CameraSource:
+        """The source that the settings name."""
+        if not settings.source:
+            return cls(SourceKind.DEVICE, f"/dev/video{settings.device_id}", settings.device_id)
+        kind = source_kind(settings.source)
+        target = device_path(settings.source) if kind is SourceKind.DEVICE else settings.source
+        return cls(kind, target)
+
+    @property
+    def label(self) -> str:
+        """Name for messages, without a password."""
+        if self.kind is SourceKind.DEVICE and sys.platform != "linux" and self.index is not None:
+            return f"camera {self.index}"
+        if self.kind is not SourceKind.ADDRESS:
+            return self.target
+        parts = urlsplit(self.target)
+        if parts.username is None and parts.password is None:
+            return self.target
+        host = parts.netloc.rpartition("@")[2]
+        return urlunsplit(parts._replace(netloc=f"***@{host}"))
+
+    @property
+    def live(self) -> bool:
+        """Whether pictures come at the camera's pace."""
+        return self.kind in (SourceKind.DEVICE, SourceKind.ADDRESS)
+
+    @property
+    def over_tcp(self) -> bool:
+        """Whether an address is reached by one TCP connection at first."""
+        return scheme(self.target) in ("http", "https", "rtsp", "rtsps", "rtmp", "tcp")
