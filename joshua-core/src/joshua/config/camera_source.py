@@ -8,10 +8,11 @@ from enum import Enum
 
 BY_ID_FOLDER = "/dev/v4l/by-id"
 
-_BY_ID_NAME = re.compile(r"[^/]+-video-index\d+")
-_NUMBERED_DEVICE = re.compile(r"/dev/video(\d+)")
-_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
-_NUMBER_PATTERN = re.compile(r"%0?\d*d")
+# Patterns stay texts, so that reading a file without a source compiles none.
+_BY_ID_NAME = r"[^/]+-video-index\d+"
+_NUMBERED_DEVICE = r"/dev/video(\d+)"
+_SCHEME = r"([A-Za-z][A-Za-z0-9+.-]*)://"
+_NUMBER_PATTERN = r"%0?\d*d"
 
 
 class SourceKind(Enum):
@@ -25,22 +26,22 @@ class SourceKind(Enum):
 
 def source_kind(source: str) -> SourceKind:
     """What a source names, by its spelling alone."""
-    if _SCHEME.match(source):
+    if re.match(_SCHEME, source):
         return SourceKind.ADDRESS
-    if _BY_ID_NAME.fullmatch(source) or posixpath.normpath(source).startswith("/dev/"):
+    if re.fullmatch(_BY_ID_NAME, source) or posixpath.normpath(source).startswith("/dev/"):
         return SourceKind.DEVICE
-    return SourceKind.PICTURES if _NUMBER_PATTERN.search(source) else SourceKind.FILE
+    return SourceKind.PICTURES if re.search(_NUMBER_PATTERN, source) else SourceKind.FILE
 
 
 def scheme(source: str) -> str:
     """The scheme of an address in lower case, such as ``http``; "" for anything else."""
-    match = _SCHEME.match(source)
+    match = re.match(_SCHEME, source)
     return match[1].lower() if match else ""
 
 
 def device_path(source: str) -> str:
     """The path of a source of kind DEVICE; a bare name stands for its link under /dev/v4l/by-id."""
-    return f"{BY_ID_FOLDER}/{source}" if _BY_ID_NAME.fullmatch(source) else posixpath.normpath(source)
+    return f"{BY_ID_FOLDER}/{source}" if re.fullmatch(_BY_ID_NAME, source) else posixpath.normpath(source)
 
 
 def device_identity(source: str) -> str:
@@ -48,5 +49,5 @@ def device_identity(source: str) -> str:
     if source_kind(source) is not SourceKind.DEVICE:
         return ""
     path = device_path(source)
-    numbered = _NUMBERED_DEVICE.fullmatch(path)
+    numbered = re.fullmatch(_NUMBERED_DEVICE, path)
     return numbered[1] if numbered else path

@@ -5,8 +5,7 @@ The one place where checks, `joshua explain` and the reference read the custom f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
 
@@ -24,8 +23,7 @@ _NUMBERS = frozenset(
 )
 
 
-@dataclass(frozen=True)
-class FieldFacts:
+class FieldFacts(NamedTuple):
     """The facts of one field.
 
     Attributes:

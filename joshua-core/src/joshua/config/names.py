@@ -7,18 +7,19 @@ Source: the ROS 2 design article «Topic and Service name mapping to DDS» and t
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 # DDS topic names hold 255 characters; ROS 2 keeps eight of them for its prefixes.
 MAX_TOPIC_LENGTH = 247
 MAX_NAMESPACE_LENGTH = 245
 MAX_NODE_NAME_LENGTH = 255
 
-_NOT_WORD = re.compile(r"[^A-Za-z0-9_]+")
+_WORD = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_")
+_PATH = _WORD | {"/"}
+_NOT_WORD = r"[^A-Za-z0-9_]+"
 
 
-@dataclass(frozen=True)
-class NameFault:
+class NameFault(NamedTuple):
     """A broken naming rule.
 
     Attributes:
@@ -61,7 +62,7 @@ def node_name_fault(name: str) -> NameFault | None:
         suggestion = _cleaned(name.rsplit("/", 1)[1]) or _cleaned(name.replace("/", "_"))
         rule = "A node name may not contain /; the namespace has a field of its own, ros_namespace"
         return NameFault(rule, name.index("/"), 1, suggestion)
-    if bad := _NOT_WORD.search(name):
+    if not _WORD.issuperset(name) and (bad := re.search(_NOT_WORD, name)):
         rule = "A node name may contain only letters A-Z a-z, digits and underscores"
         return _fault(name, rule, bad.start(), len(bad.group()))
     if name[:1].isdigit():
@@ -96,7 +97,7 @@ def _path_fault(name: str, what: str, longest: int) -> NameFault | None:
         return NameFault(f"{_capital(what)} may not be empty", 0, 1, "")
     body = name[1:] if name.startswith("~") else name
     skipped = len(name) - len(body)
-    if bad := re.search(r"[^A-Za-z0-9_/]+", body):
+    if not _PATH.issuperset(body) and (bad := re.search(r"[^A-Za-z0-9_/]+", body)):
         rule = f"{_capital(what)} may contain only letters A-Z a-z, digits, underscores and /"
         if bad.group()[0] in "{}":
             rule = f"{_capital(what)} may not contain braces: write the name out"
@@ -105,7 +106,8 @@ def _path_fault(name: str, what: str, longest: int) -> NameFault | None:
         return _fault(name, f"{_capital(what)} may not contain //", body.index("//") + skipped, 2)
     if name.endswith("/"):
         return _fault(name, f"{_capital(what)} may not end with /", len(name) - 1, 1)
-    if bad := re.search(r"(?:^|/)([0-9])", body):
+    starts_with_digit = any(part[:1].isdigit() for part in body.split("/"))
+    if starts_with_digit and (bad := re.search(r"(?:^|/)([0-9])", body)):
         rule = f"No part of {what} may start with a digit"
         return _fault(name, rule, bad.start(1) + skipped, 1)
     if len(name) > longest:
@@ -126,6 +128,6 @@ def _fault(name: str, rule: str, offset: int, length: int) -> NameFault:
 def _cleaned(name: str) -> str:
     """Makes a valid name that looks like the given one; "" where nothing valid is left."""
     prefix = "~/" if name.startswith("~") else "/" if name.startswith("/") else ""
-    parts = [_NOT_WORD.sub("_", part).strip("_") for part in name.lstrip("~").split("/")]
+    parts = [re.sub(_NOT_WORD, "_", part).strip("_") for part in name.lstrip("~").split("/")]
     parts = [f"n{part}" if part[0].isdigit() else part for part in parts if part]
     return (prefix + "/".join(parts))[:MAX_TOPIC_LENGTH] if parts else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 # Beyond these sizes a suggestion costs more time than it is worth.
-_MOST_CANDIDATES = 200
+_MOST_CANDIDATES = 500
 _LONGEST_NAME = 200
 _SHORTEST_PART = 3
 

@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import chain
+from importlib import import_module
 
-from joshua.config.checks import Context, Loaded, at_most
-from joshua.config.checks.cascades import without_cascades
-from joshua.modes import (
-    calibration,
-    data_store,
-    inference,
-    simulation,
-    teleoperate,
-    test,
-    training,
-    unused,
-)
+from joshua.config.checks import Context, Loaded, settle
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 
 __all__ = ["check_mode"]
 
-_CHECKS: dict[int, Callable[[Context], Iterator[Diagnostic]]] = {
-    pb.MODE_TELEOPERATE: teleoperate.check,
-    pb.MODE_INFERENCE: inference.check,
-    pb.MODE_TRAINING: training.check,
-    pb.MODE_CALIBRATION: calibration.check,
-    pb.MODE_TEST: test.check,
-    pb.MODE_DATA_STORE: data_store.check,
-    pb.MODE_SIMULATION: simulation.check,
+# Each mode is a module with a function ``check``; only that of the file's mode is imported.
+_MODULES = {
+    pb.MODE_TELEOPERATE: "teleoperate",
+    pb.MODE_INFERENCE: "inference",
+    pb.MODE_TRAINING: "training",
+    pb.MODE_CALIBRATION: "calibration",
+    pb.MODE_TEST: "test",
+    pb.MODE_DATA_STORE: "data_store",
+    pb.MODE_SIMULATION: "simulation",
 }
 
 # Findings of the modes that say that a part of the file is absent.
@@ -58,8 +47,8 @@ def check_mode(loaded: Loaded) -> list[Diagnostic]:
         loaded: what ``joshua.config.load`` returned, be it complete or not.
     """
     context = Context(loaded)
-    check = _CHECKS.get(context.config.general.mode)
-    if check is None:
+    name = _MODULES.get(context.config.general.mode)
+    if name is None:
         return []
-    findings = at_most(chain(check(context), unused.check(context)))
-    return without_cascades(findings, loaded, absent=ABSENT)
+    modules = [import_module(f"joshua.modes.{module}") for module in (name, "unused")]
+    return settle((item for module in modules for item in module.check(context)), loaded, absent=ABSENT)

@@ -23,7 +23,8 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "`joshua explain ai.training` lists its fields",
         )
         return
-    if ai.training.environment == pb.ENV_REAL and not actions(context):
+    on_robot = ai.training.method in (pb.METHOD_RL, pb.METHOD_EVAL)  # imitation learns from a data set
+    if ai.training.environment == pb.ENV_REAL and on_robot and not actions(context):
         yield lacks(
             context,
             "mode-lacks-actuator",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from joshua.config.checks import Context
 from joshua.modes.parts import mode_name
@@ -13,8 +13,7 @@ from joshua.schema import config_pb2 as pb
 _DRIVING = (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE, pb.MODE_TEST, pb.MODE_DATA_STORE)
 
 
-@dataclass(frozen=True)
-class _Use:
+class _Use(NamedTuple):
     """Where a block counts: the modes, and what they are called in a sentence."""
 
     modes: tuple[int, ...]

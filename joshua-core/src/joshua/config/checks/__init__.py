@@ -3,45 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from itertools import islice
 
-from joshua.config.checks import (
-    calibration,
-    device_types,
-    fields,
-    fit,
-    identity,
-    limits,
-    name_rules,
-    no_effect,
-    qos,
-    rates,
-    resources,
-    topics,
-    transport,
-)
-from joshua.config.checks.cascades import without_cascades
 from joshua.config.checks.context import Context, Loaded
 from joshua.config.limits import MAX_PROBLEMS
 from joshua.plan import Diagnostic, Severity
 
-__all__ = ["Context", "Loaded", "at_most", "check"]
+__all__ = ["Context", "Loaded", "at_most", "check", "settle"]
 
-_FAMILIES: tuple[Callable[[Context], Iterator[Diagnostic]], ...] = (
-    fields.check,
-    name_rules.check,
-    identity.check,
-    resources.check,
-    fit.check,
-    limits.check,
-    rates.check,
-    topics.check,
-    device_types.check,
-    qos.check,
-    calibration.check,
-    no_effect.check,
-    transport.check,
-)
+# Each family is a module with a function ``check``; the condition says which files it concerns, so that
+# the others do not wait for its import.
+_FAMILIES: dict[str, Callable[[Context], bool]] = {
+    "fields": lambda context: True,
+    "name_rules": lambda context: True,
+    "identity": lambda context: bool(context.entries),
+    "resources": lambda context: bool(context.entries) or context.config.HasField("calibration"),
+    "fit": lambda context: bool(context.entries) or context.config.HasField("ai"),
+    "limits": lambda context: True,
+    "rates": lambda context: bool(context.entries),
+    "topics": lambda context: bool(context.entries),
+    "device_types": lambda context: bool(context.entries),
+    "qos": lambda context: bool(context.entries),
+    "no_effect": lambda context: True,
+    "calibration": lambda context: context.config.HasField("calibration"),
+    "transport": lambda context: context.config.HasField("transport"),
+    "machines": lambda context: any(entry.node.host for entry in context.entries),
+}
 
 
 def check(loaded: Loaded) -> list[Diagnostic]:
@@ -56,8 +44,29 @@ def check(loaded: Loaded) -> list[Diagnostic]:
     if not loaded.is_readable:
         return []
     context = Context(loaded)
-    findings = at_most(item for family in _FAMILIES for item in family(context))
-    return without_cascades(findings, loaded)
+    families = (
+        import_module(f"joshua.config.checks.{name}")
+        for name, concerns in _FAMILIES.items()
+        if concerns(context)
+    )
+    return settle((item for family in families for item in family.check(context)), loaded)
+
+
+def settle(
+    findings: Iterator[Diagnostic], loaded: Loaded, absent: frozenset[str] = frozenset()
+) -> list[Diagnostic]:
+    """Bounds the findings of a family of checks and leaves out what follows from errors of loading.
+
+    Args:
+        findings: as the checks yield them; loaded: what was checked.
+        absent: codes of this family that say that a part of the file is absent.
+    """
+    taken = at_most(findings)
+    if not any(item.severity is Severity.ERROR for item in loaded.diagnostics):
+        return taken
+    from joshua.config.checks.cascades import without_cascades
+
+    return without_cascades(taken, loaded, absent)
 
 
 def at_most(findings: Iterator[Diagnostic], most: int = MAX_PROBLEMS) -> list[Diagnostic]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
 
 from joshua.config.field_facts import FieldFacts, field_facts
@@ -14,8 +12,7 @@ from joshua.config.field_facts import FieldFacts, field_facts
 _ANY = "google.protobuf.Any"
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """One message of the configuration.
 
     Attributes:
@@ -67,6 +64,8 @@ def _inner(block: Block) -> Iterator[Block]:
 
 def unpacked(block: Any) -> Message | None:
     """Returns the message inside an ``Any`` block, or None when its type is not registered."""
+    from google.protobuf import descriptor_pool, message_factory
+
     name = block.type_url.rpartition("/")[2]
     try:
         descriptor = descriptor_pool.Default().FindMessageTypeByName(name)

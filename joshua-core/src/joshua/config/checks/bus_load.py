@@ -11,7 +11,7 @@ A serial line of 8 data bits without parity carries 10 bits for each byte.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 BITS_PER_BYTE = 10
 REQUEST_OVERHEAD = 8
@@ -26,8 +26,7 @@ COMMAND_BYTES = 2
 ADAPTER_DELAY_S = 0.001
 
 
-@dataclass(frozen=True)
-class BusCycle:
+class BusCycle(NamedTuple):
     """Bytes of one control cycle on a servo bus.
 
     Attributes:

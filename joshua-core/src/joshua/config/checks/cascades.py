@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from joshua.config.checks.context import Loaded
 from joshua.config.checks.device_table import ACTUATOR_BLOCKS, DEVICE_BLOCKS
@@ -90,8 +90,7 @@ _QOS = frozenset(
 _CHOICES = (*ACTUATOR_BLOCKS, *DEVICE_BLOCKS, "serial", "ble")
 
 
-@dataclass(frozen=True)
-class _Damage:
+class _Damage(NamedTuple):
     """What loading could not read.
 
     Attributes:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
@@ -37,8 +36,7 @@ _PERCEPTION_BLOCKS = {
 LINKS = {"sts3215_config": "serial", "dynamixel_config": "serial", "spike_motor_config": "ble"}
 
 
-@dataclass(frozen=True)
-class Messages:
+class Messages(NamedTuple):
     """DataType numbers that a device can publish and can listen to; None: any."""
 
     publishes: tuple[int, ...] | None

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import ipaddress
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURE_PROTOCOLS = ("tls", "quic")
-_HOST = re.compile(r"[A-Za-z0-9*]([A-Za-z0-9_.*-]*[A-Za-z0-9])?")
+_HOST = r"[A-Za-z0-9*]([A-Za-z0-9_.*-]*[A-Za-z0-9])?"
 _LOOPBACK_NAMES = ("localhost", "ip6-localhost", "localhost.localdomain")
 
 
-@dataclass(frozen=True)
-class EndpointText:
+class EndpointText(NamedTuple):
     """An endpoint in its parts; ``fault`` says which rule the text breaks, "" for none."""
 
     protocol: str
@@ -49,7 +48,7 @@ def parse_endpoint(text: str) -> EndpointText:
 
 def is_address(host: str) -> bool:
     """Whether a text is an IP address or can be a host name."""
-    return _ip(host) is not None or _HOST.fullmatch(host) is not None
+    return _ip(host) is not None or re.fullmatch(_HOST, host) is not None
 
 
 def is_loopback(host: str) -> bool:

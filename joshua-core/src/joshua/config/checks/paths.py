@@ -17,7 +17,7 @@ from joshua.schema import options_pb2 as rules
 from joshua.schema import simulation_pb2, transport_pb2
 
 # A hub id is «owner/name»; what starts with a dot, a slash or ~ is always a path.
-_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
+_HUB_ID = r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*"
 _WEIGHT_SUFFIXES = (".pt", ".pth", ".ckpt", ".zip", ".safetensors", ".onnx", ".npz", ".msgpack")
 _FOLDER_NAMES = ("checkpoints", "models", "outputs", "policies", "runs", "weights")
 _LABELS = {
@@ -93,7 +93,7 @@ class _Search:
             name = config.ai.training.imitation_config.dataset_name
             if store.local_path and name:
                 yield from self._data_set("ai.data_store.local_path", store.local_path, "train on")
-            elif name and not _HUB_ID.fullmatch(name):
+            elif name and not re.fullmatch(_HUB_ID, name):
                 path = "ai.training.imitation_config.dataset_name"
                 place = self._resolve(path, name)
                 if not _exists(place):
@@ -185,7 +185,7 @@ class _Search:
         """Tells ``lerobot/smolvla_base`` from ``checkpoints/policy``, which look alike."""
         folder = value.partition("/")[0]
         return (
-            _HUB_ID.fullmatch(value) is not None
+            re.fullmatch(_HUB_ID, value) is not None
             and not value.endswith(_WEIGHT_SUFFIXES)
             and folder not in _FOLDER_NAMES
             and not _is_directory(self._resolve(path, folder))

@@ -7,7 +7,7 @@ publisher offers must be at least what a subscription requests.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
@@ -18,8 +18,7 @@ from joshua.plan import Diagnostic, QosProfile, Related
 _MOST_PROFILES = 20
 
 
-@dataclass(frozen=True)
-class _Clash:
+class _Clash(NamedTuple):
     field: str
     offered: str
     requested: str

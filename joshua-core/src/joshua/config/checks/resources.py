@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from google.protobuf.message import Message
 
@@ -18,8 +18,7 @@ from joshua.plan import Diagnostic
 from joshua.schema import options_pb2 as rules
 
 
-@dataclass(frozen=True)
-class _Kind:
+class _Kind(NamedTuple):
     code: str
     message: str
     remedy: str
@@ -44,8 +43,7 @@ _EXCLUSIVE: dict[int, _Kind] = {
 }
 
 
-@dataclass(frozen=True)
-class _Use:
+class _Use(NamedTuple):
     entry: NodeEntry
     path: str
 
@@ -81,7 +79,7 @@ def _devices(context: Context) -> Iterator[Diagnostic]:
                 kind.message.format(a=title(clash.entry), b=title(entry)),
                 path,
                 position=context.position(path),
-                found=context.found(path, getattr(block.message, path.rpartition(".")[2])),
+                found=context.text_at(context.loaded.positions.value(path)) or f"{identity}, the default",
                 remedy=kind.remedy,
                 related=context.see(clash.path, f"{title(clash.entry)} uses it"),
             )

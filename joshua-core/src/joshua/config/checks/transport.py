@@ -13,7 +13,6 @@ from joshua.config.checks.endpoint_text import (
     is_loopback,
     parse_endpoint,
 )
-from joshua.config.checks.identity import title
 from joshua.config.nearest import nearest
 from joshua.plan import Diagnostic
 from joshua.schema import transport_pb2 as pb
@@ -23,7 +22,7 @@ _DDS_FIELDS = ("network_interface", "peers")
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Checks the transport block, and that nodes on several machines can meet."""
+    """Checks the transport block."""
     transport = context.config.transport
     yield from _other_kind(context, transport)
     listen = list(_endpoints(context, "listen_endpoints", transport.listen_endpoints))
@@ -38,7 +37,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             if not endpoint.fault and not endpoint.is_loopback and endpoint.protocol not in SECURE_PROTOCOLS:
                 yield _open_door(context, path, text, endpoint)
     yield from _dds(context, transport)
-    yield from _machines(context, transport)
 
 
 def _endpoints(
@@ -161,32 +159,3 @@ def _dds(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic
             allowed=('"lo"', "kind: TRANSPORT_ZENOH with tls endpoints"),
             remedy="Use it on a network that you trust alone, or use Zenoh with tls",
         )
-
-
-def _machines(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic]:
-    """Nodes of several machines need a transport that leaves loopback."""
-    first: dict[str, str] = {}
-    for entry in context.entries:
-        if entry.node.host:
-            first.setdefault(entry.node.host, entry.path)
-    reachable = (
-        transport.network_interface
-        or transport.peers
-        or any(not parse_endpoint(text).is_loopback for text in transport.listen_endpoints)
-        or any(not parse_endpoint(text).is_loopback for text in transport.connect_endpoints)
-    )
-    if len(first) < 2 or reachable:
-        return
-    names = list(first)
-    path = f"{first[names[1]]}.host"
-    entry = next(item for item in context.entries if item.path == first[names[1]])
-    yield context.warning(
-        "hosts-apart",
-        f"{title(entry)} runs on {names[1]} and other nodes run on {names[0]}, but the transport stays on "
-        "loopback, so they do not meet",
-        path,
-        found=", ".join(names),
-        remedy="Add a transport block with listen_endpoints for one machine "
-        "and connect_endpoints for the others",
-        related=context.see(f"{first[names[0]]}.host", f"first machine, {names[0]}"),
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -23,6 +22,8 @@ def render_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str] | 
         diagnostics: findings in any order.
         sources: file name to text, root file first; decides the order of the files.
     """
+    import json  # here, because findings are mostly shown as text
+
     rows = [_row(item) for item in in_order(diagnostics, sources or {})]
     return json.dumps(rows, indent=2, ensure_ascii=True)
 
