@@ -15,6 +15,7 @@ from joshua.config.plugin_types import PluginTypes
 from joshua.schema.config_pb2 import Config
 
 _MOST_SUGGESTIONS = 6
+_PART = 400
 _INDEX = re.compile(r"\[[^\]]*\]")
 
 
@@ -99,9 +100,10 @@ class Catalogue:
         for name in (*(place.path for place in self.places), *names, *values):
             by_leaf.setdefault(name.rpartition(".")[2], name)
         leaf = word.rpartition(".")[2]
-        # Each search looks at so many names only, so the many enum values get one of their own.
-        others = [name for name in by_leaf if name not in values]
-        alike = [*nearest(leaf, others, _MOST_SUGGESTIONS), *nearest(leaf, values, _MOST_SUGGESTIONS)]
+        known = list(by_leaf)
+        # One search looks at so many names only, so it is made in parts.
+        parts = [known[start : start + _PART] for start in range(0, len(known), _PART)]
+        alike = [name for part in parts for name in nearest(leaf, part, _MOST_SUGGESTIONS)]
         ordered = nearest(leaf, alike, _MOST_SUGGESTIONS)
         return [by_leaf[name] for name in dict.fromkeys((*ordered, *alike))][:_MOST_SUGGESTIONS]
 
