@@ -22,6 +22,9 @@ from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
 #: How long the server may take to end after its socket was closed; it kills children before.
 CLOSE_TIMEOUT_S = 2.0
 
+#: Signals that the supervisor answers for all of them.
+IGNORED_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
 
 @dataclass(frozen=True)
 class ForkServerEvent:
@@ -141,8 +144,8 @@ def start(*, preload: bool = True) -> ForkServer:
         preload: have the server import the heavy modules.
     """
     ours, theirs = socket.socketpair()
-    # The server ignores Ctrl-C; until it does so, the signal waits.
-    former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # The server ignores these signals; until it does so, they wait.
+    former = signal.pthread_sigmask(signal.SIG_BLOCK, IGNORED_SIGNALS)
     try:
         if not _single_threaded():
             process = _execute_server(theirs, preload)

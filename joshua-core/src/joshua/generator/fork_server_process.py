@@ -17,6 +17,7 @@ import time
 import traceback
 from typing import Any, NoReturn
 
+from joshua.generator.fork_server import IGNORED_SIGNALS
 from joshua.ipc.frames import EndOfStreamError, FrameSocket
 from joshua.ipc.process_attributes import set_parent_death_signal, set_title
 
@@ -53,8 +54,6 @@ CONTROL_DESCRIPTOR = 3
 
 _FIRST_FREE = 32
 _LAST_DESCRIPTOR = 1024
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Server:
@@ -103,6 +102,8 @@ class Server:
 
     def _start_child(self, request: dict[str, Any], descriptors: list[int]) -> None:
         server_id = os.getpid()
+        # A signal for the child waits until the child can answer it; ignored here, it would be lost.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         try:
             process_id = os.fork()
         except OSError as error:
@@ -113,6 +114,7 @@ class Server:
                 self._become_child(request, descriptors, server_id)
             self._children.add(process_id)
             self.report(event="started", request=request["request"], process_id=process_id)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
         for descriptor in descriptors:
             os.close(descriptor)
 
@@ -166,9 +168,9 @@ class Server:
 def serve(sock: socket.socket, parent_id: int, *, preload: bool) -> int:
     """Runs the server in this process; returns its exit code."""
     set_title("joshua-fork")
-    for number in SIGNALS:
+    for number in IGNORED_SIGNALS:
         signal.signal(number, signal.SIG_IGN)  # the supervisor decides what they mean
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED_SIGNALS)
     # While modules load the socket is not watched, and there are no children to take care of yet.
     set_parent_death_signal(signal.SIGKILL)
     if os.getppid() != parent_id:
@@ -231,6 +233,7 @@ def _redirect(descriptors: list[int]) -> None:
 def _execute(arguments: list[str], environment: dict[str, str]) -> NoReturn:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     os.execve(arguments[0], arguments, environment)  # noqa: S606
 
 

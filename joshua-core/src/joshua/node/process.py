@@ -190,6 +190,7 @@ class NodeProcess:
         # while the main thread is busy outside of Python.
         signal.signal(signal.SIGTERM, lambda _number, _frame: None)
         signal.set_wakeup_fd(self._channel.wake_descriptor, warn_on_full_buffer=False)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # the fork server blocks it
 
     def _send(self, message: Message) -> None:
         self._channel.send(message, can_miss=isinstance(message, CAN_MISS))
