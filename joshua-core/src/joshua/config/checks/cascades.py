@@ -126,6 +126,8 @@ def _follows(item: Diagnostic, damage: _Damage, absent: frozenset[str]) -> bool:
         return True
     if item.code == "qos-incompatible":
         return damage.everything or bool(damage.names & _QOS)
+    if item.code == "field-unused" and item.field_path.rpartition(".")[0] in damage.blocks:
+        return True  # the field beside it that gives it its effect may be the one that is lost
     if item.code in _ABSENT_PART | absent:
         return damage.everything or bool(damage.names & _STRUCTURE)
     if item.code in _ABSENT_FIELD:
