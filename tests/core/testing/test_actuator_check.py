@@ -1,0 +1,474 @@
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.actuator import Actuator, JointLimits, JointReading
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.mock_actuator import MockActuator
+from joshua.devices.mock_settings import MockMotorSettings
+from joshua.schema import config_pb2
+from joshua.testing import ConformanceError, check_actuator
+
+
+def settings(**fields: Any) -> MockMotorSettings:
+    return MockMotorSettings.from_block(
+        config_pb2.MockMotorConfig(**{"num_motors": 2, "position_max": 4095, **fields})
+    )
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        {"num_motors": 6, "motion": config_pb2.MOCK_MOTION_SINE},
+        {"position_min": 2000, "position_max": 2100},
+        {"num_motors": 1, "time_constant_s": 0.2},
+    ],
+)
+def test_the_mock_actuator_conforms(fields: dict[str, Any]) -> None:
+    check_actuator(lambda: MockActuator(settings(**fields)))
+
+
+class OpensInConstructor(MockActuator):
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.handle = os.open(os.devnull, os.O_RDONLY)
+
+    def disconnect(self) -> None:
+        super().disconnect()
+        if self.handle is not None:
+            os.close(self.handle)
+            self.handle = None  # type: ignore[assignment]
+
+
+class StartsThreadInConstructor(MockActuator):
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.end = threading.Event()
+        self.thread = threading.Thread(target=self.end.wait, name="poller", daemon=True)
+        self.thread.start()
+
+    def disconnect(self) -> None:
+        super().disconnect()
+        self.end.set()
+        self.thread.join()
+
+
+class SaysConnectedAtOnce(MockActuator):
+    @property
+    def connected(self) -> bool:
+        return True
+
+
+class NamesNeedConnection(MockActuator):
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        self.require_connected("joint_names")
+        return super().joint_names
+
+
+class NamesTwice(MockActuator):
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return ("joint", "joint")
+
+
+class LimitsInTicks(MockActuator):
+    @property
+    def limits(self) -> JointLimits:
+        return JointLimits(np.zeros(2), np.full(2, 4095.0), np.ones(2))
+
+
+class SwappedLimits(MockActuator):
+    @property
+    def limits(self) -> JointLimits:
+        return JointLimits(np.ones(2), -np.ones(2), np.ones(2))
+
+
+class NoSpeed(MockActuator):
+    @property
+    def limits(self) -> JointLimits:
+        return replace(super().limits, velocity_max_rad_s=np.zeros(2))
+
+
+class ReadsWhenClosed(MockActuator):
+    def read(self) -> JointReading:
+        if not self.connected:
+            return JointReading(time.time_ns(), np.zeros(2), np.zeros(2), np.zeros(2))
+        return super().read()
+
+
+class AttributeErrorWhenClosed(MockActuator):
+    def read(self) -> JointReading:
+        if not self.connected:
+            raise AttributeError("'NoneType' object has no attribute 'read'")
+        return super().read()
+
+
+class SilentError(MockActuator):
+    def read(self) -> JointReading:
+        if not self.connected:
+            raise DeviceError
+        return super().read()
+
+
+class CannotReconnect(MockActuator):
+    count = 0
+
+    def connect(self) -> None:
+        self.count += 1
+        if self.count > 1:
+            raise DeviceError("already used")
+        super().connect()
+
+
+class ReadChanged(MockActuator):
+    change: Callable[[JointReading], JointReading]
+
+    def read(self) -> JointReading:
+        return type(self).change(super().read())
+
+
+def reads(change: Callable[[JointReading], Any]) -> type[ReadChanged]:
+    return type("ReadChanged", (ReadChanged,), {"change": staticmethod(change)})
+
+
+class SharesItsArray(MockActuator):
+    def read(self) -> JointReading:
+        reading = super().read()
+        if not hasattr(self, "buffer"):
+            self.buffer = np.zeros(2)
+        self.buffer += reading.position_rad - np.where(np.abs(self.buffer) > 100, 0, self.buffer)
+        return replace(reading, position_rad=self.buffer)
+
+
+class ClampsInPlace(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        super().write(goal_rad)
+        return goal_rad
+
+
+class WritesWithoutTorque(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        if self.connected and not self._energised:
+            return self.checked_goal(goal_rad)
+        return super().write(goal_rad)
+
+
+class JumpsAtEnable(MockActuator):
+    def enable(self) -> None:
+        super().enable()
+        self._goal = self._goal + 0.5
+
+
+class IgnoresLimits(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        super().write(goal_rad)
+        return self.checked_goal(goal_rad)
+
+
+class MovesBeyondLimits(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        written = super().write(goal_rad)
+        if np.abs(np.asarray(goal_rad) - written).max() > 0.5:
+            self._position = self._goal = np.asarray(goal_rad, float)
+        return written
+
+    def hold(self) -> None:
+        self.require_connected("hold")
+
+    def _within(self, position: Any) -> Any:
+        return np.array(position)
+
+
+class AnswersInTicks(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        return super().write(goal_rad) * 651.9 + 2048
+
+
+class TakesNan(MockActuator):
+    def checked_goal(self, goal_rad: Any) -> Any:
+        return np.nan_to_num(np.array(goal_rad, float), posinf=0.0)
+
+
+class TakesAnyShape(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        goal = np.resize(np.array(goal_rad, float), 2)
+        return super().write(goal)
+
+
+class MovesOnNan(MockActuator):
+    def checked_goal(self, goal_rad: Any) -> Any:
+        if not np.isfinite(np.asarray(goal_rad)).all():
+            self._goal = self._goal + 0.6
+        return super().checked_goal(goal_rad)
+
+
+class GoesTheOtherWay(MockActuator):
+    def write(self, goal_rad: Any) -> Any:
+        goal = self.checked_goal(goal_rad)
+        written = super().write(goal)
+        self._goal = -self._goal
+        return written
+
+
+class DoesNotHold(MockActuator):
+    def hold(self) -> None:
+        self.require_connected("hold")
+
+
+class ReleaseNeedsTorque(MockActuator):
+    def release(self) -> None:
+        if not self._energised:
+            raise DeviceError("no torque to take off")
+        super().release()
+
+
+class ClosesOnce(MockActuator):
+    def disconnect(self) -> None:
+        if not self.connected:
+            raise OSError("bad file descriptor")
+        super().disconnect()
+
+
+class LeavesAHandle(MockActuator):
+    def connect(self) -> None:
+        super().connect()
+        self.leaked = os.open(os.devnull, os.O_RDONLY)
+        opened_handles.append(self.leaked)
+
+
+class LeavesAThread(MockActuator):
+    def connect(self) -> None:
+        super().connect()
+        threading.Thread(target=leaked_thread_end.wait, name="orphan", daemon=True).start()
+
+
+class SharesStateOnTheClass(MockActuator):
+    open_ports: set[str] = set()  # noqa: RUF012 (the fault that is to be found)
+
+    @property
+    def connected(self) -> bool:
+        return bool(self.open_ports)
+
+    def connect(self) -> None:
+        self._connected = False
+        super().connect()
+        self.open_ports.add("port")
+
+    def disconnect(self) -> None:
+        super().disconnect()
+        self.open_ports.clear()
+
+
+START_NS = time.time_ns()
+opened_handles: list[int] = []
+leaked_thread_end = threading.Event()
+
+BROKEN: list[tuple[type[Actuator], str, str]] = [
+    (OpensInConstructor, "constructor", "the constructor opened 1 file handle (/dev/null)"),
+    (StartsThreadInConstructor, "constructor", "the constructor opened 1 thread (poller)"),
+    (SaysConnectedAtOnce, "constructor", "connected is true after the constructor"),
+    (
+        NamesNeedConnection,
+        "description",
+        "DeviceError: NamesNeedConnection.joint_names: the device is not open",
+    ),
+    (NamesTwice, "description", "joint_names ('joint', 'joint') holds a name twice"),
+    (LimitsInTicks, "description", "a limit is 4095 rad"),
+    (SwappedLimits, "description", "the limits of joint_1 are 1 to -1 rad"),
+    (NoSpeed, "description", "the speed limits are [0. 0.]"),
+    (ReadsWhenClosed, "order", "read() before connect returned JointReading("),
+    (
+        AttributeErrorWhenClosed,
+        "order",
+        "raised AttributeError ('NoneType' object has no attribute 'read') in place",
+    ),
+    (SilentError, "order", "read() before connect raised DeviceError without a message"),
+    (CannotReconnect, "connection", "DeviceError: already used"),
+    (reads(lambda r: r.position_rad), "reading", "read returned ndarray"),
+    (
+        reads(lambda r: replace(r, position_rad=r.position_rad[:1])),
+        "reading",
+        "has shape (1,); 2 joints need (2,)",
+    ),
+    (reads(lambda r: replace(r, position_rad=[0.0, 0.0])), "reading", "read().position_rad is list"),
+    (reads(lambda r: replace(r, effort=np.zeros(2, int))), "reading", "read().effort is ndarray of int64"),
+    (
+        reads(lambda r: replace(r, velocity_rad_s=np.full(2, np.nan))),
+        "reading",
+        "velocity_rad_s is [nan, nan]",
+    ),
+    (reads(lambda r: replace(r, position_rad=r.position_rad + 2048)), "reading", "a position is 2048 rad"),
+    (reads(lambda r: replace(r, position_rad=r.position_rad + 5)), "reading", "rad beyond its limits"),
+    (reads(lambda r: replace(r, stamp_ns=r.stamp_ns / 1)), "stamps", "of type float"),
+    (reads(lambda r: replace(r, stamp_ns=time.monotonic_ns())), "stamps", "while the clock shows"),
+    (reads(lambda r: replace(r, stamp_ns=r.stamp_ns // 10**9)), "stamps", "while the clock shows"),
+    (reads(lambda r: replace(r, stamp_ns=r.stamp_ns + 10**9)), "stamps", "ms after the return of read"),
+    (
+        reads(lambda r: replace(r, stamp_ns=START_NS)),
+        "stamps",
+        f"stamp_ns went from {START_NS} to {START_NS}",
+    ),
+    (SharesItsArray, "own data", "a change of one reading shows in the next"),
+    (ClampsInPlace, "own data", "write changed or returned the array that it was given"),
+    (WritesWithoutTorque, "torque", "write before enable returned array("),
+    (JumpsAtEnable, "enable", "enable moved a joint by 0."),
+    (IgnoresLimits, "limits", "write of a goal 1 rad above the limits returned one 1.0"),
+    (MovesBeyondLimits, "limits", "1 rad above the limits returned one"),
+    (AnswersInTicks, "limits", "write of the present position returned a goal 2048"),
+    (TakesNan, "refused goals", "write of NaN returned array("),
+    (TakesAnyShape, "refused goals", "write of shape (3,) returned array("),
+    (MovesOnNan, "refused goals", "a refused goal moved a joint by"),
+    (GoesTheOtherWay, "motion", "rad from its goal after 0.5 s; the way was 0.20 rad"),
+    (DoesNotHold, "hold", "a joint moved on by"),
+    (ReleaseNeedsTorque, "release", "release raised DeviceError: no torque to take off (never connected)"),
+    (ClosesOnce, "close", "the first disconnect raised OSError: bad file descriptor (never connected)"),
+    (LeavesAHandle, "nothing left", "disconnect left 1 file handle (/dev/null)"),
+    (LeavesAThread, "nothing left", "disconnect left 1 thread (orphan)"),
+    (SharesStateOnTheClass, "instances", "opening one opened the other"),
+]
+
+
+@pytest.mark.parametrize(("broken", "clause", "observed"), BROKEN)
+def test_each_violated_clause_is_found(broken: type[Any], clause: str, observed: str) -> None:
+    try:
+        with pytest.raises(ConformanceError) as caught:
+            check_actuator(lambda: broken(settings()), timeout_s=0.5, only=(clause,))
+    finally:
+        leaked_thread_end.set()
+        leaked_thread_end.clear()
+        while opened_handles:
+            os.close(opened_handles.pop())
+    found = [violation for violation in caught.value.violations if violation.clause == clause]
+    assert found, str(caught.value)
+    assert observed in found[0].observed, str(caught.value)
+    assert found[0].why
+    assert found[0].cause
+
+
+def test_the_message_says_what_why_and_the_likely_cause() -> None:
+    with pytest.raises(ConformanceError) as caught:
+        check_actuator(lambda: DoesNotHold(settings()))
+    assert str(caught.value).startswith(
+        "DoesNotHold violates 1 clause of its contract:\n\n1. hold: a joint moved on by "
+    )
+    assert str(caught.value).endswith(
+        "   Why it is wrong: hold is the safe state of an arm that must not fall\n"
+        "   Likely cause: hold does not set the goal to the present position"
+    )
+
+
+def test_a_device_that_cannot_be_opened_gives_one_finding_and_no_flood() -> None:
+    class Absent(MockActuator):
+        def connect(self) -> None:
+            raise DeviceError("no device on /dev/ttyACM0")
+
+    with pytest.raises(ConformanceError) as caught:
+        check_actuator(lambda: Absent(settings()))
+    assert [violation.clause for violation in caught.value.violations] == ["order", "connection"]
+    assert "no device on /dev/ttyACM0" in str(caught.value)
+
+
+class LinkedActuator(MockActuator):
+    """A mock actuator whose positions come over a stream socket from a far end."""
+
+    far_end: socket.socket
+
+    def connect(self) -> None:
+        super().connect()
+        self._link, self.far_end = socket.socketpair()
+        self._server = threading.Thread(target=self._serve, args=(self.far_end,), daemon=True)
+        self._server.start()
+
+    @staticmethod
+    def _serve(far_end: socket.socket) -> None:
+        with far_end:
+            while far_end.recv(1) == b"?":
+                far_end.sendall(struct.pack("<Q", time.time_ns()))
+
+    def read(self) -> JointReading:
+        reading = super().read()
+        try:
+            self._link.sendall(b"?")
+            answer = self._link.recv(8)
+        except OSError as error:
+            raise DeviceDisconnected(f"the link is broken: {error}") from error
+        if not answer:
+            raise DeviceDisconnected("the far end has closed the link")
+        return replace(reading, stamp_ns=struct.unpack("<Q", answer)[0])
+
+    def disconnect(self) -> None:
+        if self.connected:
+            self._link.close()
+            self._server.join()
+        super().disconnect()
+
+
+def unplug(device: Any) -> None:
+    device.far_end.shutdown(socket.SHUT_RDWR)
+
+
+def test_a_device_that_is_unplugged_conforms() -> None:
+    check_actuator(lambda: LinkedActuator(settings()), unplug=unplug)
+
+
+class LeaksTheError(LinkedActuator):
+    def read(self) -> JointReading:
+        try:
+            return super().read()
+        except DeviceDisconnected as error:
+            raise BrokenPipeError("Broken pipe") from error
+
+
+class RepeatsTheLast(LinkedActuator):
+    def read(self) -> JointReading:
+        try:
+            return super().read()
+        except DeviceDisconnected:
+            return MockActuator.read(self)
+
+
+class DoesNotClean(LinkedActuator):
+    def disconnect(self) -> None:
+        if self.connected and self.far_end.fileno() == -1:
+            kept_links.append(self._link)
+            MockActuator.disconnect(self)
+        super().disconnect()
+
+
+kept_links: list[socket.socket] = []
+
+
+@pytest.mark.parametrize(
+    ("broken", "observed"),
+    [
+        (LeaksTheError, "after the unplugging read raised BrokenPipeError: Broken pipe"),
+        (RepeatsTheLast, "read still returned 0.5 s after the unplugging"),
+        (DoesNotClean, "after the unplugging disconnect left 1 file handle (socket:"),
+    ],
+)
+def test_a_device_that_hides_its_disconnection_is_found(broken: type[Any], observed: str) -> None:
+    with pytest.raises(ConformanceError) as caught:
+        check_actuator(lambda: broken(settings()), unplug=unplug, timeout_s=0.5, only=("disconnection",))
+    while kept_links:
+        kept_links.pop().close()
+    (violation,) = caught.value.violations
+    assert violation.clause == "disconnection"
+    assert observed in violation.observed
+
+
+def test_every_clause_has_a_device_that_breaks_it() -> None:
+    source = Path(check_actuator.__code__.co_filename).read_text(encoding="utf-8")
+    clauses = {line.split('"')[1] for line in source.splitlines() if "checklist.run(" in line and '"' in line}
+    assert clauses - {"disconnection"} == {clause for _, clause, _ in BROKEN if clause}
