@@ -41,8 +41,10 @@ def open_transport(spec: TransportSpec) -> Transport:
         TransportMissingError: DDS was chosen without the extra ``joshua-core[dds]``.
     """
     from joshua.messages import select_distro
+    from joshua.transport.memory import keep_freed_memory
 
     select_distro(spec.distro)
+    keep_freed_memory()
     if spec.kind == "dds":
         from joshua.transport.dds import open_dds
 

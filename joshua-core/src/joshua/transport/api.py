@@ -19,7 +19,8 @@ class Sample:
     Attributes:
         cdr: serialised payload with its 4-byte encapsulation header.
         source_stamp_ns: the publisher's clock when it published, ns since the epoch; 0 if unknown.
-        received_ns: this process's clock at arrival, ns since the epoch.
+        received_ns: this process's clock when the sample was taken from the receive queue, ns since the
+            epoch; a slow callback takes it later than it came.
         sequence: the publisher's running number where the wire carries one, else 0.
         publisher_gid: identity of the publisher, 16 bytes; empty if unknown.
     """

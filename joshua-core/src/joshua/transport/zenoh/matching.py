@@ -8,6 +8,8 @@ from collections.abc import Callable
 from joshua.transport.qos_rules import incompatibilities
 from joshua.transport.zenoh.keys import PUBLISHER, SUBSCRIPTION, Entity
 
+_NS_PER_S = 1_000_000_000
+
 
 class Matching:
     """Sorts the other side's endpoints of a topic by the QoS rules of ROS 2.
@@ -32,6 +34,7 @@ class Matching:
         self._lock = threading.Lock()
         self.connected: dict[bytes, Entity] = {}
         self.refused: frozenset[bytes] = frozenset()
+        self.lifespans_ns: dict[bytes, float] = {}
 
     def graph_changed(self, entity: Entity, present: bool) -> None:
         """Takes in an endpoint of the topic."""
@@ -56,6 +59,11 @@ class Matching:
             else:
                 lost = gid in self.connected
                 self.connected = {key: value for key, value in self.connected.items() if key != gid}
+            self.lifespans_ns = {
+                key: other.qos.lifespan_s * _NS_PER_S
+                for key, other in self.connected.items()
+                if other.qos is not None and other.qos.lifespan_s > 0
+            }
         if reasons and present:
             other = f"{entity.namespace.rstrip('/')}/{entity.name}"
             side = "subscription" if self._kind == SUBSCRIPTION else "publisher"

@@ -12,19 +12,18 @@ import zenoh.ext
 
 from joshua.plan import QosProfile
 from joshua.transport.api import Sample, Subscription
-from joshua.transport.delivery import Delivery
 from joshua.transport.watch import Limit, Watch
 from joshua.transport.zenoh.graph import Graph
+from joshua.transport.zenoh.intake import ChannelIntake, WatchedIntake
 from joshua.transport.zenoh.keys import ATTACHMENT, Entity
 from joshua.transport.zenoh.liveliness import AssertionListener
 from joshua.transport.zenoh.matching import Matching
 
-_NS_PER_S = 1_000_000_000
 _UNKNOWN = (0, 0, 0, b"")
 
 
 class ZenohSubscription(Subscription):
-    """Queues samples on the network thread and hands them out on a thread of its own."""
+    """Hands out samples on a thread of its own, from a queue that the network thread fills."""
 
     def __init__(
         self,
@@ -56,14 +55,18 @@ class ZenohSubscription(Subscription):
         )
         graph.listen(entity.topic, self._matching.graph_changed)
         depth = None if qos.history == "KEEP_ALL" else max(qos.depth, 1)
-        self._delivery = Delivery(f"joshua-sub {entity.topic}", depth, self._deliver)
+        watched = watches_lease or self._deadline is not None
+        self._intake = (WatchedIntake if watched else ChannelIntake)(
+            f"joshua-sub {entity.topic}", depth, self._deliver, self._sign_of_life
+        )
         # told before data flows, so that a publisher's assertions are not missed
         self._assertions = (
             AssertionListener(session, entity.domain_id, self._publisher_marked, self._alive)
             if watches_lease
             else None
         )
-        self._subscriber: Any = _declare(session, key, qos, self._on_sample)
+        self._subscriber: Any = _declare(session, key, qos, self._intake.handler)
+        self._intake.start(self._subscriber)
         self._token: Any = session.liveliness().declare_token(entity.token)
 
     @property
@@ -79,39 +82,33 @@ class ZenohSubscription(Subscription):
             self._closed = True
         self._graph.ignore(self._entity.topic, self._matching.graph_changed)
         self._token.undeclare()
-        self._subscriber.undeclare()
+        self._intake.close(self._subscriber.undeclare)
         if self._assertions is not None:
             self._assertions.close()
         for limit in (self._deadline, *self._leases.values()):
             if limit is not None:
                 self._watch.remove(limit)
-        self._delivery.close()
 
-    def _on_sample(self, sample: zenoh.Sample) -> None:
-        """Runs on the network thread: as little as possible happens here."""
-        received_ns = time.time_ns()
-        attachment = sample.attachment
-        head = _UNKNOWN
-        if attachment is not None:
-            raw = attachment.to_bytes()
-            if len(raw) == ATTACHMENT.size:
-                head = ATTACHMENT.unpack(raw)
-        if head[3] in self._matching.refused:
+    def _sign_of_life(self, sample: zenoh.Sample) -> None:
+        """Counts deadline and lease anew at the arrival of a sample."""
+        gid = _head(sample)[3]
+        if gid in self._matching.refused:
             return
-        self._delivery.push((sample, head, received_ns))
         if self._deadline is not None:
             self._deadline.touch()
         if self._leases:
-            self._alive(head[3])
+            self._alive(gid)
 
-    def _deliver(self, item: tuple[zenoh.Sample, tuple[int, int, int, bytes], int]) -> None:
-        sample, (sequence, source_ns, _, gid), received_ns = item
-        publisher = self._matching.connected.get(gid)
-        if publisher is not None and publisher.qos is not None and publisher.qos.lifespan_s > 0:
-            age_ns = time.time_ns() - source_ns
-            if age_ns > publisher.qos.lifespan_s * _NS_PER_S:
-                return
-        self._callback(Sample(sample.payload.to_bytes(), source_ns, received_ns, sequence, gid))
+    def _deliver(self, sample: zenoh.Sample) -> None:
+        now_ns = time.time_ns()
+        sequence, source_ns, _, gid = _head(sample)
+        matching = self._matching
+        if gid in matching.refused:
+            return
+        lifespan_ns = matching.lifespans_ns.get(gid)
+        if lifespan_ns is not None and now_ns - source_ns > lifespan_ns:
+            return
+        self._callback(Sample(sample.payload.to_bytes(), source_ns, now_ns, sequence, gid))
 
     def _publisher_left(self, publisher: Entity) -> None:
         limit = self._leases.pop(publisher.gid, None)
@@ -140,12 +137,22 @@ class ZenohSubscription(Subscription):
         limit.touch()
 
 
+def _head(sample: zenoh.Sample) -> tuple[int, int, int, bytes]:
+    """Sequence, source time, gid length and gid of a sample; zeros where another program sent none."""
+    attachment = sample.attachment
+    if attachment is not None:
+        raw = attachment.to_bytes()
+        if len(raw) == ATTACHMENT.size:
+            sequence, source_ns, length, gid = ATTACHMENT.unpack(raw)
+            return sequence, source_ns, length, gid
+    return _UNKNOWN
+
+
 def _full_name(entity: Entity) -> str:
     return f"{entity.namespace.rstrip('/')}/{entity.name}"
 
 
-def _declare(session: zenoh.Session, key: str, qos: QosProfile, on_sample: Callable[[Any], None]) -> Any:
-    handler = zenoh.handlers.Callback(on_sample, indirect=False)
+def _declare(session: zenoh.Session, key: str, qos: QosProfile, handler: Any) -> Any:
     if qos.durability != "TRANSIENT_LOCAL":
         return session.declare_subscriber(key, handler)
     depth = None if qos.history == "KEEP_ALL" else max(qos.depth, 1)
