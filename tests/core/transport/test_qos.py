@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 from joshua.messages import decode, encode, message_class
@@ -114,6 +115,19 @@ def test_a_late_subscription_gets_the_kept_messages(pair, eventually):
     eventually(lambda: values(volatile) == [5])
     for subscription in (first, a, b):
         subscription.close()
+
+
+def test_a_late_process_gets_the_kept_messages(spec, opener, program, eventually):
+    kept = QosProfile(durability="TRANSIENT_LOCAL", depth=3)
+    far = program("latched.py", spec.model_dump_json(), json.dumps(asdict(kept)))
+    assert far.stdout.readline() == "ready\n"
+    late = []
+    node = opener(spec).create_node("late")
+    node.create_subscription("/topic", UINT32, kept, late.append)
+    eventually(lambda: len(late) == 3)
+    far.stdin.write("more\n")
+    far.stdin.flush()
+    eventually(lambda: values(late) == [2, 3, 4, 5])
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,8 @@ _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 _DTYPES: dict[str, Any] = {
     "bool": np.bool_,
-    "byte": np.uint8,
+    # the message classes hold ROS 2's octets as signed numbers
+    "byte": np.int8,
     "char": np.uint8,
     **{name: np.dtype(name) for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32")},
     **{name: np.dtype(name) for name in ("int64", "uint64", "float32", "float64")},
@@ -126,7 +127,7 @@ def build(type_name: str, values: Any = None, path: str = "") -> Any:
 
 
 def to_plain(message: Any) -> dict[str, Any]:
-    """A message as nested mappings; arrays stay arrays."""
+    """A message as nested mappings; arrays stay arrays, and octets count from 0 to 255."""
     result: dict[str, Any] = {}
     for field in fields(message.__msgtype__):
         if field.wire_name == PLACEHOLDER:
@@ -134,6 +135,8 @@ def to_plain(message: Any) -> dict[str, Any]:
         value = getattr(message, field.name)
         if field.is_message:
             value = to_plain(value) if field.shape == "one" else [to_plain(item) for item in value]
+        elif field.base == "byte":
+            value = value & 0xFF if field.shape == "one" else np.asarray(value).view(np.uint8)
         result[field.wire_name] = value
     return result
 
@@ -186,8 +189,8 @@ def _zero(field: Field) -> Any:
 def _value(field: Field, value: Any, path: str) -> Any:
     if field.shape == "one":
         return _one(field, value, path)
-    if field.base == "uint8" and isinstance(value, (bytes, bytearray)):
-        value = np.frombuffer(value, np.uint8)
+    if isinstance(value, (bytes, bytearray)) and field.base in ("uint8", "byte", "char"):
+        value = np.frombuffer(value, _DTYPES[field.base])
     if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
         raise _misfit(path, value, f"a list for {field.text}")
     items = (
@@ -232,6 +235,8 @@ def _one(field: Field, value: Any, path: str) -> Any:
         if field.base == "float32" and math.isfinite(number) and abs(number) > np.finfo(np.float32).max:
             raise _misfit(path, value, "a number within the range of float32")
         return number
+    if field.base == "byte" and isinstance(value, (int, np.integer)) and 127 < int(value) < 256:
+        return int(value) - 256
     limits = np.iinfo(_DTYPES[field.base])
     if not isinstance(value, (int, np.integer)) or not limits.min <= int(value) <= limits.max:
         raise _misfit(path, value, f"a whole number from {limits.min} to {limits.max} ({field.base})")

@@ -25,6 +25,12 @@ _UNSENT_HIGH_MB = 64
 _LINGER_MS = 100
 
 
+def stays_local(spec: TransportSpec) -> bool:
+    """Whether the domain is meant for this machine alone, and no settings of the user say otherwise."""
+    narrow = spec.discovery_range in ("OFF", "LOCALHOST")
+    return narrow and not spec.network_interface and not os.environ.get("CYCLONEDDS_URI")
+
+
 def domain_config(spec: TransportSpec) -> str:
     """The XML configuration; settings of ``CYCLONEDDS_URI`` follow it and so override it, as in ROS 2."""
     general = [f"<MaxMessageSize>{_DATAGRAM_B}B</MaxMessageSize><FragmentSize>{_FRAGMENT_B}B</FragmentSize>"]

@@ -14,9 +14,10 @@ from cyclonedds.topic import Topic
 from joshua.plan import TransportSpec
 from joshua.transport.api import NodeHandle, NodeInfo, Transport
 from joshua.transport.dds import raw
-from joshua.transport.dds.config import domain_config
+from joshua.transport.dds.config import domain_config, stays_local
 from joshua.transport.dds.events import Events
 from joshua.transport.dds.graph import Graph
+from joshua.transport.dds.loopback import sockets_on_loopback
 from joshua.transport.dds.node import DdsNode, EventCallback
 from joshua.transport.dds.types import idl_type
 from joshua.transport.delivery import Delivery
@@ -124,7 +125,8 @@ def _enter_domain(spec: TransportSpec) -> None:
             )
         if present is None:
             try:
-                domain = Domain(spec.domain_id, config)
+                with sockets_on_loopback(stays_local(spec)):
+                    domain = Domain(spec.domain_id, config)
             except DDSException as error:
                 raise TransportError(
                     f"DDS refuses the settings of domain {spec.domain_id}: {error} Check network_interface, "

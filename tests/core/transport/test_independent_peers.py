@@ -1,0 +1,101 @@
+"""Programs that share no code with ours hear us and are heard: the wire is ROS 2's."""
+
+from __future__ import annotations
+
+import json
+import random
+
+import pytest
+from joshua.messages import decode, encode, make, message_class
+from joshua.plan import QosProfile, TransportSpec
+from joshua.transport.endpoints import read_endpoint
+
+STRING = "std_msgs/msg/String"
+STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_STATE_HASH = "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
+
+
+def endpoints(transport):
+    return {
+        (f"{node.namespace.rstrip('/')}/{node.name}", endpoint.topic, endpoint.is_publisher): endpoint
+        for node in transport.nodes()
+        for endpoint in node.endpoints
+    }
+
+
+def test_zenoh_ros2_sdk(zenoh_spec, router, opener, program, eventually):
+    port = read_endpoint(zenoh_spec.listen_endpoints[0]).port
+    peer = program("sdk_peer.py", port, zenoh_spec.domain_id)
+    transport = opener(zenoh_spec)
+    node = transport.create_node("ours", "/left")
+    got = []
+    node.create_subscription("/from_sdk", STRING, QosProfile(), got.append)
+    publisher = node.create_publisher("/to_sdk", STRING, QosProfile(depth=5))
+    assert peer.stdout.readline() == "ready\n"
+    eventually(lambda: got, what="a message of the SDK")
+    assert decode(STRING, got[0].cdr).data == "hello from the sdk"
+
+    seen = eventually(
+        lambda: (found := endpoints(transport)) and ("/sdk_listener", "/to_sdk", False) in found and found
+    )
+    talker = seen["/sdk_talker", "/from_sdk", True]
+    assert (talker.type_name, talker.type_hash) == (STRING, STRING_HASH)
+
+    eventually(lambda: publisher.subscription_count == 1)
+    publisher.publish(encode(message_class(STRING)("hello from joshua")))
+    report = json.loads(peer.stdout.readline())
+    assert report == {
+        "heard": ["hello from joshua"],
+        "node": ["/left", "ours"],
+        "type": STRING,
+        "hash": STRING_HASH,
+        "qos": "::,5:,:,:,,",
+    }
+
+
+@pytest.mark.parametrize("distro", ["jazzy", "humble"])
+def test_plain_cyclonedds(opener, program, eventually, distro):
+    spec = TransportSpec(kind="dds", domain_id=random.randrange(233), distro=distro)
+    peer = program("dds_peer.py", spec.domain_id, distro)
+    transport = opener(spec)
+    node = transport.create_node("ours", "/left")
+    got = []
+    node.create_subscription("/from_peer", STRING, QosProfile(), got.append)
+    publisher = node.create_publisher("/to_peer", JOINT_STATE, QosProfile())
+    assert peer.stdout.readline() == "ready\n"
+    eventually(lambda: got, what="a message of the peer")
+    assert decode(STRING, got[0].cdr).data == "hello from dds"
+    assert len(got[0].publisher_gid) == 16
+
+    seen = eventually(
+        lambda: (found := endpoints(transport)) and ("/bare/dds_peer", "/to_peer", False) in found and found
+    )
+    talker = seen["/bare/dds_peer", "/from_peer", True]
+    assert talker.type_name == STRING
+    assert talker.type_hash == ("TypeHashNotSupported" if distro == "humble" else STRING_HASH)
+    assert talker.qos == QosProfile()
+
+    eventually(lambda: publisher.subscription_count == 1)
+    publisher.publish(encode(make.joint_state(["a", "b"], [0.5, -1.5], frame_id="base")))
+    report = json.loads(peer.stdout.readline())
+    peer.stdin.write("end\n")
+    peer.stdin.flush()
+    assert report == {
+        "name": ["a", "b"],
+        "position": [0.5, -1.5],
+        "frame": "base",
+        "nodes": [["/left", "ours"]],
+        "type": "sensor_msgs::msg::dds_::JointState_",
+        "user_data": "" if distro == "humble" else f"typehash={JOINT_STATE_HASH};",
+    }
+
+
+def test_endpoints_that_no_node_owns_are_listed_as_ros_2_lists_them(opener, program, eventually):
+    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
+    # a peer of another distribution announces its node in a form that does not match
+    peer = program("dds_peer.py", spec.domain_id, "humble")
+    transport = opener(spec)
+    assert peer.stdout.readline() == "ready\n"
+    bare = "_CREATED_BY_BARE_DDS_APP_"
+    eventually(lambda: (f"{bare}/{bare}", "/from_peer", True) in endpoints(transport))

@@ -1,0 +1,121 @@
+"""With TLS configured only programs that hold a certificate of the authority get anything."""
+
+from __future__ import annotations
+
+import datetime
+import json
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+from joshua.messages import encode, message_class
+from joshua.plan import QosProfile, TlsSpec, TransportSpec
+from joshua.transport import TransportError
+from joshua.transport.router import host_or_join
+
+STRING = "std_msgs/msg/String"
+
+
+class Authority:
+    """A certificate authority that lives in a folder."""
+
+    def __init__(self, folder, name):
+        self._folder, self._key = folder, ec.generate_private_key(ec.SECP256R1())
+        self._name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+        certificate = self._sign(self._name, self._key.public_key(), is_authority=True)
+        self.file = self._write(f"{name}.pem", certificate.public_bytes(serialization.Encoding.PEM))
+
+    def issue(self, name):
+        """Writes a certificate and its key; returns their paths."""
+        key = ec.generate_private_key(ec.SECP256R1())
+        subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+        certificate = self._sign(subject, key.public_key(), is_authority=False)
+        pem = key.private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        )
+        return (
+            self._write(f"{name}.crt", certificate.public_bytes(serialization.Encoding.PEM)),
+            self._write(f"{name}.key", pem),
+        )
+
+    def _sign(self, subject, public_key, *, is_authority):
+        now = datetime.datetime.now(datetime.timezone.utc)
+        return (
+            x509.CertificateBuilder()
+            .subject_name(subject)
+            .issuer_name(self._name)
+            .public_key(public_key)
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(now - datetime.timedelta(hours=1))
+            .not_valid_after(now + datetime.timedelta(hours=1))
+            .add_extension(x509.BasicConstraints(is_authority, None), critical=True)
+            .add_extension(x509.SubjectAlternativeName([x509.DNSName("robot.local")]), critical=False)
+            .sign(self._key, hashes.SHA256())
+        )
+
+    def _write(self, name, data):
+        path = self._folder / name
+        path.write_bytes(data)
+        return str(path)
+
+
+@pytest.fixture
+def authority(tmp_path):
+    return Authority(tmp_path, "robots")
+
+
+@pytest.fixture
+def secure(zenoh_spec, authority):
+    certificate, key = authority.issue("robot")
+    tls = TlsSpec(root_ca_file=authority.file, certificate_file=certificate, private_key_file=key)
+    endpoint = zenoh_spec.listen_endpoints[0].replace("tcp/", "tls/")
+    return zenoh_spec.model_copy(update={"listen_endpoints": (endpoint,), "tls": tls})
+
+
+def test_our_nodes_talk_and_a_client_needs_a_certificate(
+    secure, authority, tmp_path, opener, program, eventually
+):
+    handle = host_or_join(secure)
+    try:
+        near, far = opener(secure), opener(secure)
+        got = []
+        far.create_node("listener").create_subscription("/topic", STRING, QosProfile(), got.append)
+        publisher = near.create_node("talker").create_publisher("/topic", STRING, QosProfile())
+        eventually(lambda: publisher.subscription_count == 1)
+        message = encode(message_class(STRING)("secret"))
+        publisher.publish(message)
+        eventually(lambda: got)
+
+        endpoint = secure.listen_endpoints[0]
+        stranger = Authority(tmp_path, "strangers")
+        guests = {
+            "none": program("raw_zenoh.py", endpoint, authority.file),
+            "foreign": program("raw_zenoh.py", endpoint, authority.file, *stranger.issue("guest")),
+            "ours": program("raw_zenoh.py", endpoint, authority.file, *authority.issue("friend")),
+        }
+
+        def all_reported():
+            publisher.publish(message)
+            return all(guest.poll() is not None for guest in guests.values())
+
+        eventually(all_reported, what="the reports of the guests")
+        reports = {name: json.loads(guest.stdout.read()) for name, guest in guests.items()}
+        assert reports["none"] == {"connected": False, "heard": []}
+        assert reports["foreign"] == {"connected": False, "heard": []}
+        assert reports["ours"]["connected"]
+        assert reports["ours"]["heard"][0].startswith(f"{secure.domain_id}/topic/")
+    finally:
+        handle.close()
+
+
+def test_an_open_endpoint_beside_certificates_is_refused(secure):
+    spec = secure.model_copy(update={"listen_endpoints": ("tcp/0.0.0.0:7447",)})
+    with pytest.raises(TransportError, match="would let clients without a certificate in"):
+        host_or_join(spec)
+
+
+def test_encryption_without_certificates_is_refused():
+    with pytest.raises(TransportError, match="set the tls block of the transport"):
+        host_or_join(TransportSpec(listen_endpoints=("tls/localhost:7447",)))
