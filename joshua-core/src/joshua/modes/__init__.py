@@ -51,4 +51,7 @@ def check_mode(loaded: Loaded) -> list[Diagnostic]:
     if name is None:
         return []
     modules = [import_module(f"joshua.modes.{module}") for module in (name, "unused")]
-    return settle((item for module in modules for item in module.check(context)), loaded, absent=ABSENT)
+    findings = (item for module in modules for item in module.check(context))
+    if not context.all_published:
+        findings = (item for item in findings if item.code not in ABSENT)
+    return settle(findings, loaded, absent=ABSENT)

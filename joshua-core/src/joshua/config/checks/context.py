@@ -96,6 +96,13 @@ class Context:
         ]
 
     @cached_property
+    def all_published(self) -> bool:
+        """Whether the topic of every publisher is known; else nothing can be called unpublished."""
+        return sum(item.is_publisher for item in self.usable) == sum(
+            item.is_publisher for item in self.endpoints
+        )
+
+    @cached_property
     def by_topic(self) -> dict[str, list[Endpoint]]:
         """The usable endpoints of each topic."""
         return _grouped((item.topic, item) for item in self.usable)

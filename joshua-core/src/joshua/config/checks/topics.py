@@ -115,6 +115,8 @@ def _two_publishers(
 
 
 def _unpublished(context: Context) -> Iterator[Diagnostic]:
+    if not context.all_published:
+        return
     # In these modes an actuator without a commander breaks the mode, whose own checks say so.
     by_mode = context.config.general.mode in (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE)
     for item in context.usable:
