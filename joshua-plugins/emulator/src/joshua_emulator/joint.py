@@ -61,7 +61,7 @@ class Joint:
     def advance(self, now_s: float, drive: Drive) -> None:
         """Brings the joint to a time of the monotonic clock; an earlier time changes nothing."""
         if self._time_s is None:
-            self._time_s = now_s
+            self._time_s = now_s - STEP_S
         elapsed_s = now_s - self._time_s
         if elapsed_s <= 0:
             return

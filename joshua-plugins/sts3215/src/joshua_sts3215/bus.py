@@ -1,9 +1,9 @@
 """The bus: requests out, replies in, matched by id, length, order and checksum. This is the hot path.
 
 A reply carries no number of its request, so a late one could pass for an answer to the next. Three rules keep
-it out: received bytes are dropped before each request; replies of a sync read must come in the order of the
-request, and one that comes out of order shows that those before it were late; and after a lost reply requests
-ask for a varying number of further bytes for a while, so that a late reply has the wrong length.
+it out: received bytes are dropped before each request; the replies of a sync read must come in the order of
+the request, each once, or none of them is believed; and after a lost reply requests ask for a varying number
+of further bytes for a while, so that a late reply has the wrong length.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from joshua_sts3215.registers import LOCK, Register
 REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16 ms
 RETRIES = 2
 LATE_HORIZON_S = 0.25  # how long after a lost reply a late one is reckoned with
-PADDINGS = 7
+PADDINGS = 15
 
 
 @dataclass
@@ -168,8 +168,11 @@ class Bus:
                 found = reply
                 break
             self.counters.stale += 1
-        self._note(servo_id, found)
         self.counters.corrupt += search.broken
+        if found is None:
+            self._lose(servo_id)
+        else:
+            self.status[servo_id] = found.error
         return found
 
     def _sync_read_once(self, address: int, length: int, ids: tuple[int, ...]) -> dict[int, bytes]:
@@ -215,26 +218,30 @@ class Bus:
     def _sort_out(
         self, received: bytes, size: int, length: int, ids: Sequence[int], deadline_s: float
     ) -> dict[int, bytes]:
-        """The unusual case: takes the replies that are whole, of the right length and in order."""
+        """The unusual case: takes whole replies of the right length, provided that they are in order."""
         place = {servo_id: index for index, servo_id in enumerate(ids)}
-        taken: dict[int, Reply] = {}
+        taken: dict[int, bytes] = {}
+        last = -1
         search = Search()
         for reply in self._replies(received, deadline_s, search):
             index = place.get(reply.servo_id)
             if index is None or len(reply.data) != size:
                 self.counters.stale += 1
                 continue
-            late = [servo_id for servo_id in taken if place[servo_id] >= index]
-            for servo_id in late:
-                del taken[servo_id]
-            self.counters.stale += len(late)
-            taken[reply.servo_id] = reply
+            if index <= last:  # a late reply is among them, and nothing tells which one it is
+                self.counters.stale += 1
+                self._expect_late_replies()
+                return {}
+            last = index
+            self.status[reply.servo_id] = reply.error
+            taken[reply.servo_id] = reply.data[:length]
             if len(taken) == len(ids):
                 break
         for servo_id in ids:
-            self._note(servo_id, taken.get(servo_id))
+            if servo_id not in taken:
+                self._lose(servo_id)
         self.counters.corrupt += search.broken
-        return {servo_id: reply.data[:length] for servo_id, reply in taken.items()}
+        return taken
 
     def _send(self, message: bytes, reply_size: int) -> float:
         """Sends a request; returns until when its replies are waited for."""
@@ -264,11 +271,11 @@ class Bus:
         self._padding = self._padding % PADDINGS + 1
         return self._padding
 
-    def _note(self, servo_id: int, reply: Reply | None) -> None:
-        if reply is not None:
-            self.status[servo_id] = reply.error
-            return
+    def _lose(self, servo_id: int) -> None:
         self.counters.lose(servo_id)
+        self._expect_late_replies()
+
+    def _expect_late_replies(self) -> None:
         self._uncertain_until_s = time.monotonic() + LATE_HORIZON_S
 
     def _no_reply(self, servo_id: int, what: str) -> NoReply:
