@@ -23,6 +23,7 @@ def joshua_provisions() -> list[Provision]:
             enum_values=("PERCEPTION_CAMERA",),
             implementation="joshua.devices.mock_camera:MockCamera",
             settings="joshua.devices.mock_settings:MockCameraSettings",
+            data_types=("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"),
             summary="moving test pattern that carries its frame number",
         ),
         Provision(
@@ -31,6 +32,7 @@ def joshua_provisions() -> list[Provision]:
             enum_values=("PERCEPTION_ENCODER",),
             implementation="joshua.devices.mock_encoder:MockEncoder",
             settings="joshua.devices.mock_settings:MockEncoderSettings",
+            data_types=("sensor_msgs/msg/JointState", "std_msgs/msg/Float64", "std_msgs/msg/Int64"),
             summary="rotary encoder that turns at a constant speed",
         ),
         Provision(
@@ -39,6 +41,7 @@ def joshua_provisions() -> list[Provision]:
             enum_values=("PERCEPTION_LIDAR",),
             implementation="joshua.devices.mock_lidar:MockLidar",
             settings="joshua.devices.mock_settings:MockLidarSettings",
+            data_types=("sensor_msgs/msg/LaserScan",),
             summary="laser scanner in a rectangular room",
         ),
         Provision(

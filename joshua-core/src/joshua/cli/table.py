@@ -17,6 +17,11 @@ class Command:
 COMMANDS: tuple[Command, ...] = (
     Command("presets", "joshua.cli.commands.presets", "list the presets, or print one"),
     Command("new", "joshua.cli.commands.new", "copy a preset, to make it your own"),
+    Command(
+        "plugins",
+        "joshua.cli.commands.plugins",
+        "list the plugins, what each provides, and what is wrong with one",
+    ),
     Command("status", "joshua.cli.commands.status", "show the systems that run on this machine"),
     Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
     Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),

@@ -1,0 +1,136 @@
+"""``joshua plugins``: what is installed, what each plugin provides, and what is wrong with a broken one."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from joshua.cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Sequence
+
+    from joshua.plugins import PluginRow, Provision
+
+SUMMARY = "list the plugins, what each provides, and what is wrong with one"
+
+NOTHING = (
+    "joshua plugins: no plugin is installed, not even joshua-core: its files are here without its metadata\n"
+    "  do: pip install joshua-core\n"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of ``joshua plugins``."""
+    import argparse
+
+    parser.add_argument(
+        "--block-plugin",
+        dest="blocked_plugins",
+        metavar="NAME",
+        action="append",
+        default=argparse.SUPPRESS,
+        help="leave a plugin out, by the name in the first column",
+    )
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="also import what each plugin names, and check that it is what it claims to be",
+    )
+    parser.add_argument(
+        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
+    )
+    parser.add_argument(
+        "--json",
+        dest="format",
+        action="store_const",
+        const="json",
+        default=argparse.SUPPRESS,
+        help="the same as --format json",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the list; with ``--check`` the exit code is 1 if anything is wrong with a plugin."""
+    from joshua.plugins import PluginStatus, load_registry
+
+    rows = load_registry(blocked=tuple(getattr(arguments, "blocked_plugins", ()))).rows()
+    if not rows:
+        sys.stderr.write(NOTHING)
+        return ExitCode.NOT_INSTALLED
+    if arguments.check:
+        rows = tuple(map(checked, rows))
+    if getattr(arguments, "format", "text") == "json":
+        sys.stdout.write(json.dumps([as_json(row) for row in rows], indent=2) + "\n")
+    else:
+        sys.stdout.write(listing(rows))
+    wrong = any(row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT) for row in rows)
+    return ExitCode.FAILED if arguments.check and wrong else ExitCode.OK
+
+
+def checked(row: PluginRow) -> PluginRow:
+    """The same plugin after a look at everything that its provisions name; imports drivers."""
+    from dataclasses import replace
+
+    from joshua.plugins import PluginStatus
+    from joshua.plugins.targets import check_targets
+
+    problems = tuple(
+        f"{subject(provision)}: {problem}"
+        for provision in row.provisions
+        for problem in check_targets(provision)
+    )
+    return replace(row, status=PluginStatus.BROKEN, reasons=row.reasons + problems) if problems else row
+
+
+def subject(provision: Provision) -> str:
+    """What a provision answers for, in words of the configuration file."""
+    return provision.block or ", ".join(provision.enum_values)
+
+
+def listing(rows: Sequence[PluginRow]) -> str:
+    """Prints plugins for people: one block of lines for each, reasons before provisions."""
+    from joshua.generator.tables import clean, columns
+
+    cells = [("NAME", "VERSION", "STATUS", "PROVIDES")]
+    for row in rows:
+        details = [*(f"! {reason}" for reason in row.reasons), *_provision_lines(row.provisions)]
+        cells.append((row.distribution, row.version, row.status.value, details[0] if details else "nothing"))
+        cells += [("", "", "", detail) for detail in details[1:]]
+    return "\n".join(clean(line) for line in columns(cells)) + "\n"
+
+
+def _provision_lines(provisions: Iterable[Provision]) -> list[str]:
+    lines = []
+    for provision in provisions:
+        summary = f": {provision.summary}" if provision.summary else ""
+        lines.append(f"{provision.kind.value} {subject(provision)}{summary}")
+        if provision.block and provision.enum_values:
+            lines.append(f"  for {', '.join(provision.enum_values)}")
+    return lines
+
+
+def as_json(row: PluginRow) -> dict[str, Any]:
+    """One plugin for programs."""
+    return {
+        "name": row.distribution,
+        "entry_point": row.name,
+        "module": row.module,
+        "version": row.version,
+        "status": row.status.value,
+        "reasons": list(row.reasons),
+        "provides": [
+            {
+                "kind": provision.kind.value,
+                "block": provision.block,
+                "enum_values": list(provision.enum_values),
+                "summary": provision.summary,
+                "implementation": provision.implementation,
+                "native": provision.native,
+                "data_types": list(provision.data_types),
+            }
+            for provision in row.provisions
+        ],
+    }
