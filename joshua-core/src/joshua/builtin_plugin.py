@@ -16,6 +16,7 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua.devices.mock_actuator:MockActuator",
             settings="joshua.devices.mock_settings:MockMotorSettings",
             summary="virtual motors with first-order motion",
+            virtual=True,
         ),
         Provision(
             kind=ProvisionKind.SENSOR,
@@ -25,6 +26,7 @@ def joshua_provisions() -> list[Provision]:
             settings="joshua.devices.mock_settings:MockCameraSettings",
             data_types=("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"),
             summary="moving test pattern that carries its frame number",
+            virtual=True,
         ),
         Provision(
             kind=ProvisionKind.SENSOR,
@@ -34,6 +36,7 @@ def joshua_provisions() -> list[Provision]:
             settings="joshua.devices.mock_settings:MockEncoderSettings",
             data_types=("sensor_msgs/msg/JointState", "std_msgs/msg/Float64", "std_msgs/msg/Int64"),
             summary="rotary encoder that turns at a constant speed",
+            virtual=True,
         ),
         Provision(
             kind=ProvisionKind.SENSOR,
@@ -43,6 +46,7 @@ def joshua_provisions() -> list[Provision]:
             settings="joshua.devices.mock_settings:MockLidarSettings",
             data_types=("sensor_msgs/msg/LaserScan",),
             summary="laser scanner in a rectangular room",
+            virtual=True,
         ),
         Provision(
             kind=ProvisionKind.MODEL,

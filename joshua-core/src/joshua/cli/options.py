@@ -54,6 +54,18 @@ def add_config_options(parser: argparse.ArgumentParser, *, suppress: bool = True
     )
 
 
+def add_fault_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Adds the option that brings about faults of emulated devices."""
+    parser.add_argument(
+        "--fault",
+        dest="faults",
+        metavar="NODE:FAULT",
+        action="append",
+        default=[],
+        help="a fault of an emulated device, such as follower_arm:drop=0.01 or camera_top:stall=1,at_s=2",
+    )
+
+
 def add_run_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of the main command."""
     add_config_options(parser, suppress=False)
@@ -62,6 +74,10 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--duration", metavar="SECONDS", type=positive_seconds, help="end in good order after this time"
     )
+    group.add_argument(
+        "--emulate", action="store_true", help="replace every device by an emulator; no hardware is opened"
+    )
+    add_fault_option(group)
     group.add_argument(
         "--log-level",
         metavar="LEVEL",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
@@ -12,7 +13,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.generator.examination import Examination
+    from joshua.generator.examination import Checked, Examination
     from joshua.generator.fork_server import ForkServer
     from joshua.plan import Plan, RunReport
 
@@ -23,25 +24,37 @@ def run(arguments: argparse.Namespace) -> int:
     # First of all: the fork server must be forked before any thread or transport exists, and it loads
     # the heavy modules while this process reads the file.
     from joshua.generator import fork_server
+    from joshua.generator.examination import finish
 
-    server = fork_server.start()
-    try:
-        examination = examine(arguments)
+    with ExitStack() as stack:
+        server = fork_server.start()
+        stack.callback(server.close)
+        checked = check(arguments)
+        if arguments.emulate and not checked.examination.errors:
+            refusal = emulate(checked, arguments, stack)
+            if refusal is not None:
+                return refusal
+        examination = finish(checked)
         if examination.plan is None:
             return refuse(examination, arguments)
         report = supervise(examination.plan, server, arguments, began_s)
-    finally:
-        server.close()
     return conclude(examination.plan, report)
 
 
-def examine(arguments: argparse.Namespace) -> Examination:
-    """Loads, checks and plans the file."""
+def check(arguments: argparse.Namespace) -> Checked:
+    """Loads and checks the file."""
     from joshua.cli.report import request_of
-    from joshua.generator.examination import examine as examine_request
+    from joshua.generator.examination import check_file
     from joshua.generator.request import Purpose
 
-    return examine_request(request_of(arguments, Purpose.LAUNCH))
+    return check_file(request_of(arguments, Purpose.LAUNCH))
+
+
+def emulate(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> int | None:
+    """Puts emulators in place of the devices; returns an exit code where that is refused."""
+    from joshua.cli.emulation import start_rig
+
+    return start_rig(checked, arguments, stack)
 
 
 def refuse(examination: Examination, arguments: argparse.Namespace) -> int:

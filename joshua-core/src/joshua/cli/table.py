@@ -26,5 +26,6 @@ COMMANDS: tuple[Command, ...] = (
     Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
     Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
     Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
+    Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
     Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
 )

@@ -21,6 +21,14 @@ PLANNING_CODES: dict[str, CodeDoc] = {
         "A block breaks a rule of the plugin that runs it.",
         "Change the value as the message says.",
     ),
+    "emulator-missing": CodeDoc(
+        "A device of the file has no emulator, and --emulate never opens a real one.",
+        "Install joshua-emulator, or leave the device out of the file.",
+    ),
+    "fault-node-unknown": CodeDoc(
+        "--fault names a node that is no emulated device of the file.",
+        "Name one of the devices: --fault NODE:FAULT.",
+    ),
     "native-missing": CodeDoc(
         "A node asks for node_type CPP, and its plugin has no native implementation.",
         "Nothing: the Python implementation runs. Set node_type to PYTHON to silence the note.",

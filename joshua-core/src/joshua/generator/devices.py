@@ -31,13 +31,6 @@ class Wanted:
     enum_value: str
 
 
-STANDARD_BEHAVIOURS = {
-    ProvisionKind.ACTUATOR: "joshua.devices.actuator_node:ActuatorNode",
-    ProvisionKind.SENSOR: "joshua.devices.sensor_node:SensorNode",
-    ProvisionKind.MODEL: "joshua.models.inference_node:InferenceNode",
-}
-
-
 def wanted_nodes(config: pb.Config, *, devices: bool, models: bool) -> list[Wanted]:
     """Lists the nodes that a mode starts, in the order of the file."""
     wanted = []

@@ -10,7 +10,9 @@ from joshua.generator.request import Purpose, Request
 from joshua.plan import Diagnostic, Severity
 
 if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
     from joshua.plan import Plan
+    from joshua.plugins import Registry
 
 
 @dataclass(frozen=True)
@@ -32,11 +34,30 @@ class Examination:
         return [item for item in self.diagnostics if item.severity is Severity.ERROR]
 
 
+@dataclass(frozen=True)
+class Checked:
+    """A configuration whose text has been read and checked, on its way to a plan."""
+
+    request: Request
+    registry: Registry
+    loaded: LoadedConfig
+    diagnostics: Sequence[Diagnostic]
+
+    @property
+    def examination(self) -> Examination:
+        """What is known so far."""
+        return Examination(self.diagnostics, self.loaded.sources)
+
+
 def examine(request: Request) -> Examination:
     """Loads, checks and plans a configuration; reports every problem at once and never raises for one."""
+    return finish(check_file(request))
+
+
+def check_file(request: Request) -> Checked:
+    """Loads a configuration and checks everything that its text decides."""
     from joshua.config import check, load
     from joshua.config.checks.paths import check_paths
-    from joshua.generator.planning import Planning
     from joshua.modes import check_mode
     from joshua.plugins import load_registry
 
@@ -44,13 +65,21 @@ def examine(request: Request) -> Examination:
     loaded = load(request.path, overrides=request.overrides, message_types=registry.message_modules())
     diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded)]
     diagnostics += check_paths(loaded, launch=request.launch)
-    planning = Planning(loaded, registry, request)
+    return Checked(request, registry, loaded, diagnostics)
+
+
+def finish(checked: Checked) -> Examination:
+    """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
+    from joshua.generator.planning import Planning
+
+    request = checked.request
+    planning = Planning(checked.loaded, checked.registry, request)
     planning.resolve()
-    examination = Examination([*diagnostics, *planning.findings], loaded.sources)
+    examination = Examination([*checked.diagnostics, *planning.findings], checked.loaded.sources)
     if examination.errors or request.purpose is Purpose.VALIDATE:
         return examination
     plan = planning.plan()
-    examination = replace(examination, diagnostics=[*diagnostics, *planning.findings])
+    examination = replace(examination, diagnostics=[*checked.diagnostics, *planning.findings])
     if plan is None or examination.errors:
         return examination
     return replace(examination, plan=plan.model_copy(update={"findings": tuple(examination.diagnostics)}))

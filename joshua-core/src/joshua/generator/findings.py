@@ -84,15 +84,15 @@ class Findings:
                 remedy=f"install the plugin, or remove the {block} block",
             )
 
-    def native_missing(self, want: Wanted, distribution: str) -> None:
-        """A node that asks for a native implementation that its plugin does not have."""
+    def native_missing(self, wants: Sequence[Wanted], distribution: str) -> None:
+        """Nodes whose plugin lacks the native implementation that they ask for: said once, at launch."""
         if self.launch:
+            names = ", ".join(want.entry.node.node_name for want in wants)
             self.add(
                 "native-missing",
                 Severity.NOTE,
-                f"{distribution} has no native implementation for {want.entry.node.node_name}: "
-                "the Python implementation runs",
-                f"{want.entry.path}.node_type",
+                f"{distribution} has no native implementation for {names}: the Python implementation runs",
+                f"{wants[0].entry.path}.node_type",
             )
 
     def no_share(self, host: str, hosts: list[str]) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from joshua.config.topics import Endpoint, endpoints
-from joshua.generator.devices import STANDARD_BEHAVIOURS, Wanted
+from joshua.generator.devices import Wanted
 from joshua.generator.findings import Findings
 from joshua.generator.resolution import Resolved
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plugins import ProvisionKind, Registry
+from joshua.plugins.targets import behaviour_of
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 
@@ -39,17 +40,24 @@ class NodePlanner:
         self._registry = registry
         self._joints = joints
         self._findings = findings
+        self._without_native: dict[str, list[Wanted]] = {}
         self._endpoints = endpoints(config)
         self._testing = config.general.mode == pb.MODE_TEST
 
-    def spec(self, resolved: Resolved) -> NodeSpec:
-        """Makes the spec of one resolved node."""
+    def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
+        """Makes the specs of all resolved nodes."""
+        specs = [self._spec(resolved) for resolved in nodes]
+        for plugin, wants in self._without_native.items():
+            self._findings.native_missing(wants, plugin)
+        return specs
+
+    def _spec(self, resolved: Resolved) -> NodeSpec:
         want, provision = resolved.want, resolved.provision
         node = want.entry.node
         plugin = self._registry.owner(provision).distribution
         native = node.node_type == pb.CPP and bool(provision.native)
         if node.node_type == pb.CPP and not native:
-            self._findings.native_missing(want, plugin)
+            self._without_native.setdefault(plugin, []).append(want)
         settings = resolved.settings
         return NodeSpec(
             name=node.node_name,
@@ -60,7 +68,7 @@ class NodePlanner:
             role=want.enum_value,
             block=want.block_name,
             plugin=plugin,
-            behaviour=provision.behaviour or STANDARD_BEHAVIOURS[want.kind],
+            behaviour=behaviour_of(provision),
             implementation=provision.native if native else provision.implementation,
             settings_type=provision.settings,
             settings=settings.model_dump(mode="json") if settings is not None else {},

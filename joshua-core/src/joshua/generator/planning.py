@@ -56,7 +56,7 @@ class Planning:
 
         config, request = self._config, self._request
         planner = NodePlanner(config, self._registry, self._resolver.joints, self._findings)
-        nodes = [planner.spec(resolved) for resolved in self._nodes]
+        nodes = planner.specs(self._nodes)
         nodes += [service_spec(resolved, self._registry) for resolved in self._services]
         nodes = _share_of_host(nodes, request.host, self._findings)
         transport = transport_spec(config, request.path, self._findings)

@@ -37,6 +37,7 @@ class Provision:
             ``("sensor_msgs/msg/Image",)``, so that a file is checked without the driver; () says nothing.
         native: import string of the native implementation that ``node_type: CPP`` asks for; "" if none.
         summary: one line for ``joshua plugins``.
+        virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
     """
 
     kind: ProvisionKind
@@ -49,3 +50,4 @@ class Provision:
     native: str = ""
     data_types: tuple[str, ...] = ()
     summary: str = ""
+    virtual: bool = False

@@ -17,6 +17,7 @@ _BASE_CLASSES = {
     ProvisionKind.ACTUATOR: "joshua.devices.actuator:Actuator",
     ProvisionKind.SENSOR: "joshua.devices.sensor:Sensor",
     ProvisionKind.MODEL: "joshua.models.model:Model",
+    ProvisionKind.EMULATOR: "joshua.plugins.emulator:DeviceEmulator",
 }
 _BEHAVIOUR_BASE = "joshua.node.behaviour:NodeBehaviour"
 _SETTINGS_BASE = "joshua.plugins.settings:BlockSettings"

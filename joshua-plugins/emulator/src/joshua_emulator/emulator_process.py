@@ -70,8 +70,13 @@ class EmulatorProcess:
         if not self._has_root:
             self._own_root = Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
             command += ["--root", str(self._own_root)]
+        # In a session of its own: Ctrl-C is for the drivers, which stop before their devices vanish.
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
         )
         line = self._first_line()
         if not line:

@@ -13,13 +13,13 @@ def joshua_provisions() -> list[Provision]:
         Provision(
             kind=ProvisionKind.EMULATOR,
             block="sts3215_config",
-            implementation="joshua_emulator.process:EmulatedBus",
+            implementation="joshua_emulator.devices:ServoBusEmulator",
             summary="STS3215 servo bus on a pseudo-terminal",
         ),
         Provision(
             kind=ProvisionKind.EMULATOR,
             block="camera_config",
-            implementation="joshua_emulator.camera.process:EmulatedCamera",
+            implementation="joshua_emulator.devices:CameraEmulator",
             summary="Motion JPEG camera on loopback, with a test scene that carries frame numbers",
         ),
     ]

@@ -1,0 +1,44 @@
+"""``joshua emulate FILE``: run the emulators of a file alone, for drivers and tools of any kind."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+
+SUMMARY = "run the emulators of a file alone"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of ``joshua emulate``."""
+    from joshua.cli.options import add_fault_option
+
+    parser.add_argument("file", metavar="FILE", help="configuration whose devices are emulated")
+    add_fault_option(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Starts the emulators, prints where each is reached, and waits for Ctrl-C."""
+    from joshua.cli.emulation import start_rig
+    from joshua.cli.report import exit_code_of, show_findings
+    from joshua.generator.examination import check_file
+    from joshua.generator.request import Request
+
+    checked = check_file(Request(arguments.file, arguments.overrides))
+    if checked.examination.errors:
+        show_findings(checked.examination, arguments.format)
+        return exit_code_of(checked.examination)
+    with ExitStack() as stack:
+        refusal = start_rig(checked, arguments, stack)
+        if refusal is not None:
+            return refusal
+        sys.stdout.write("stop with Ctrl-C\n")
+        sys.stdout.flush()
+        signal.sigwait({signal.SIGINT, signal.SIGTERM})
+    return ExitCode.OK

@@ -1,0 +1,61 @@
+"""The contract of emulators: a stand-in for one device that speaks the device's own protocol."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+
+from google.protobuf.message import Message
+
+from joshua.schema.calibration_pb2 import ArmCalibration
+
+
+class EmulationError(Exception):
+    """An emulator cannot start or refuses a fault; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class EmulatedDevice:
+    """The device that an emulator stands for.
+
+    Attributes:
+        node_name: name of the node that drives it; role: its enum value, such as ``ACTION_LEADER``.
+        block: its configuration block.
+        state_folder: where what a real device would remember is kept from run to run.
+        faults: faults to bring about, each in the emulator's own words, such as ``drop=0.01``.
+    """
+
+    node_name: str
+    role: str
+    block: Message
+    state_folder: Path
+    faults: tuple[str, ...] = ()
+
+
+class DeviceEmulator(ABC):
+    """Stands for one device in a process of its own, which ends with the one that started it."""
+
+    def __init__(self, device: EmulatedDevice) -> None:
+        self.device = device
+
+    @abstractmethod
+    def start(self) -> None:
+        """Starts the process and waits until it answers. Raises EmulationError."""
+
+    @abstractmethod
+    def amend(self, block: Message) -> None:
+        """Puts the emulator's endpoint in place of the device's; changes nothing else."""
+
+    @property
+    @abstractmethod
+    def endpoint(self) -> str:
+        """Where the emulator is reached, for people."""
+
+    def calibration(self) -> ArmCalibration | None:
+        """The calibration that the emulated device holds; None where it has none."""
+        return None
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ends the process; a second call does nothing."""

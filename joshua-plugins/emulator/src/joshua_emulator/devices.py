@@ -1,0 +1,104 @@
+"""The emulators that ``--emulate`` puts in place of the devices of a file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from google.protobuf.message import Message
+from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice, EmulationError
+from joshua.schema.calibration_pb2 import ArmCalibration, MotorCalibration
+
+from joshua_emulator.camera.process import EmulatedCamera
+from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
+from joshua_emulator.process import EmulatedBus
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SIX_JOINT_ARM = "so_arm100"
+#: What moves a leader's joints, in place of the person who would.
+LEADER_MOTION = "sine"
+
+
+class ProcessEmulator(DeviceEmulator):
+    """An emulator that is a process of this distribution."""
+
+    def __init__(self, device: EmulatedDevice) -> None:
+        super().__init__(device)
+        self._process: Any = None
+
+    def start(self) -> None:
+        """Starts the process."""
+        try:
+            self.device.state_folder.mkdir(parents=True, exist_ok=True)
+            self._process = self.make_process(self.device.block, self.device.state_folder)
+            self._process.start()
+        except (EmulatorError, OSError) as error:
+            raise EmulationError(f"{self.device.node_name}: {error}") from error
+
+    def make_process(self, block: Any, folder: Path) -> EmulatorProcess:
+        """Makes the process that stands for a block."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Ends the process."""
+        if self._process is not None:
+            self._process.close()
+
+
+class ServoBusEmulator(ProcessEmulator):
+    """An STS3215 bus; six servos are an SO-ARM100, already calibrated."""
+
+    def make_process(self, block: Any, folder: Path) -> EmulatedBus:
+        """Makes the bus with the ids and the line speed of the block."""
+        ids = list(block.motor_ids)
+        is_arm = len(ids) == 6
+        return EmulatedBus(
+            ids=ids,
+            identity=self.device.node_name,
+            baudrate=block.comm.serial.baudrate or 1_000_000,
+            eeprom=folder / "eeprom.json",
+            arm=SIX_JOINT_ARM if is_arm else None,
+            calibrated=is_arm,
+            motion=LEADER_MOTION if self.device.role == "ACTION_LEADER" else None,
+            fault=list(self.device.faults),
+        )
+
+    def amend(self, block: Message) -> None:
+        """Puts the pseudo-terminal in place of the serial port."""
+        serial: Any = block.comm.serial  # type: ignore[attr-defined]
+        for field in ("serial_number", "vid_pid"):
+            serial.ClearField(field)
+        serial.port = self._process.by_id
+
+    @property
+    def endpoint(self) -> str:
+        """Path of the pseudo-terminal."""
+        return str(self._process.port)
+
+    def calibration(self) -> ArmCalibration | None:
+        """What the servos' EEPROM holds."""
+        if len(self.device.block.motor_ids) != 6:  # type: ignore[attr-defined]
+            return None
+        values = self._process.calibration()
+        motors = [MotorCalibration(**motor) for motor in values.pop("motors")]
+        return ArmCalibration(motors=motors, **values)
+
+
+class CameraEmulator(ProcessEmulator):
+    """A camera that serves Motion JPEG on loopback."""
+
+    def make_process(self, block: Any, folder: Path) -> EmulatedCamera:
+        """Makes the camera with the size and the rate of the block."""
+        del folder  # a camera remembers nothing
+        return EmulatedCamera(block.width, block.height, block.fps, fault=list(self.device.faults))
+
+    def amend(self, block: Message) -> None:
+        """Puts the address of the stream in place of the device."""
+        block.ClearField("device_id")
+        block.source = self._process.source  # type: ignore[attr-defined]
+
+    @property
+    def endpoint(self) -> str:
+        """Address of the stream."""
+        return str(self._process.source)
