@@ -16,7 +16,7 @@ from joshua.ipc.process_attributes import set_timer_slack
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
-from joshua.node.errors import InterruptedLifecycleError, exit_code_of
+from joshua.node.errors import InterruptedLifecycleError, NodeError, exit_code_of
 from joshua.node.loading import load_behaviour
 from joshua.node.rosout import RosoutPublisher
 from joshua.plan import CheckResult, NodeReport, NodeSpec
@@ -225,7 +225,10 @@ class NodeRuntime:
         try:
             action()
         except Exception as error:  # noqa: BLE001 (the remaining parts must run)
-            self._log.exception("%s failed", what)
+            if isinstance(error, NodeError):  # its message says all that a user can do
+                self._log.error("%s failed: %s", what, error)
+            else:
+                self._log.exception("%s failed", what)
             if self.context.failure is None:
                 self.context.failure = error
                 self._report_failure()
