@@ -40,7 +40,13 @@ def codes(tmp_path: Path, mode: str, robot: str = "", ai: str = "", rest: str = 
     [
         (LEADER + FOLLOWER, "", []),
         (KEYBOARD % "JOINT_STATE" + FOLLOWER, "", []),
-        (FOLLOWER, MODEL, []),
+        (FOLLOWER, MODEL, ["mode-lacks-leader", "block-unused"]),
+        (LEADER + FOLLOWER, MODEL, ["block-unused"]),
+        (
+            LEADER + FOLLOWER.replace("/lead", "/ai"),
+            MODEL.replace("/lead", "/ai"),
+            ["follower-without-leader", "block-unused"],
+        ),
         (KEYBOARD % "JOY" + FOLLOWER, "", ["mode-lacks-leader"]),
         (LEADER + FOLLOWER.replace("ACTION_FOLLOWER", "ACTION_SINGLE"), "", []),
         (LEADER + FOLLOWER + FOLLOWER.replace("/lead", "/led"), "", ["follower-without-leader"]),
@@ -139,6 +145,7 @@ TRAIN = "training { environment: %s method: %s %s }"
     [
         (TRAIN % ("ENV_REAL", "METHOD_RL", ""), "", ["mode-lacks-actuator"]),
         (TRAIN % ("ENV_REAL", "METHOD_RL", ""), FOLLOWER, []),
+        (TRAIN % ("ENV_SIMULATION", "METHOD_RL", ""), FOLLOWER, ["block-unused"]),
         (TRAIN % ("ENV_REAL", "METHOD_IMITATION", 'imitation_config { dataset_name: "d" }'), "", []),
         ("", "", ["mode-lacks-block"]),
     ],

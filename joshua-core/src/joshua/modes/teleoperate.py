@@ -10,7 +10,7 @@ from joshua.config.checks.identity import title
 from joshua.config.checks.topics import unpublished
 from joshua.config.nearest import nearest_first
 from joshua.config.topics import Endpoint, NodeEntry
-from joshua.modes.parts import actions, command_sources, commands, lacks, mode_name
+from joshua.modes.parts import actions, command_sources, commands, is_model, lacks, mode_name
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 
@@ -20,7 +20,7 @@ _MOST_LEADERS = 50
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Pairs every follower with what drives it."""
-    sources = command_sources(context)
+    sources = _sources(context)
     driven = [entry for entry in actions(context) if entry.owner.action_type != pb.ACTION_LEADER]
     followed = {entry.path for entry in driven}
     leading = [item for group in sources.values() for item in group if item.entry.path not in followed]
@@ -53,6 +53,15 @@ def check(context: Context) -> Iterator[Diagnostic]:
         yield from (unpublished(context, item) for item in others if item.topic not in sources)
     for entry in driven:
         yield from _joint_counts(context, entry, sources)
+
+
+def _sources(context: Context) -> dict[str, list[Endpoint]]:
+    """What can command an actuator in this mode, by topic; models do not run in it."""
+    found = {
+        topic: [item for item in group if not is_model(item.entry)]
+        for topic, group in command_sources(context).items()
+    }
+    return {topic: group for topic, group in found.items() if group}
 
 
 def _no_leader(context: Context) -> Diagnostic:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from joshua.config.checks import Context
 from joshua.modes.parts import mode_name
+from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 
@@ -39,32 +40,33 @@ _USES = {
         (*_DRIVING, pb.MODE_SIMULATION, pb.MODE_TRAINING),
         "in MODE_SIMULATION, in training, and where devices run with --sim",
     ),
-    "ai.models": _Use(
-        (*_DRIVING, pb.MODE_SIMULATION, pb.MODE_TRAINING), "in the modes that start nodes or train"
-    ),
 }
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Notes every block that the mode does not use."""
-    mode = context.config.general.mode
+    config, mode = context.config, context.config.general.mode
     for path, use in _USES.items():
-        if mode in use.modes or not _stands(context, path):
-            continue
-        place = f"{path}[0]" if path == "ai.models" else path
-        yield context.note(
-            "block-unused",
-            f"{path.rpartition('.')[2]} has no effect in {mode_name(context)}; it counts {use.where}",
-            path,
-            position=context.block_position(place),
-            remedy="Remove it, or change general.mode",
-            related=context.see("general.mode", "mode"),
-        )
+        owner, _, name = path.rpartition(".")
+        if mode not in use.modes and (config.ai if owner else config).HasField(name):
+            yield _note(context, path, path, f"it counts {use.where}")
+    share = mode_share(config)
+    if config.ai.models and not share.models and mode != pb.MODE_TRAINING:
+        yield _note(context, "ai.models", "ai.models[0]", "models run in MODE_INFERENCE and MODE_TEST")
+    if not share.devices and (config.robot.actions or config.robot.perceptions):
+        yield _note(context, "robot", "robot", f"{_without_devices(context)} starts no device")
 
 
-def _stands(context: Context, path: str) -> bool:
-    config = context.config
-    if path == "ai.models":
-        return bool(config.ai.models)
-    owner, _, name = path.rpartition(".")
-    return bool((config.ai if owner else config).HasField(name))
+def _note(context: Context, path: str, place: str, reason: str) -> Diagnostic:
+    return context.note(
+        "block-unused",
+        f"{path.rpartition('.')[2]} has no effect in {mode_name(context)}; {reason}",
+        path,
+        position=context.block_position(place),
+        remedy="Remove it, or change general.mode",
+        related=context.see("general.mode", "mode"),
+    )
+
+
+def _without_devices(context: Context) -> str:
+    return "training in simulation" if context.config.general.mode == pb.MODE_TRAINING else "an upload"
