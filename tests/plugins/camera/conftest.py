@@ -4,18 +4,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from joshua.schema import config_pb2
+from camera_settings import FPS, HEIGHT, WIDTH, make_settings
 from joshua_camera.camera import OpenCvCamera
-from joshua_camera.settings import CameraSettings
 from joshua_emulator import EmulatedCamera
-
-WIDTH, HEIGHT, FPS = 320, 240, 60
-
-
-def make_settings(publishes: tuple[str, ...] = (), **fields: Any) -> CameraSettings:
-    """Settings as the plan makes them from a block."""
-    block = config_pb2.CameraConfig(**{"width": WIDTH, "height": HEIGHT, "fps": FPS, **fields})
-    return CameraSettings.from_block(block).model_copy(update={"publishes": publishes})
 
 
 @pytest.fixture(scope="module")

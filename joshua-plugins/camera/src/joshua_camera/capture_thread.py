@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
 import time
 from dataclasses import dataclass
@@ -53,6 +54,8 @@ class CaptureThread:
 
     def open(self, timeout_s: float) -> None:
         """Starts the thread and waits for the first picture. Raises DeviceError; the thread is ended then."""
+        # A thread that still waits inside OpenCV when the interpreter ends would abort the process.
+        atexit.register(self.close)
         self._thread.start()
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
@@ -104,6 +107,7 @@ class CaptureThread:
 
     def close(self) -> None:
         """Ends the thread; a second call does nothing."""
+        atexit.unregister(self.close)
         self.interrupt()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(JOIN_S)

@@ -99,5 +99,5 @@ def describe(applied: Applied, device: v4l2.VideoDevice | None) -> str:
         step = f" in steps of {allowed.step}" if allowed.step > 1 else ""
         return f"{text} (allowed: {allowed.minimum} to {allowed.maximum}{step})"
     if control_id is not None and device is not None:
-        return f"{text} (it has no such control)"
+        return f"{applied.name} {applied.asked} was asked for, the camera has no such control"
     return text

@@ -92,8 +92,8 @@ def _processes(proc: Path) -> Iterator[Path]:
 
 def _has_open(process: Path, path: str) -> bool:
     try:
-        for descriptor in os.scandir(process / "fd"):
-            if os.readlink(descriptor.path) == path:  # noqa: PTH115 - a descriptor's link, not a path's
+        for descriptor in os.listdir(process / "fd"):  # noqa: PTH208 - names only
+            if os.readlink(process / "fd" / descriptor) == path:  # noqa: PTH115 - a descriptor's link
                 return True
     except OSError:  # another user's process, or one that has ended meanwhile
         return False
