@@ -2,65 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sysconfig
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from google.protobuf import text_format
-from joshua.devices.calibration import ArmCalibration
-from joshua.schema import config_pb2
+from emulated_teleop import teleoperation
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.port import SerialPort
 from joshua_sts3215.registers import TORQUE_ENABLE
 from joshua_sts3215.usb_ports import Endpoint
-
-JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
-PRESET = Path(__file__).parents[2] / "configs" / "teleop_so_arm100.pbtxt"
-PORT = "robot.actions[{}].sts3215_config.comm.serial.port={}"
-
-
-@contextmanager
-def teleoperation(
-    leader: EmulatedBus, follower: EmulatedBus, folder: Path, domain_id: int
-) -> Iterator[subprocess.Popen[str]]:
-    """Runs the preset on two emulated arms, with the calibrations that their servos hold."""
-    calibration = config_pb2.Config()
-    for name, arm in (("leader_arm", leader), ("follower_arm", follower)):
-        entry = ArmCalibration.model_validate(arm.calibration()).to_block(name)
-        calibration.calibration.arms.append(entry)
-    (folder / "calibration.pbtxt").write_text(text_format.MessageToString(calibration))
-    config = folder / "teleop.pbtxt"
-    config.write_text('include: "calibration.pbtxt"\n' + PRESET.read_text())
-    runtime = folder / "run"
-    runtime.mkdir(mode=0o700)
-    process = subprocess.Popen(
-        [
-            str(JOSHUA),
-            "--config",
-            str(config),
-            "--set",
-            PORT.format(0, leader.port),
-            "--set",
-            PORT.format(1, follower.port),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        stdin=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain_id), "XDG_RUNTIME_DIR": str(runtime)},
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def wait(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 40.0) -> None:
