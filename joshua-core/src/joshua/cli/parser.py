@@ -53,7 +53,12 @@ class Parser(argparse.ArgumentParser):
             return [near for word in unknown for near in difflib.get_close_matches(word, options, n=1)]
         if "invalid choice:" in message:
             word = message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
-            names = [command.name for command in COMMANDS]
+            names = [
+                name
+                for action in self._actions
+                if isinstance(action, argparse._SubParsersAction)
+                for name in action.choices
+            ]
             return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
         return []
 

@@ -27,5 +27,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
     Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
     Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
+    Command("topic", "joshua.cli.commands.topic", "list, watch and publish topics of a running graph"),
+    Command("node", "joshua.cli.commands.node", "list the nodes of a running graph"),
     Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
 )

@@ -28,6 +28,7 @@ _DTYPES: dict[str, Any] = {
     **{name: np.dtype(name) for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32")},
     **{name: np.dtype(name) for name in ("int64", "uint64", "float32", "float64")},
 }
+_LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,7 @@ def _one(field: Field, value: Any, path: str) -> Any:
         if not isinstance(value, (int, float, np.integer, np.floating)):
             raise _misfit(path, value, f"a number ({field.base})")
         number = float(value)
-        if field.base == "float32" and math.isfinite(number) and abs(number) > np.finfo(np.float32).max:
+        if field.base == "float32" and math.isfinite(number) and abs(number) > _LARGEST_FLOAT32:
             raise _misfit(path, value, "a number within the range of float32")
         return number
     if field.base == "byte" and isinstance(value, (int, np.integer)) and 127 < int(value) < 256:

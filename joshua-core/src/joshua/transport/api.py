@@ -155,6 +155,16 @@ class Transport(ABC):
     def create_node(self, name: str, namespace: str = "/") -> NodeHandle:
         """Adds a node to the graph."""
 
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether the meeting point of the transport is there: a router over Zenoh; always over DDS."""
+
+    @property
+    @abstractmethod
+    def meeting_point(self) -> str:
+        """Where this process looks for others, for messages."""
+
     @abstractmethod
     def nodes(self) -> list[NodeInfo]:
         """The graph as known now: every node of the domain, ours and ROS 2's, with its endpoints."""

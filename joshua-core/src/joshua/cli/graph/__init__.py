@@ -1,0 +1,1 @@
+"""What ``joshua topic`` and ``joshua node`` share."""

@@ -1,0 +1,183 @@
+"""A short visit to the ROS 2 graph: choosing the transport, joining, waiting until the graph is known."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua.plan import TransportSpec
+    from joshua.transport import NodeInfo, Transport
+
+_QUIET_S = 0.3
+_POLL_S = 0.02
+
+
+class GraphError(Exception):
+    """A command about the graph cannot go on.
+
+    Attributes:
+        code: exit code.
+    """
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.FAILED) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def add_graph_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that every command about the graph takes."""
+    from joshua.cli.options import positive_seconds
+
+    group = parser.add_argument_group("graph")
+    group.add_argument(
+        "--transport",
+        choices=("zenoh", "dds"),
+        default=None,
+        help="middleware; omitted takes RMW_IMPLEMENTATION, a sourced ROS 2, else zenoh",
+    )
+    # absent options stay out of the namespace, so that `joshua --config FILE topic list` works as well
+    group.add_argument(
+        "--config",
+        metavar="PATH",
+        default=_suppress(),
+        help="take the transport block of this configuration file",
+    )
+    group.add_argument(
+        "--wait",
+        metavar="SECONDS",
+        type=positive_seconds,
+        default=2.0,
+        help="how long to look for nodes and topics, at most (default 2)",
+    )
+
+
+def run_graph_command(arguments: argparse.Namespace) -> int:
+    """Runs the chosen subcommand; turns what cannot go on into a message and an exit code."""
+    from joshua.messages import MessageError
+    from joshua.transport import TransportError, TransportMissingError
+
+    try:
+        return int(arguments.graph_command(arguments))
+    except GraphError as error:
+        text, code = str(error), error.code
+    except TransportMissingError as error:
+        text, code = str(error), ExitCode.NOT_INSTALLED
+    except TransportError as error:
+        text, code = str(error), ExitCode.FAILED
+    except MessageError as error:
+        text, code = str(error), ExitCode.INVALID
+    sys.stderr.write(f"joshua {arguments.command}: {text}\n")
+    return code
+
+
+@contextlib.contextmanager
+def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
+    """Joins the graph for the length of the block.
+
+    Raises:
+        GraphError: no router answers, the environment is invalid or the file cannot be read.
+    """
+    from joshua.transport import open_transport
+
+    transport = open_transport(choose_spec(arguments))
+    try:
+        _require_connection(transport, arguments.wait)
+        yield transport
+    finally:
+        transport.close()
+
+
+def choose_spec(arguments: argparse.Namespace) -> TransportSpec:
+    """The transport of the command line, the file or the environment.
+
+    Raises:
+        GraphError: the environment is invalid or the file cannot be read.
+    """
+    from joshua.transport.choose import TransportBlock, TransportChoiceError, choose_transport, dds_installed
+
+    try:
+        path = getattr(arguments, "config", None)
+        if path:
+            spec = _spec_of_file(path)
+        else:
+            block = TransportBlock(kind=arguments.transport or "auto")
+            spec = choose_transport(block, os.environ, has_dds=dds_installed())
+    except TransportChoiceError as error:
+        raise GraphError(str(error), ExitCode.INVALID) from error
+    return spec.model_copy(update={"kind": arguments.transport}) if arguments.transport else spec
+
+
+def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
+    """The nodes, once nothing new has come for a moment; at the latest after ``wait_s``."""
+    end_s = time.monotonic() + wait_s
+    known = transport.nodes()
+    quiet_since_s = time.monotonic()
+    while time.monotonic() < end_s:
+        if known and time.monotonic() - quiet_since_s > min(_QUIET_S, wait_s):
+            break
+        time.sleep(_POLL_S)
+        now = transport.nodes()
+        if now != known:
+            known, quiet_since_s = now, time.monotonic()
+    return known
+
+
+def say_if_empty(transport: Transport, nodes: list[NodeInfo]) -> None:
+    """Says on standard error that nobody was found, and what to look at."""
+    if nodes:
+        return
+    spec = transport.spec
+    other = "dds" if spec.kind == "zenoh" else "zenoh"
+    sys.stderr.write(
+        f"no ROS 2 node was found on {place_of(transport)}; nodes of another domain need its ROS_DOMAIN_ID, "
+        f"those of the other middleware --transport {other}\n"
+    )
+
+
+def place_of(transport: Transport) -> str:
+    """Where this visit looks: the meeting point and the domain."""
+    if transport.spec.kind == "dds":
+        return transport.meeting_point
+    return f"{transport.meeting_point}, domain {transport.spec.domain_id}"
+
+
+def _require_connection(transport: Transport, wait_s: float) -> None:
+    end_s = time.monotonic() + wait_s
+    while not transport.connected:
+        if time.monotonic() >= end_s:
+            raise GraphError(
+                f"no Zenoh router answers on {transport.meeting_point}; start a robot (joshua --config "
+                "robot.pbtxt) or ROS 2's router, name the robot's file with --config, or use "
+                "--transport dds for nodes on DDS"
+            )
+        time.sleep(_POLL_S)
+
+
+def _spec_of_file(path: str) -> TransportSpec:
+    from joshua.config import load
+    from joshua.generator.findings import Findings
+    from joshua.generator.transport_choice import transport_spec
+
+    loaded = load(path)
+    findings = Findings(loaded, launch=True)
+    spec = transport_spec(loaded.config, path, findings)
+    problems = [item for item in (*loaded.diagnostics, *findings.items) if item.severity.value == "error"]
+    if not loaded.is_readable or spec is None:
+        reason = problems[0].message if problems else "it cannot be read"
+        raise GraphError(f"{path}: {reason}; see joshua --config {path} --validate-only", ExitCode.INVALID)
+    return spec
+
+
+def _suppress() -> str:
+    import argparse
+
+    return argparse.SUPPRESS

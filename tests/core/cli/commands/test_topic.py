@@ -1,0 +1,239 @@
+"""``joshua topic`` against a running graph, in the process and as a real one."""
+
+from __future__ import annotations
+
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from joshua.cli.main import main
+from joshua.messages import encode, make, message_class
+from joshua.plan import QosProfile, TransportSpec
+from joshua.transport import open_transport
+from joshua.transport.router import host_or_join
+
+STRING = "std_msgs/msg/String"
+
+
+@pytest.fixture(params=["zenoh", "dds"])
+def graph(request, tmp_path, monkeypatch):
+    """A running graph with a node that publishes, and the options that reach it."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    domain = random.randrange(233)
+    for name in ("RMW_IMPLEMENTATION", "AMENT_PREFIX_PATH", "ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    kind = request.param
+    file = tmp_path / "robot.pbtxt"
+    file.write_text(
+        f'transport {{ kind: TRANSPORT_{kind.upper()} listen_endpoints: "tcp/localhost:{port}" }}'
+        if kind == "zenoh"
+        else "transport { kind: TRANSPORT_DDS }"
+    )
+    spec = TransportSpec(kind=kind, domain_id=domain, listen_endpoints=(f"tcp/localhost:{port}",))
+    handle = host_or_join(spec)
+    transport = open_transport(spec)
+    node = transport.create_node("talker", "/left")
+    publisher = node.create_publisher("/left/words", STRING, QosProfile(depth=7))
+    stop = threading.Event()
+
+    def talk():
+        number = 0
+        while not stop.wait(0.02):
+            publisher.publish(encode(message_class(STRING)(f"word {number}")))
+            number += 1
+
+    thread = threading.Thread(target=talk)
+    thread.start()
+    yield node, ["--config", str(file), "--wait", "10"]
+    stop.set()
+    thread.join()
+    transport.close()
+    if handle is not None:
+        handle.close()
+
+
+def test_list(graph, capsys):
+    _, options = graph
+    assert main(["topic", "list", "-t", *options]) == 0
+    assert capsys.readouterr().out == f"/left/words  {STRING}\n"
+
+
+def test_info(graph, capsys):
+    _, options = graph
+    assert main(["topic", "info", "left/words", *options]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "/left/words",
+        f"type: {STRING}",
+        "hash: RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+        "publishers: 1",
+        "  /left/talker  RELIABLE, VOLATILE, KEEP_LAST 7",
+        "subscriptions: 0",
+    ]
+
+
+def test_echo_prints_messages_as_yaml(graph, capsys):
+    _, options = graph
+    assert main(["topic", "echo", "/left/words", "-n", "2", *options]) == 0
+    first, second, rest = capsys.readouterr().out.split("---\n")
+    assert first.startswith("data: word ")
+    assert second.startswith("data: word ")
+    assert rest == ""
+
+
+def test_echo_gets_what_a_publisher_keeps(graph, capsys):
+    node, options = graph
+    kept = node.create_publisher(
+        "/left/scan", "sensor_msgs/msg/JointState", QosProfile(durability="TRANSIENT_LOCAL", depth=1)
+    )
+    kept.publish(encode(make.joint_state([f"j{n}" for n in range(20)], np.arange(20.0), at_ns=1_500_000_000)))
+    assert main(["topic", "echo", "/left/scan", "--once", *options]) == 0
+    out = capsys.readouterr().out
+    assert out == (
+        "header:\n  stamp:\n    sec: 1\n    nanosec: 500000000\n  frame_id: \"\"\n"
+        "name: [j0, j1, j2, j3, j4, j5, j6, j7, j8, j9, j10, j11, …]  # 20 values\n"
+        "position: [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, …]  # 20 values\n"
+        "velocity: []\neffort: []\n---\n"
+    )  # fmt: skip
+    assert main(["topic", "echo", "/left/scan", "--once", "--full", *options]) == 0
+    assert "18.0, 19.0]\n" in capsys.readouterr().out
+
+
+def test_hz_prints_the_rate(graph, capsys):
+    _, options = graph
+    assert main(["topic", "hz", "/left/words", "-n", "1", *options]) == 0
+    out = capsys.readouterr().out
+    assert " Hz  period " in out
+    assert 5 < float(out.split(" Hz")[0]) < 60
+
+
+def test_pub_reaches_a_subscription(graph, capsys):
+    node, options = graph
+    got = []
+    node.create_subscription("/left/command", "sensor_msgs/msg/JointState", QosProfile(), got.append)
+    values = "{header: {frame_id: base}, name: [a, b], position: [1, 2.5]}"
+    assert main(["topic", "pub", "/left/command", "JOINT_STATE", values, "--once", *options]) == 0
+    assert capsys.readouterr().out == "published sensor_msgs/msg/JointState on /left/command: 1\n"
+    end_s = time.monotonic() + 20
+    while not got:
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_pub_once_says_when_nobody_listens(graph, capsys):
+    _, options = graph
+    assert main(["topic", "pub", "/nobody", STRING, "--once", *options[:2], "--wait", "0.5"]) == 1
+    assert "nobody subscribed to /nobody within 0.5 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["info", "echo", "hz"])
+def test_an_unknown_topic_names_the_nearest(graph, capsys, action):
+    _, options = graph
+    assert main(["topic", action, "/left/world", *options[:2], "--wait", "1.5"]) == 2
+    error = capsys.readouterr().err
+    assert "no topic /left/world appeared within 1.5 s; the nearest are /left/words" in error
+
+
+def test_the_end_by_the_user_is_quiet(graph):
+    _, options = graph
+    command = [sys.executable, "-m", "joshua.cli.main", "topic", "echo", "/left/words", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline().startswith("data: word")
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert error == ""
+
+
+def test_a_closed_pipe_ends_it_quietly(graph):
+    _, options = graph
+    command = [sys.executable, "-m", "joshua.cli.main", "topic", "echo", "/left/words", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    process.stderr.close()
+    assert process.wait(30) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["/x", "Sring"], "the nearest are std_msgs/msg/String"),
+        (["/x", "std_msgs/msg/Sring"], "the nearest are std_msgs/msg/String"),
+        (["/x", "STRING", "{dta: a}"], "it has data; did you mean data?"),
+        (["/x", "STRING", "{data: 3}"], "data: found 3; it takes a text"),
+        (["/x", "STRING", "{data: a"], "line 1, column 9"),
+        (["/x", "STRING", "[" * 5000], "the values cannot be read"),
+        (["/x", "POINT", "{x: true}"], "x: found True; it takes a number"),
+        (["/x", "UINT8", "{data: 256}"], "a whole number from 0 to 255"),
+        (["/x", "POSE", "{position: {z: high}}"], "position.z: found 'high'"),
+    ],
+)
+def test_wrong_types_and_values_are_refused_before_anything_is_opened(capsys, arguments, text):
+    assert main(["topic", "pub", *arguments]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_no_router_is_said_with_what_to_do(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("RMW_IMPLEMENTATION", raising=False)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    file = tmp_path / "robot.pbtxt"
+    file.write_text(f'transport {{ kind: TRANSPORT_ZENOH listen_endpoints: "tcp/localhost:{port}" }}')
+    assert main(["topic", "list", "--config", str(file), "--wait", "0.3"]) == 1
+    error = capsys.readouterr().err
+    assert f"no Zenoh router answers on tcp/localhost:{port}" in error
+    assert "start a robot" in error
+
+
+def test_an_empty_domain_is_said(monkeypatch, capsys):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(random.randrange(233)))
+    assert main(["topic", "list", "--transport", "dds", "--wait", "0.3"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "no ROS 2 node was found on DDS domain" in captured.err
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("ROS_DOMAIN_ID", "300", "whole numbers from 0 to 232"),
+        ("RMW_IMPLEMENTATION", "rmw_zenho_cpp", "allowed are rmw_zenoh_cpp"),
+    ],
+)
+def test_a_wrong_environment_is_refused(monkeypatch, capsys, name, value, text):
+    monkeypatch.setenv(name, value)
+    assert main(["topic", "list"]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_a_missing_file_is_refused(capsys):
+    assert main(["topic", "list", "--config", "/nosuch/robot.pbtxt"]) == 2
+    assert "/nosuch/robot.pbtxt" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["ech"],
+        ["echo"],
+        ["echo", "/x", "-n", "0"],
+        ["pub", "/x", "STRING", "--rate", "0"],
+        ["hz", "/x", "--wait", "-1"],
+    ],
+)
+def test_invalid_command_lines_end_with_2(arguments, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["topic", *arguments])
+    assert ended.value.code == 2
+    assert "joshua topic" in capsys.readouterr().err
