@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.brackets import indentation_must_guide
 from joshua.config.lexer import END, SIGN
@@ -21,8 +20,7 @@ if TYPE_CHECKING:
 _CLOSER = {"{": "}", "<": ">"}
 
 
-@dataclass(slots=True)
-class _Open:
+class _Open(NamedTuple):
     """A block that is being read: its name and opening brace, and the layout of that line.
 
     Attributes:

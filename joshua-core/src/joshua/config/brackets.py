@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _PARTNER = {"}": "{", ">": "<", "]": "["}
 # Below this share of indented lines the layout of a file says nothing about its blocks.
-_LAID_OUT = 0.7
+_LAID_OUT = 0.5
 
 
 def indentation_must_guide(source: Source, tokens: Tokens) -> bool:
@@ -33,7 +33,7 @@ def _braces_match(tokens: Tokens) -> bool:
 
 
 def _is_laid_out(source: Source, tokens: Tokens) -> bool:
-    """Counts the lines inside blocks that stand further right than the line that opens their block."""
+    """Counts the lines inside blocks that stand further right than the line of the outermost open block."""
     indented = lines = 0
     openers: list[int] = []
     last_line = 0
@@ -41,7 +41,7 @@ def _is_laid_out(source: Source, tokens: Tokens) -> bool:
         line = source.line(start)
         if kind == NAME and line != last_line and openers:
             lines += 1
-            indented += source.column(start) > openers[-1]
+            indented += source.column(start) > openers[0]
         last_line = line
         if kind == SIGN and text in "{<":
             openers.append(source.indentation(start))

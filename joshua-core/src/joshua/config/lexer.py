@@ -69,6 +69,9 @@ def tokenize(source: Source, start: int = 0) -> Tokens:
         if match is None or group is None:
             break
         begin, at = match.span(group)
+        if len(kinds) + len(tokens.comments) >= MAX_TOKENS:
+            tokens.cut_at = begin
+            break
         if group == _COMMENT:
             tokens.comments.append((begin, at))
             continue
@@ -76,9 +79,6 @@ def tokenize(source: Source, start: int = 0) -> Tokens:
         if group == _QUOTE:
             at, closed = _string_end(text, begin)
             kind = STRING if closed else OPEN_STRING
-        if len(kinds) >= MAX_TOKENS:
-            tokens.cut_at = begin
-            break
         kinds.append(kind)
         starts.append(begin)
         ends.append(at)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os.path
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.binder import Binder, Merge
 from joshua.config.files import FileId, file_id, read_source
@@ -62,8 +62,7 @@ def load(
     return _Loading(os.fspath(path), PluginTypes(message_types)).run(overrides)
 
 
-@dataclass(frozen=True)
-class _OpenFile:
+class _OpenFile(NamedTuple):
     """A file that is being read, for the chain of includes."""
 
     identity: FileId

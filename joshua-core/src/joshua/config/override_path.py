@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 _STEP = re.compile(
     r"\s*([A-Za-z_]\w*)\s*(?:\[\s*(?:\"([^\"\]]*)\"|'([^'\]]*)'|([^\]\"'=:{]*?))\s*\])?\s*", re.ASCII
 )
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """One field of a path.
 
     Attributes:
@@ -25,7 +24,7 @@ class Step:
     end: int
 
     @property
-    def index(self) -> int | None:
+    def number(self) -> int | None:
         """The index in the brackets; None where they hold a name."""
         if self.key is None or not self.key.isascii() or not self.key.isdigit() or len(self.key) > 9:
             return None

@@ -149,8 +149,8 @@ class _Override:
         """Finds the entry that a step names; one past the last adds an entry."""
         container = getattr(message, info.name)
         names = [_name_of(item) for item in container]
-        if step.index is not None and step.index <= len(container) and not info.is_map:
-            return step.index
+        if step.number is not None and step.number <= len(container) and not info.is_map:
+            return step.number
         if step.key is not None and names.count(step.key) == 1 and step.key:
             return names.index(step.key)
         allowed = [

@@ -60,8 +60,10 @@ class Parser(BlockParser):
                 if self.is_outside_block():
                     self.leave_block()
                     break
-                found.append(self._field())
-                self._separator(found[-1])
+                field = self._field()
+                if field is not None:
+                    found.append(field)
+                    self._separator(field)
             elif kind == SIGN and self.text in "}>":
                 if self.closes_block():
                     break
@@ -77,11 +79,34 @@ class Parser(BlockParser):
     def _number_names_a_field(self) -> bool:
         return self.kinds[self.at + 1] == SIGN and self.texts[self.at + 1] in ":{"
 
-    def _field(self) -> Field:
+    def _field(self) -> Field | None:
         field = Field(self.text, self.start, self.end)
+        follows_value = self.at > 0 and self.tokens.ends[self.at - 1] == self._last_end
         self.at += 1
+        if follows_value and self._is_stray_word(field):
+            return None
         self._rest_of_field(field)
         return field
+
+    def _is_stray_word(self, field: Field) -> bool:
+        """Reports a word that stands after a value on its line and begins no field."""
+        line = self.source.line(field.name_start)
+        if self.source.line(self._last_end - 1) != line or (self.kind == SIGN and self.text in ":{<["):
+            return False
+        if self.kind in (STRING, NUMBER) or (self.kind == OTHER and self.text == "="):
+            return False
+        end = self._run_end_from(field.name_start)
+        text = self.source.text[field.name_start : end]
+        self.error(
+            "unexpected-text",
+            f"'{text}' stands after a value.",
+            field.name_start,
+            end,
+            found=text,
+            remedy="Put a text of several words in double quotes, or start a new line for a new field.",
+        )
+        self._skip_rest_of(line)
+        return True
 
     def _type_field(self) -> Field | None:
         """Parses a field whose name is a type in square brackets."""
@@ -161,23 +186,7 @@ class Parser(BlockParser):
     def _value_without_colon(self, field: Field) -> None:
         line = self.source.line(field.name_start)
         same_line = self.kind != END and self.source.line(self.start) == line
-        if (
-            self._last_end >= 0
-            and self.source.line(self._last_end) == line
-            and not (same_line and self.kind in (STRING, OPEN_STRING))
-        ):
-            end = self._run_end_from(field.name_start)
-            text = self.source.text[field.name_start : end]
-            self.error(
-                "unexpected-text",
-                f"'{text}' stands after a value.",
-                field.name_start,
-                end,
-                found=text,
-                remedy="Put a text of several words in double quotes, or start a new line for a new field.",
-            )
-            self._skip_rest_of(line)
-        elif same_line and self.kind in (NAME, NUMBER, STRING, OPEN_STRING, OTHER):
+        if same_line and self.kind in (NAME, NUMBER, STRING, OPEN_STRING, OTHER):
             self.error(
                 "missing-colon",
                 f"A colon is missing after {field.name}.",
@@ -192,7 +201,7 @@ class Parser(BlockParser):
 
     def _missing_value_or_brace(self, field: Field) -> None:
         """Takes lines that are indented below a name for its block, whose brace is missing."""
-        if self.kind == NAME and self.source.column(self.start) > self.source.indentation(field.name_start):
+        if self.kind == NAME and self.source.column(self.start) > self.source.column(field.name_start):
             self.error(
                 "missing-brace",
                 f"{{ is missing after {field.name}.",

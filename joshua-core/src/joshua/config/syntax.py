@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
+
+# Plain classes: making dataclasses with slots costs more at import than reading a whole file does.
 
 
 class ScalarKind(Enum):
@@ -16,44 +17,52 @@ class ScalarKind(Enum):
     BROKEN = "broken"  # reported already; carries no value
 
 
-@dataclass(slots=True)
 class Scalar:
     """A string, number or name.
 
     Attributes:
-        parts: offsets of the literals; adjacent strings are several.
-        texts: the literals as they are written.
+        kind: how it is written; start, end: its offsets.
+        texts: the literals as they are written; adjacent strings are several.
+        parts: offsets of the literals.
     """
 
-    kind: ScalarKind
-    start: int
-    end: int
-    texts: list[str]
-    parts: list[tuple[int, int]]
+    __slots__ = ("end", "kind", "parts", "start", "texts")
+
+    def __init__(
+        self, kind: ScalarKind, start: int, end: int, texts: list[str], parts: list[tuple[int, int]]
+    ) -> None:
+        self.kind = kind
+        self.start = start
+        self.end = end
+        self.texts = texts
+        self.parts = parts
 
 
-@dataclass(slots=True)
 class Block:
     """Fields between brackets; ``start`` is the opening one, ``end`` the offset after the closing one."""
 
-    start: int
-    end: int
-    fields: list[Field] = field(default_factory=list)
+    __slots__ = ("end", "fields", "start")
+
+    def __init__(self, start: int, end: int, fields: list[Field] | None = None) -> None:
+        self.start = start
+        self.end = end
+        self.fields: list[Field] = [] if fields is None else fields
 
 
-@dataclass(slots=True)
 class ListValue:
     """Entries between square brackets."""
 
-    start: int
-    end: int
-    items: list[Scalar | Block] = field(default_factory=list)
+    __slots__ = ("end", "items", "start")
+
+    def __init__(self, start: int, end: int) -> None:
+        self.start = start
+        self.end = end
+        self.items: list[Scalar | Block] = []
 
 
 Value = Scalar | Block | ListValue
 
 
-@dataclass(slots=True)
 class Field:
     """One field with its value.
 
@@ -67,11 +76,24 @@ class Field:
         separator: the comma or semicolon after it; "" for none.
     """
 
-    name: str
-    name_start: int
-    name_end: int
-    is_type: bool = False
-    has_colon: bool = False
-    value: Value | None = None
-    end: int = 0
-    separator: str = ""
+    __slots__ = ("end", "has_colon", "is_type", "name", "name_end", "name_start", "separator", "value")
+
+    def __init__(
+        self,
+        name: str,
+        name_start: int,
+        name_end: int,
+        *,
+        is_type: bool = False,
+        has_colon: bool = False,
+        value: Value | None = None,
+        end: int = 0,
+    ) -> None:
+        self.name = name
+        self.name_start = name_start
+        self.name_end = name_end
+        self.is_type = is_type
+        self.has_colon = has_colon
+        self.value = value
+        self.end = end
+        self.separator = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from joshua.config.lexer import END, NAME, NUMBER, OPEN_STRING, OTHER, SIGN, STRING
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
     from joshua.config.problems import Problems
     from joshua.config.source import Source
 
-_RUN_ENDS = frozenset("{}<>[],;#")
+_RUN_END = re.compile(r"[\s{}<>\[\],;#]")
+_LONGEST_QUOTED = 400
 _CURLY_QUOTES = "“”„‟‘’«»"
 _KINDS = {NAME: ScalarKind.NAME, NUMBER: ScalarKind.NUMBER, STRING: ScalarKind.STRING}
 
@@ -87,11 +89,8 @@ class ValueParser:
         return self._run_end_from(self.start)
 
     def _run_end_from(self, start: int) -> int:
-        text = self.source.text
-        end = start + 1
-        while end < len(text) and not text[end].isspace() and text[end] not in _RUN_ENDS:
-            end += 1
-        return end
+        stop = _RUN_END.search(self.source.text, start + 1)
+        return stop.start() if stop is not None else len(self.source.text)
 
     def scalar(self, name: str) -> Scalar:
         """Parses a scalar; a text that lacks its quotes is reported and taken as one broken scalar."""
@@ -165,8 +164,9 @@ class ValueParser:
 
     def _curly_end(self, end: int) -> int:
         """Finds the closing typographic quote on the line, so that the words between cause no more errors."""
-        line_end = self.source.text.find("\n", self.start)
-        stop = len(self.source.text) if line_end == -1 else line_end
+        furthest = self.start + _LONGEST_QUOTED
+        line_end = self.source.text.find("\n", self.start, furthest)
+        stop = furthest if line_end == -1 else line_end
         closers = [self.source.text.rfind(quote, self.start + 1, stop) for quote in _CURLY_QUOTES]
         return max(end, max(closers) + 1)
 
