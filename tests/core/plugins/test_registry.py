@@ -151,6 +151,15 @@ def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
     )
 
 
+def test_a_third_partys_plugin_that_is_not_in_use_is_named() -> None:
+    rows = (row("acme-gripper", status=PluginStatus.BLOCKED), row("acme-arm", status=PluginStatus.BROKEN))
+    text = Registry(rows).missing("hand", ProvisionKind.ACTUATOR, "acme.GripperConfig", "ACTION_PLUGIN")
+    assert text == (
+        "hand: ACTION_PLUGIN with acme.GripperConfig needs a plugin that provides it, "
+        "and no plugin in use does (acme-gripper is blocked, acme-arm is broken): see joshua plugins"
+    )
+
+
 def test_a_block_whose_plugin_does_not_take_the_enum_value() -> None:
     spike = Provision(
         kind=ProvisionKind.ACTUATOR,

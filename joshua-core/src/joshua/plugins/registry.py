@@ -131,10 +131,7 @@ class Registry:
                     )
         distribution = hints.distribution_for(block, enum_value)
         if not distribution:
-            return (
-                f"{node_name}: {what} needs a plugin that provides it, and none is installed: "
-                "pip install the vendor's package, then see joshua plugins"
-            )
+            return f"{node_name}: {what} needs a plugin that provides it, and {self._nobody()}"
         for row in self._rows:
             if row.distribution == distribution and row.status is PluginStatus.BLOCKED:
                 return (
@@ -147,6 +144,17 @@ class Registry:
                     f"({'; '.join(row.reasons)}): pip install --force-reinstall {distribution}"
                 )
         return f"{node_name}: {what} needs the plugin {distribution}: pip install {distribution}"
+
+    def _nobody(self) -> str:
+        """Why no plugin provides a third party's block, and what to do; it may be one that is not in use."""
+        unused = [
+            f"{row.distribution} is {row.status.value}"
+            for row in self._rows
+            if row.status in (PluginStatus.BLOCKED, PluginStatus.BROKEN)
+        ]
+        if unused:
+            return f"no plugin in use does ({', '.join(unused)}): see joshua plugins"
+        return "none is installed: pip install the vendor's package, then see joshua plugins"
 
 
 def _settle_conflicts(

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from joshua.testing.program import JoshuaProgram
 
 
 @pytest.fixture
@@ -15,3 +20,15 @@ def joshua_domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     with reserved_domain() as domain_id:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain_id))
         yield domain_id
+
+
+@pytest.fixture
+def joshua_run(tmp_path: Path, joshua_domain_id: int) -> Iterator[JoshuaProgram]:
+    """The program ``joshua`` in a child process: ``joshua_run("--config", "robot.pbtxt").returncode``."""
+    from joshua.testing.program import JoshuaProgram
+
+    program = JoshuaProgram(tmp_path, joshua_domain_id)
+    try:
+        yield program
+    finally:
+        program.close()

@@ -1,0 +1,1 @@
+"""The ACME gripper, an example of a third party's plugin."""

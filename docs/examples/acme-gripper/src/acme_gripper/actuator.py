@@ -1,0 +1,72 @@
+"""The driver of the gripper; in place of a bus it moves a simulated finger at constant speed."""
+
+import time
+
+import numpy as np
+from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.devices.stamps import StampClock
+
+from acme_gripper.settings import GripperSettings
+
+
+class Gripper(Actuator):
+    """One joint, ``gripper``: 0 when closed, its largest angle when open."""
+
+    settings: GripperSettings
+    joint_names = ("gripper",)
+    connected = False
+    _energised = False
+    _position = _goal = _moved_s = 0.0
+
+    @property
+    def limits(self) -> JointLimits:
+        """From closed to open."""
+        opening_rad = self.settings.joints()[0]["max_rad"]
+        return JointLimits(np.zeros(1), np.array([opening_rad]), np.array([self.settings.speed_rad_s]))
+
+    def connect(self) -> None:
+        """Opens the gripper's link."""
+        self._stamps = StampClock()
+        self.connected, self._moved_s = True, time.monotonic()
+
+    def read(self) -> JointReading:
+        """Reads position, speed and effort."""
+        self.require_connected("read")
+        effort = np.sign([self._move()])
+        velocity = effort * self.settings.speed_rad_s
+        return JointReading(self._stamps.now_ns(), np.array([self._position]), velocity, effort)
+
+    def enable(self) -> None:
+        """Gives torque, with the goal where the finger is."""
+        self.hold()
+        self._energised = True
+
+    def write(self, goal_rad: FloatArray) -> FloatArray:
+        """Commands a position; returns it after the clamp."""
+        goal = np.clip(self.checked_goal(goal_rad), 0.0, self.limits.position_max_rad)
+        if not self._energised:
+            raise DeviceError("the gripper has no torque: call enable first")
+        self._move()
+        self._goal = float(goal[0])
+        return goal
+
+    def hold(self) -> None:
+        """Stops where the finger is."""
+        self.require_connected("hold")
+        self._move()
+        self._goal = self._position
+
+    def release(self) -> None:
+        """Takes torque off."""
+        self._energised, self._goal = False, self._position
+
+    def disconnect(self) -> None:
+        """Closes the link."""
+        self.connected = self._energised = False
+
+    def _move(self) -> float:
+        """Moves the finger to where it is by now; returns the way that is left."""
+        elapsed_s, self._moved_s = time.monotonic() - self._moved_s, time.monotonic()
+        step = self.settings.speed_rad_s * elapsed_s
+        self._position += float(np.clip(self._goal - self._position, -step, step))
+        return self._goal - self._position

@@ -1,0 +1,19 @@
+"""What the plugin provides, as data: neither the driver nor its libraries are imported here."""
+
+from joshua.plugins import Provision, ProvisionKind, hookimpl
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the gripper."""
+    return [
+        Provision(
+            kind=ProvisionKind.ACTUATOR,
+            block="acme.GripperConfig",
+            message_module="acme_gripper.gripper_pb2",
+            enum_values=("ACTION_PLUGIN", "ACTION_FOLLOWER", "ACTION_SINGLE"),
+            implementation="acme_gripper.actuator:Gripper",
+            settings="acme_gripper.settings:GripperSettings",
+            summary="the ACME gripper, simulated",
+        )
+    ]

@@ -1,0 +1,27 @@
+"""The settings of the gripper: the fields of its block, and the rule that spans two of them."""
+
+import math
+from typing import Any
+
+from joshua.plugins.settings import BlockSettings, FieldError
+from pydantic import model_validator
+
+
+class GripperSettings(BlockSettings):
+    """Settings of the gripper; ranges and defaults stand in the proto file."""
+
+    stroke_m: float
+    finger_length_m: float
+    speed_rad_s: float
+
+    @model_validator(mode="after")
+    def _check_reach(self) -> "GripperSettings":
+        if self.stroke_m > 2 * self.finger_length_m:
+            allowed = (f"at most {2 * self.finger_length_m:g}",)
+            raise FieldError("stroke_m", "the fingers are too short to open that wide", allowed=allowed)
+        return self
+
+    def joints(self) -> list[dict[str, Any]]:
+        """The joint and its limits: from closed to the angle at which the tips are one stroke apart."""
+        opening_rad = math.asin(self.stroke_m / 2 / self.finger_length_m)
+        return [{"name": "gripper", "min_rad": 0.0, "max_rad": opening_rad}]

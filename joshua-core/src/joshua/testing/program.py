@@ -1,0 +1,104 @@
+"""The program ``joshua`` as a child process, apart from everything else that runs on this machine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+#: Time that a run may take to stop in good order before it is killed.
+STOP_S = 20.0
+
+
+class JoshuaProgram:
+    """Runs ``joshua`` with a domain, a router, a run directory and logs of its own.
+
+    Args:
+        folder: holds run directory and logs; also the working directory.
+        domain_id: ROS 2 domain.
+        environment: further variables.
+    """
+
+    def __init__(self, folder: Path, domain_id: int, environment: Mapping[str, str] | None = None) -> None:
+        self.folder = folder
+        self.router = f"tcp/localhost:{free_port()}"
+        runtime = folder / "runtime"
+        runtime.mkdir(mode=0o700, exist_ok=True)
+        self.environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain_id),
+            "XDG_RUNTIME_DIR": str(runtime),
+            "JOSHUA_LOG_DIR": str(folder / "log"),
+            "NO_COLOR": "1",
+            **(environment or {}),
+        }
+        self._started: list[subprocess.Popen[str]] = []
+
+    def __call__(self, *arguments: str, timeout_s: float = 90.0) -> subprocess.CompletedProcess[str]:
+        """Runs ``joshua`` to its end.
+
+        Args:
+            arguments: of the command line; a run with ``--config`` gets the router of its own.
+            timeout_s: after which it is stopped.
+
+        Raises:
+            subprocess.TimeoutExpired: it took longer; carries what it has printed.
+        """
+        process = self.start(*arguments)
+        try:
+            output, errors = process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired as expired:
+            output, errors = self.stop(process)
+            raise subprocess.TimeoutExpired(process.args, timeout_s, output, errors) from expired
+        return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        """Starts ``joshua`` and returns at once; ``stop`` ends it, at the latest after the test."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", "joshua.cli.main", *self._with_router(arguments)],
+            cwd=self.folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._started.append(process)
+        return process
+
+    def stop(self, process: subprocess.Popen[str]) -> tuple[str, str]:
+        """Stops a run as Ctrl-C does, and kills it if that does not help; returns output and errors."""
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            return process.communicate(timeout=STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.communicate()
+
+    def close(self) -> None:
+        """Stops everything that still runs."""
+        for process in self._started:
+            if process.poll() is None:
+                self.stop(process)
+            for stream in (process.stdout, process.stderr):
+                if stream is not None:
+                    stream.close()
+
+    def _with_router(self, arguments: Sequence[str]) -> list[str]:
+        if "--config" not in arguments:
+            return list(arguments)
+        return [*arguments, "--set", f'transport.listen_endpoints="{self.router}"']
+
+
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on at the moment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: Any = probe.getsockname()[1]
+        return int(port)

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from joshua.testing.program import JoshuaProgram, free_port
+
+CONFIGURATION = """
+general { mode: MODE_TELEOPERATE name: "watched" id: "watched" }
+robot {
+  perceptions {
+    node {
+      node_name: "shaft" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/shaft/joint_states" publish_rate_hz: 20 }
+    }
+    perception_type: PERCEPTION_ENCODER
+    mock_encoder_config { resolution: 4096 }
+  }
+}
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> str:
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(CONFIGURATION, encoding="utf-8")
+    return str(path)
+
+
+def test_a_run_has_router_logs_and_domain_of_its_own(
+    joshua_run: JoshuaProgram, joshua_domain_id: int, robot: str, tmp_path: Path
+) -> None:
+    result = joshua_run("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "1")
+    said = result.stdout + result.stderr
+    assert result.returncode == 0, said
+    assert f"hosts the Zenoh router on {joshua_run.router}" in said
+    assert f"domain {joshua_domain_id}" in said
+    assert list((tmp_path / "log").iterdir())
+
+
+def test_a_run_that_takes_too_long_is_stopped_and_shows_what_it_said(
+    joshua_run: JoshuaProgram, robot: str
+) -> None:
+    with pytest.raises(subprocess.TimeoutExpired) as caught:
+        joshua_run("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "600", timeout_s=4)
+    assert caught.value.timeout == 4
+    assert "robot.pbtxt" in str(caught.value.output) + str(caught.value.stderr)
+
+
+def test_what_still_runs_is_stopped_at_the_end(tmp_path: Path, joshua_domain_id: int, robot: str) -> None:
+    program = JoshuaProgram(tmp_path, joshua_domain_id)
+    process = program.start("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "600")
+    program.close()
+    assert process.returncode is not None
+
+
+def test_commands_without_a_file_run_as_they_are(joshua_run: JoshuaProgram) -> None:
+    result = joshua_run("plugins", "--json")
+    assert result.returncode == 0, result.stderr
+    assert any(row["name"] == "joshua-core" for row in json.loads(result.stdout))
+
+
+def test_a_free_port_can_be_bound() -> None:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", free_port()))
+
+
+def test_the_fixtures_reach_another_test_suite(tmp_path: Path) -> None:
+    (tmp_path / "test_it.py").write_text(
+        "def test_domain(joshua_domain_id, joshua_run):\n    assert joshua_domain_id\n", encoding="utf-8"
+    )
+    command = [sys.executable, "-m", "pytest", "-q", str(tmp_path)]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=90, check=False)
+    assert result.returncode == 0, result.stdout
