@@ -186,10 +186,11 @@ def _all_extensions(message: Any) -> bool:
 
 def _values(enum: Any, width: int) -> list[str]:
     rows = []
+    whole = all(is_extension(value) for value in enum.values)
     for value in enum.values:
         if value.number == 0 and value.name.endswith("_UNSPECIFIED"):
             continue
-        mark = " [extension]" if is_extension(value) else ""
+        mark = " [extension]" if is_extension(value) and not whole else ""
         rows.append((value.name, f"{first_sentence(comment(value))}{mark}"))
     return _table(rows, width)
 
