@@ -78,7 +78,7 @@ def mutated(number: int) -> bytes:
     data = chance.choice(SEEDS)
     for _ in range(chance.randint(1, 6)):
         data = chance.choice(MUTATIONS)(data, chance)
-    return data[:200_000]
+    return data[:30_000]
 
 
 def flip_bytes(data: bytes, chance: random.Random) -> bytes:
@@ -106,7 +106,7 @@ def insert_hostile(data: bytes, chance: random.Random) -> bytes:
 def repeat_part(data: bytes, chance: random.Random) -> bytes:
     start = chance.randrange(len(data) + 1)
     part = data[start : start + chance.randint(1, 300)]
-    return data[:start] + part * chance.randint(2, 20) + data[start:]
+    return data[:start] + part * chance.randint(2, 8) + data[start:]
 
 
 def swap_words(data: bytes, chance: random.Random) -> bytes:
