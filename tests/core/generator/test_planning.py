@@ -189,3 +189,18 @@ def test_a_driver_gets_absolute_paths(tmp_path):
     plan = examine(Request(path, overrides=(override,))).plan
     (leader,) = (node for node in plan.nodes if node.name == "leader")
     assert leader.settings["motion_file"] == str(tmp_path / "moves.csv")
+
+
+def test_waivers_reach_the_actuators(tmp_path):
+    path = teleoperation(tmp_path)
+    (leader, _) = examine(Request(path)).plan.nodes
+    assert "allow_uncalibrated" not in leader.context
+    (leader, follower) = examine(Request(path, allow_uncalibrated=True, dry_run=True)).plan.nodes
+    assert leader.context["allow_uncalibrated"] is True
+    assert follower.context["dry_run"] is True
+
+
+def test_a_test_moves_actuators_that_have_no_calibration(tmp_path):
+    path = teleoperation(tmp_path, general=GENERAL.replace("MODE_TELEOPERATE", "MODE_TEST"))
+    (leader, _) = examine(Request(path)).plan.nodes
+    assert leader.context["allow_uncalibrated"] is True

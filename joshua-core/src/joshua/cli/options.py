@@ -79,6 +79,12 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     )
     add_fault_option(group)
     group.add_argument(
+        "--allow-uncalibrated",
+        action="store_true",
+        help="energise actuators without a calibration: radians count from the middle of their range",
+    )
+    group.add_argument("--dry-run", action="store_true", help="do everything with torque off")
+    group.add_argument(
         "--log-level",
         metavar="LEVEL",
         type=str.upper,

@@ -26,6 +26,8 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
         host=arguments.host or "",
         blocked_plugins=tuple(arguments.blocked_plugins),
         duration_s=getattr(arguments, "duration", None),
+        allow_uncalibrated=getattr(arguments, "allow_uncalibrated", False),
+        dry_run=getattr(arguments, "dry_run", False),
     )
 
 

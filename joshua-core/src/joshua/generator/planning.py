@@ -31,7 +31,9 @@ class Planning:
         self._registry = registry
         self._request = request
         self._findings = Findings(loaded, launch=request.launch)
-        self._resolver = Resolver(loaded.config, registry, self._findings, request.path)
+        self._resolver = Resolver(
+            loaded.config, registry, self._findings, request.path, _waivers(loaded.config, request)
+        )
         self._nodes: list[Resolved] = []
         self._services: list[ResolvedService] = []
 
@@ -71,6 +73,15 @@ class Planning:
             transport=transport,
             duration_s=_duration_s(config, request),
         )
+
+
+def _waivers(config: pb.Config, request: Request) -> dict[str, bool]:
+    """What actuators may do in this run: a test and a calibration move arms that have no calibration yet."""
+    works_uncalibrated = config.general.mode in (pb.MODE_TEST, pb.MODE_CALIBRATION)
+    return {
+        "allow_uncalibrated": request.allow_uncalibrated or works_uncalibrated,
+        "dry_run": request.dry_run,
+    }
 
 
 def _mode_name(config: pb.Config) -> str:

@@ -28,6 +28,8 @@ class Request:
         host: this machine's name in the file; "" starts the nodes that name no host.
         blocked_plugins: plugins that are left out.
         duration_s: length of the run; None leaves it to the mode.
+        allow_uncalibrated: energise actuators that have no calibration.
+        dry_run: do everything with torque off.
     """
 
     path: str
@@ -36,6 +38,8 @@ class Request:
     host: str = ""
     blocked_plugins: Sequence[str] = ()
     duration_s: float | None = None
+    allow_uncalibrated: bool = False
+    dry_run: bool = False
 
     @property
     def launch(self) -> bool:

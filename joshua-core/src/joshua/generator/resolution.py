@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,13 +34,22 @@ class Resolver:
 
     Args:
         source: the configuration file, at whose folder relative paths start.
+        waivers: what the user allows every actuator: ``allow_uncalibrated``, ``dry_run``.
 
     Attributes:
         joints: joints of each actuator by field path of its node block, known without a connection.
     """
 
-    def __init__(self, config: pb.Config, registry: Registry, findings: Findings, source: str) -> None:
+    def __init__(
+        self,
+        config: pb.Config,
+        registry: Registry,
+        findings: Findings,
+        source: str,
+        waivers: Mapping[str, bool],
+    ) -> None:
         self._registry = registry
+        self._waivers = {name: True for name, allowed in waivers.items() if allowed}
         self._findings = findings
         self._source = source
         self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
@@ -55,7 +65,7 @@ class Resolver:
                 key = (want.kind, want.block_name or want.enum_value)
                 missing.setdefault(key, []).append(want)
             calibration = self._calibrations.get(want.entry.node.node_name)
-            context = {"calibration": calibration_values(calibration)} if calibration else {}
+            context = self._context(want, calibration)
             settings = None
             if provision is not None:
                 settings, problems = self._settings(want, provision, context)
@@ -66,6 +76,10 @@ class Resolver:
         for wants in missing.values():
             self._findings.plugin_missing(wants, self._registry)
         return resolved
+
+    def _context(self, want: Wanted, calibration: calibration_pb2.ArmCalibration | None) -> dict[str, Any]:
+        context: dict[str, Any] = {"calibration": calibration_values(calibration)} if calibration else {}
+        return context | self._waivers if want.kind is ProvisionKind.ACTUATOR else context
 
     def _provision(self, want: Wanted) -> Provision | None:
         if not _is_complete(want):
