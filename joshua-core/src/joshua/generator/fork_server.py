@@ -11,13 +11,16 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
+
+if TYPE_CHECKING:
+    import subprocess
 
 #: How long the server may take to end after its socket was closed; it kills children before.
 CLOSE_TIMEOUT_S = 2.0
@@ -184,6 +187,8 @@ def _serve_forked(ours: socket.socket, theirs: socket.socket, parent_id: int, pr
 
 
 def _execute_server(theirs: socket.socket, preload: bool) -> subprocess.Popen[bytes]:
+    import subprocess  # the fork, which is the usual way, has no use for it
+
     arguments = ["--descriptor", str(theirs.fileno()), "--parent", str(os.getpid())]
     if not preload:
         arguments.append("--no-preload")

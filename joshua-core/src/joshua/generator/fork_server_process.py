@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import fcntl
 import gc
@@ -27,7 +26,6 @@ NODE_PROGRAM = "joshua.node.main"
 #: What children need; a module that is missing is left to the node that asks for it.
 PRELOADED = (
     NODE_PROGRAM,
-    "joshua.node.process",
     "numpy",
     "joshua.messages",
     "zenoh",
@@ -40,11 +38,17 @@ PRELOADED = (
     "joshua.models.inference_node",
 )
 
-#: Message types whose codecs are made ready.
-PRELOADED_TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/msg/Image", "rcl_interfaces/msg/Log")
+#: Message types whose codecs are made ready; the frequent ones have fast paths that need none.
+PRELOADED_TYPES = ("rcl_interfaces/msg/Log",)
 
 #: Math libraries start threads when they are loaded, and a process with threads cannot fork safely.
-THREAD_SETTINGS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+LOAD_SETTINGS = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    # The models of the core want no plugins of pydantic, and looking for them takes long.
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",
+}
 
 #: How long children may take to end by themselves when the supervisor is gone.
 ORPHAN_GRACE_S = 0.7
@@ -189,8 +193,8 @@ def serve(sock: socket.socket, parent_id: int, *, preload: bool) -> int:
 
 def load_modules() -> list[str]:
     """Imports what children need; returns the modules that are missing."""
-    kept = {name: os.environ.get(name) for name in THREAD_SETTINGS}
-    os.environ.update(dict.fromkeys(THREAD_SETTINGS, "1"))
+    kept = {name: os.environ.get(name) for name in LOAD_SETTINGS}
+    os.environ.update(LOAD_SETTINGS)
     gc.disable()
     missing = []
     try:
@@ -199,6 +203,8 @@ def load_modules() -> list[str]:
                 importlib.import_module(name)
             except ImportError:
                 missing.append(name)
+        if NODE_PROGRAM not in missing:
+            sys.modules[NODE_PROGRAM].prepare()
         if "joshua.messages" not in missing:
             sys.modules["joshua.messages"].preload(PRELOADED_TYPES)
     finally:
@@ -262,6 +268,8 @@ def _show_crash() -> None:
 
 def main() -> None:
     """Runs the server in a fresh interpreter."""
+    import argparse  # the forked server has no use for it
+
     parser = argparse.ArgumentParser(description="Started by the Node Generator; of no use by hand.")
     parser.add_argument("--descriptor", type=int, required=True, help="inherited socket of the supervisor")
     parser.add_argument("--parent", type=int, required=True, help="process id of the supervisor")

@@ -20,24 +20,24 @@ HANG_AFTER_S: dict[NodeKind, float] = {
 #: Distance of two looks at the heartbeats.
 CHECK_PERIOD_S = 0.05
 
-#: A process is starved if it waited for a processor at least this share of a silence …
+#: A process is starved if its threads waited for a processor at least this share of a silence …
 STARVED_SHARE = 0.3
-#: … and this many times as long as it ran.
-STARVED_RATIO = 2.0
+#: … while the loop's own thread ran for less than this; a heartbeat costs a fraction of it.
+STARVED_RAN_S = 0.01
 #: Even a starved process counts as hung after this many times its limit.
 STARVED_PATIENCE = 10.0
 
 
 @dataclass(frozen=True)
 class ProcessorTime:
-    """Seconds that the threads of a process have run, and have waited for a processor."""
+    """What a node got so far: seconds that its loop ran, and that its process waited for a processor."""
 
-    ran_s: float
+    loop_ran_s: float
     waited_s: float
 
 
-def processor_time(process_id: int) -> ProcessorTime | None:
-    """Reads the times of a process; None where the system does not tell.
+def processor_time(process_id: int, thread_id: int) -> ProcessorTime | None:
+    """Reads the times of a process and its loop's thread; None where the system does not tell.
 
     Source: Documentation/scheduler/sched-stats.rst, first two fields of ``schedstat``, in ns.
     """
@@ -45,8 +45,9 @@ def processor_time(process_id: int) -> ProcessorTime | None:
     try:
         for path in Path(f"/proc/{process_id}/task").glob("*/schedstat"):
             fields = path.read_text().split()
-            ran_ns += int(fields[0])
             waited_ns += int(fields[1])
+            if path.parent.name == str(thread_id):
+                ran_ns = int(fields[0])
     except (OSError, ValueError, IndexError):
         return None
     return ProcessorTime(ran_ns / 1e9, waited_ns / 1e9)
@@ -62,6 +63,7 @@ def hang_limit_s(spec: NodeSpec) -> float:
 class _Pulse:
     limit_s: float
     heard_s: float
+    thread_id: int = 0
     threads: dict[str, tuple[float, float]] = field(default_factory=dict)
     sample: ProcessorTime | None = None
     sampled_s: float = 0.0
@@ -71,10 +73,10 @@ class HeartbeatWatch:
     """Watches the nodes of one process, each from its activation on.
 
     Args:
-        usage: returns the processor times of the process so far.
+        usage: returns the processor times of the process so far, given the thread of a node's loop.
     """
 
-    def __init__(self, usage: Callable[[], ProcessorTime | None]) -> None:
+    def __init__(self, usage: Callable[[int], ProcessorTime | None]) -> None:
         self._usage = usage
         self._pulses: dict[str, _Pulse] = {}
 
@@ -92,6 +94,7 @@ class HeartbeatWatch:
         pulse = self._pulses.get(beat.node)
         if pulse is not None:
             pulse.heard_s = max(pulse.heard_s, beat.stamp_ns / 1e9)
+            pulse.thread_id = beat.thread_id
             pulse.threads = {thread.name: (thread.age_s, thread.limit_s) for thread in beat.threads}
             pulse.sample = None
 
@@ -110,7 +113,7 @@ class HeartbeatWatch:
         for node, pulse in self._pulses.items():
             silence_s = now_s - pulse.heard_s
             if silence_s > pulse.limit_s / 2 and pulse.sample is None:
-                pulse.sample, pulse.sampled_s = self._usage(), now_s
+                pulse.sample, pulse.sampled_s = self._usage(pulse.thread_id), now_s
             if silence_s > pulse.limit_s and not self._starved(pulse, now_s):
                 return node, f"its loop has not turned for {silence_s:.2f} s (limit {pulse.limit_s:g} s)"
             for name, (age_s, limit_s) in pulse.threads.items():
@@ -126,8 +129,7 @@ class HeartbeatWatch:
         """Whether the machine is to blame: the process wanted a processor and hardly got one."""
         if now_s - pulse.heard_s > STARVED_PATIENCE * pulse.limit_s:
             return False
-        then, now = pulse.sample, self._usage()
-        if then is None or now is None:
+        then, now = pulse.sample, self._usage(pulse.thread_id)
+        if then is None or now is None or now.loop_ran_s - then.loop_ran_s > STARVED_RAN_S:
             return False
-        ran_s, waited_s = now.ran_s - then.ran_s, now.waited_s - then.waited_s
-        return waited_s > STARVED_SHARE * (now_s - pulse.sampled_s) and waited_s > STARVED_RATIO * ran_s
+        return now.waited_s - then.waited_s > STARVED_SHARE * (now_s - pulse.sampled_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
@@ -46,6 +47,7 @@ class Launcher:
         self._on_server_lost = on_server_lost
         self._requested: dict[int, Launched] = {}
         self._running: dict[int, Launched] = {}
+        self._handles: dict[int, int] = {}
         self._lost = False
         self._descriptor = server.fileno()
         # If the server dies, its children become ours and can be waited for.
@@ -70,6 +72,11 @@ class Launcher:
         """Sends a signal to a child unless it has ended."""
         if process_id not in self._running:
             return
+        if process_id in self._handles:
+            # Straight to the process, whatever state the server is in, and never to another one.
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(self._handles[process_id], number)
+            return
         if not self._lost:
             try:
                 self._server.signal(process_id, number)
@@ -82,6 +89,8 @@ class Launcher:
     def close(self) -> None:
         """Stops listening; a second call does nothing."""
         self._reactor.forget(self._descriptor)
+        while self._handles:
+            os.close(self._handles.popitem()[1])
         set_child_subreaper(False)
 
     def _request(self, child: Launched, ask: Callable[[], int]) -> None:
@@ -104,11 +113,23 @@ class Launcher:
         if event.event == "started":
             child = self._requested.pop(event.request)
             self._running[event.process_id] = child
+            self._open_handle(event.process_id)
             child.on_started(event.process_id)
         elif event.event == "refused":
             self._requested.pop(event.request).on_refused(event.text)
         elif event.event == "exited":
-            self._running.pop(event.process_id).on_exited(event.status)
+            self._end(event.process_id, event.status)
+
+    def _open_handle(self, process_id: int) -> None:
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):  # gone already, or a kernel without handles
+                self._handles[process_id] = os.pidfd_open(process_id)
+
+    def _end(self, process_id: int, status: int | None) -> None:
+        handle = self._handles.pop(process_id, None)
+        if handle is not None:
+            os.close(handle)
+        self._running.pop(process_id).on_exited(status)
 
     def _lose(self, reason: str) -> None:
         if self._lost:
@@ -122,11 +143,10 @@ class Launcher:
         self._on_server_lost(reason)
 
     def _poll(self) -> None:
-        for process_id, child in list(self._running.items()):
+        for process_id in list(self._running):
             ended, status = _wait(process_id)
             if ended:
-                del self._running[process_id]
-                child.on_exited(status)
+                self._end(process_id, status)
         if self._running:
             self._reactor.call_later(POLL_PERIOD_S, self._poll)
 

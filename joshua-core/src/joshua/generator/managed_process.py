@@ -22,6 +22,9 @@ from joshua.generator.status import LogEntry
 from joshua.ipc import messages as ipc
 from joshua.plan import NodeSpec, TransportSpec
 
+#: How long a hung process may take to write the stacks of its threads.
+DUMP_TIMEOUT_S = 0.3
+
 EXIT_NODE_FAILED = 1
 EXIT_NOT_INSTALLED = 3
 
@@ -165,7 +168,7 @@ class ManagedProcess:
 
     def check_heartbeats(self) -> None:
         """Ends the process if one of its nodes hangs; ask every ``CHECK_PERIOD_S``."""
-        if not self.watch.active or self._ladder.begun or self._child is None:
+        if not self.watch.active or self._ladder.begun or self._dump is not None or self._child is None:
             return
         hang = self.watch.hung(self._reactor.now_s())
         if hang is None:
@@ -176,7 +179,7 @@ class ManagedProcess:
         self._child.signal(signal.SIGUSR2)  # answered with the stacks of its threads
         self.records[node].fail(f"it hung: {evidence}", EXIT_NODE_FAILED)
         self._urgent = True
-        self._ladder.begin(HANG_TIMES)
+        self._reactor.call_later(DUMP_TIMEOUT_S, self._end_hang)
 
     # What the child says.
 
@@ -222,6 +225,8 @@ class ManagedProcess:
         level = logging.INFO if stream == "stdout" else logging.WARNING
         if self._dump is not None and stream == "stderr" and self._dump.take(line):
             level = logging.DEBUG
+            if self._dump.place:
+                self._end_hang()
         self._logbook.add(LogEntry(time.time_ns(), self.specs[0].full_name, level, line, stream=stream))
 
     def on_output_dropped(self, lines: int) -> None:
@@ -288,6 +293,11 @@ class ManagedProcess:
                 # It stops by itself, after a failure: from here on it has the ladder's times.
                 self._ladder.begin()
 
+    def _end_hang(self) -> None:
+        """Stops a hung process, once it has said where it hangs or should have."""
+        if self._dump is not None and self.alive:
+            self._ladder.begin(HANG_TIMES)
+
     def _on_log(self, log: ipc.Log) -> None:
         entry = LogEntry(log.time_ns, log.node, log.level, log.text, log.logger, "log", log.file, log.line)
         self._logbook.add(entry)
@@ -304,8 +314,8 @@ class ManagedProcess:
         if self._child is not None:
             self._child.send(message)
 
-    def _usage(self) -> ProcessorTime | None:
-        return processor_time(self._child.process_id) if self._child is not None else None
+    def _usage(self, thread_id: int) -> ProcessorTime | None:
+        return None if self._child is None else processor_time(self._child.process_id, thread_id)
 
     def _restart(self) -> None:
         self._logbook.write(logging.WARNING, f"{self.names}: starting again")

@@ -96,11 +96,15 @@ class ThreadAge(BaseModel):
 
 
 class Heartbeat(Message):
-    """Child to supervisor, from the node's own loop: it turns. Stamp: monotonic clock, ns."""
+    """Child to supervisor, from the node's own loop: it turns.
+
+    ``stamp_ns`` is of the monotonic clock, ``thread_id`` the system's number of the loop's thread.
+    """
 
     kind: Literal["heartbeat"] = "heartbeat"
     node: str
     stamp_ns: int
+    thread_id: int = 0
     threads: tuple[ThreadAge, ...] = ()
 
 

@@ -12,6 +12,13 @@ import sys
 EXIT_INTERNAL = 70
 
 
+def prepare() -> None:
+    """Loads what every child needs; the fork server calls it once before it forks."""
+    from joshua.node.process import core_version
+
+    core_version()
+
+
 def run_forked(control_descriptor: int) -> int:
     """Runs a child process whose standard streams are set up; returns its exit code."""
     from joshua.node.control import control_socket

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from functools import lru_cache
 from importlib.metadata import version
 
 from joshua.ipc.frames import FrameError
@@ -49,6 +50,12 @@ DRAIN_S = 1.0
 CAN_MISS = (Heartbeat, Log, Topics)
 
 
+@lru_cache(maxsize=1)
+def core_version() -> str:
+    """Version of the core in this environment; the first look takes milliseconds."""
+    return version("joshua-core")
+
+
 class NodeProcess:
     """Runs the nodes that the supervisor names, and ends with them, with it, or on its request."""
 
@@ -69,9 +76,7 @@ class NodeProcess:
         """Runs until the nodes have ended; returns the exit code of the process."""
         self._handle_signals()
         self._channel.start(self)
-        self._send(
-            Hello(version=version("joshua-core"), process_id=os.getpid(), python=sys.version.split()[0])
-        )
+        self._send(Hello(version=core_version(), process_id=os.getpid(), python=sys.version.split()[0]))
         start = self._starts.get()
         if start is None:
             return 0

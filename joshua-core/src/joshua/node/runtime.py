@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from joshua.ipc.messages import Failure, Heartbeat, Message, Report, Step, printable
-from joshua.ipc.process_attributes import set_timer_slack
+from joshua.ipc.process_attributes import set_timer_slack, use_realtime_priority
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
 from joshua.node.errors import InterruptedLifecycleError, NodeError, exit_code_of
 from joshua.node.loading import load_behaviour
 from joshua.node.rosout import RosoutPublisher
-from joshua.plan import CheckResult, NodeReport, NodeSpec
+from joshua.plan import CheckResult, NodeKind, NodeReport, NodeSpec
 from joshua.transport import Transport
 
 #: Distance of two messages with running totals.
@@ -140,6 +140,8 @@ class NodeRuntime:
         self._behaviour.activate()
         self._enter("active")
         set_timer_slack(TIMER_SLACK_NS)
+        if self._spec.kind is NodeKind.ACTUATOR and use_realtime_priority():
+            self._log.debug("the loop runs with real-time priority")
         self._loop()
 
     def _told_to_stop(self) -> bool:
@@ -177,7 +179,10 @@ class NodeRuntime:
 
     def _beat(self, now_ns: int) -> None:
         ages = self.context.readers.ages()
-        self._services.send(Heartbeat(node=self._spec.full_name, stamp_ns=now_ns, threads=ages))
+        beat = Heartbeat(
+            node=self._spec.full_name, stamp_ns=now_ns, thread_id=threading.get_native_id(), threads=ages
+        )
+        self._services.send(beat)
 
     def _send_totals(self) -> None:
         if self.context.endpoints is not None:

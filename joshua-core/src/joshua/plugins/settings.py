@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from google.protobuf.message import Message
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 from typing_extensions import Self
 
 from joshua.plan import Diagnostic, Position, Severity
-from joshua.plugins.block_values import block_values
 from joshua.plugins.provision import Provision
 from joshua.plugins.targets import TargetError, load_target
+
+if TYPE_CHECKING:
+    from google.protobuf.message import Message
 
 
 def _unchanged(value: Any) -> Any:
@@ -79,6 +80,9 @@ class BlockSettings(BaseModel):
         Raises:
             pydantic.ValidationError: a value or a rule across fields is broken.
         """
+        # Imported here, with protobuf: a child process gets its settings without a block.
+        from joshua.plugins.block_values import block_values
+
         return cls.model_validate(cls.si_values(block_values(block), node, context or {}))
 
     @classmethod
@@ -159,6 +163,8 @@ def settings_diagnostics(
     positions: Positions | None = None,
 ) -> list[Diagnostic]:
     """Turns each pydantic error of a settings model into a diagnostic on the block's field."""
+    from joshua.plugins.block_values import block_values
+
     values = block_values(block)
     diagnostics = []
     for detail in error.errors(include_url=False):
