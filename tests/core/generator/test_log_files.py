@@ -82,8 +82,8 @@ def test_only_the_newest_runs_are_kept(tmp_path):
 
 
 def test_the_folder_follows_the_environment(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", "/home/someone")
+    monkeypatch.setenv("HOME", "/person")
     assert log_directory({"JOSHUA_LOG_DIR": "/x"}) == Path("/x")
     assert log_directory({"XDG_STATE_HOME": "/s"}) == Path("/s/joshua/log")
-    assert log_directory({"XDG_STATE_HOME": "relative"}) == Path("/home/someone/.local/state/joshua/log")
-    assert log_directory({}) == Path("/home/someone/.local/state/joshua/log")
+    assert log_directory({"XDG_STATE_HOME": "relative"}) == Path("/person/.local/state/joshua/log")
+    assert log_directory({}) == Path("/person/.local/state/joshua/log")
