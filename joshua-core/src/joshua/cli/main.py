@@ -44,8 +44,10 @@ def print_completion(shell: str) -> int:
     """Prints the completion script of a shell."""
     from joshua.cli.completion import completion_script
     from joshua.cli.parser import build_parser
+    from joshua.cli.plugin_commands import usable_commands
 
-    sys.stdout.write(completion_script(build_parser(populate=True), shell))
+    parser = build_parser(populate=True, further=usable_commands())
+    sys.stdout.write(completion_script(parser, shell))
     return ExitCode.OK
 
 

@@ -15,7 +15,9 @@ from joshua.cli.table import COMMANDS, Command
 
 DESCRIPTION = "One text file describes a robot and one command runs it: joshua --config robot.pbtxt"
 EPILOG = """exit codes: 0 good order, 1 a node failed, 2 invalid configuration or command line,
-3 a plugin or extra is missing, 4 hardware is absent or refused, 130 interrupted before start"""
+3 a plugin or extra is missing, 4 hardware is absent or refused, 130 interrupted before start
+
+plugins bring further commands, such as find-cameras: joshua plugins lists them"""
 
 
 class Parser(argparse.ArgumentParser):
@@ -59,6 +61,10 @@ class Parser(argparse.ArgumentParser):
                 if isinstance(action, argparse._SubParsersAction)
                 for name in action.choices
             ]
+            if not isinstance(self, CommandParser):
+                from joshua.cli.plugin_commands import plugin_commands
+
+                names += [command.name for command in plugin_commands()]
             return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
         return []
 
@@ -83,18 +89,19 @@ class CommandParser(Parser):
         return super().parse_known_args(args, namespace)
 
 
-def build_parser(*, populate: bool = False) -> Parser:
+def build_parser(*, populate: bool = False, further: Sequence[Command] = ()) -> Parser:
     """Makes the parser of the whole command line.
 
     Args:
         populate: import every command, as completion and the reference pages need.
+        further: commands of plugins.
     """
     parser = Parser(prog="joshua", description=DESCRIPTION, epilog=EPILOG)
     add_run_options(parser)
     commands = parser.add_subparsers(
         dest="command", title="commands", metavar="COMMAND", parser_class=CommandParser
     )
-    for command in COMMANDS:
+    for command in (*COMMANDS, *further):
         sub = commands.add_parser(command.name, help=command.summary, description=command.summary)
         sub.command = command
         if populate:
@@ -104,9 +111,25 @@ def build_parser(*, populate: bool = False) -> Parser:
 
 def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
     """Parses the command line; ends with exit code 2 when it is invalid."""
-    parser = build_parser()
     words = list(sys.argv[1:] if argv is None else argv)
     names = {command.name for command in COMMANDS}
+    further: list[Command] = []
+    if words and not words[0].startswith("-") and words[0] not in names:
+        further = commands_of_plugins(words[0])
+        names |= {command.name for command in further}
+    parser = build_parser(further=further)
     first_command = next((index for index, word in enumerate(words) if word in names), len(words))
     parser.arguments = words[:first_command]
     return parser, parser.parse_args(words)
+
+
+def commands_of_plugins(name: str) -> list[Command]:
+    """The command of that name that a plugin brings, if any; ends with exit code 3 if it cannot be used."""
+    from joshua.cli.plugin_commands import PluginCommandError, find_command
+
+    try:
+        command = find_command(name)
+    except PluginCommandError as error:
+        sys.stderr.write(f"joshua: error: {error}\n")
+        sys.exit(ExitCode.NOT_INSTALLED)
+    return [] if command is None else [command]

@@ -16,11 +16,13 @@ class KnownPlugin:
         distribution: name for ``pip install``.
         blocks: configuration blocks that need it.
         enum_values: enum values that name it on their own, whatever the block.
+        commands: commands of ``joshua`` that it brings.
     """
 
     distribution: str
     blocks: tuple[str, ...] = ()
     enum_values: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()
 
 
 KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
@@ -38,7 +40,7 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
     KnownPlugin("joshua-sts3215", ("sts3215_config",)),
     KnownPlugin("joshua-dynamixel", ("dynamixel_config",)),
     KnownPlugin("joshua-spike", ("spike_motor_config",), ("ACTION_SPIKE",)),
-    KnownPlugin("joshua-camera", ("camera_config",), ("PERCEPTION_CAMERA",)),
+    KnownPlugin("joshua-camera", ("camera_config",), ("PERCEPTION_CAMERA",), ("find-cameras",)),
     KnownPlugin("joshua-lidar", ("lidar_config",), ("PERCEPTION_LIDAR",)),
     KnownPlugin("joshua-encoder", ("encoder_config",), ("PERCEPTION_ENCODER",)),
     KnownPlugin(

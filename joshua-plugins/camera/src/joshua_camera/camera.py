@@ -62,6 +62,7 @@ class OpenCvCamera(Sensor):
         self._opened_before = False
         self._intrinsics: Intrinsics | None = None
         self._warnings: tuple[str, ...] = ()
+        self._refused: tuple[str, ...] = ()
         self._figures = FigureKeeper()
         # Without a node's list of types everything may be asked for, pixels included.
         self._needs_pixels = not settings.publishes or IMAGE in settings.publishes or settings.display
@@ -78,8 +79,13 @@ class OpenCvCamera(Sensor):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the camera does otherwise than it was asked, known once it was opened."""
+        """What the user should know about the settings, known once the camera was opened."""
         return self._warnings
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Those of the warnings that are about settings which the camera does not keep."""
+        return self._refused
 
     @property
     def figures(self) -> Figures:
@@ -108,7 +114,8 @@ class OpenCvCamera(Sensor):
             raise
         self._opened_before = True
         self._figures = thread.figures
-        self._warnings = (*thread.warnings, *warnings)
+        self._refused = thread.refused
+        self._warnings = (*thread.refused, *thread.notes, *warnings)
 
     def read(self, timeout_s: float) -> Reading | None:
         """Waits for the next picture.

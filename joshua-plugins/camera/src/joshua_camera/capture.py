@@ -46,7 +46,7 @@ class Capture(ABC):
     Attributes:
         has_own_clock: whether pictures carry the device's acquisition time.
         delivers_jpeg: whether pictures come as JPEG files, which are decoded only when somebody wants pixels.
-        warnings: what the camera does otherwise than it was asked, for the start-up table.
+        refused: settings that the camera does not keep; notes: settings that have no effect on it.
     """
 
     has_own_clock = False
@@ -55,7 +55,8 @@ class Capture(ABC):
         self.source = source
         self.settings = settings
         self.delivers_jpeg = False
-        self.warnings: list[str] = []
+        self.refused: list[str] = []
+        self.notes: list[str] = []
         self._cv2: Any = None
         self._video: Any = None
         self._interrupted = threading.Event()

@@ -48,9 +48,14 @@ class CaptureThread:
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the camera does otherwise than it was asked."""
-        return tuple(self._capture.warnings)
+    def refused(self) -> tuple[str, ...]:
+        """Settings that the camera does not keep."""
+        return tuple(self._capture.refused)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Settings that have no effect on this camera."""
+        return tuple(self._capture.notes)
 
     def open(self, timeout_s: float) -> None:
         """Starts the thread and waits for the first picture. Raises DeviceError; the thread is ended then."""

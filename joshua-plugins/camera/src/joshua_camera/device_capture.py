@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import errno
-import os
 import sys
 from typing import Any
-
-from joshua.devices.errors import DeviceError
 
 from joshua_camera import v4l2
 from joshua_camera.capture import Capture
 from joshua_camera.controls import Applied, apply_controls, apply_format, describe, exposure_text
-from joshua_camera.devices import DeviceEntry, holders, list_devices
+from joshua_camera.device_errors import explain_device, others
 from joshua_camera.interrupt import descriptors_of
 
 _NS_PER_MS = 1_000_000
@@ -81,7 +77,7 @@ class DeviceCapture(Capture):
             device: v4l2.VideoDevice | None = None
             with contextlib.suppress(OSError):
                 device = stack.enter_context(v4l2.open_device(self.source.target))
-            self.warnings += [describe(entry, device) for entry in refused]
+            self.refused += [describe(entry, device) for entry in refused]
 
     def _sizes(self) -> str:
         """The sizes of the pixel format that is asked for, else those of all formats."""
@@ -104,41 +100,9 @@ class DeviceCapture(Capture):
                 if captures:
                     device.check_free()
         except OSError as error:
-            raise self._explain(error) from error
+            raise explain_device(path, error) from error
         if not captures:
             raise self._refuse(
                 "delivers no pictures",
-                f"a camera may have further device files, for metadata; {_others(path)}",
+                f"a camera may have further device files, for metadata; {others(path)}",
             )
-
-    def _explain(self, error: OSError) -> DeviceError:
-        path = self.source.target
-        if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-            return self._refuse("does not exist", f"plug the camera in, or choose another; {_others(path)}")
-        if error.errno in (errno.EACCES, errno.EPERM):
-            return self._refuse(
-                "may not be opened by this user",
-                "add the user to the group video (sudo usermod -aG video $USER) and log in again",
-            )
-        if error.errno == errno.EBUSY:
-            found = holders(path)
-            who = f"by {', '.join(found)}" if found else "by another process, perhaps another user's"
-            return self._refuse(f"is in use {who}", "end that program, or choose another camera")
-        if error.errno in (errno.ENOTTY, errno.EINVAL):
-            return self._refuse("is no video device", f"choose another; {_others(path)}")
-        return self._refuse(
-            f"cannot be opened ({os.strerror(error.errno or 0).lower()})",
-            "unplug it and plug it in again, at another socket if that does not help",
-        )
-
-
-def _others(path: str) -> str:
-    """The devices beside this one, as advice."""
-    others = [entry for entry in list_devices() if entry.path != path]
-    if not others:
-        return "this machine has no other"
-    return f"found: {', '.join(_short(entry) for entry in others)}"
-
-
-def _short(entry: DeviceEntry) -> str:
-    return f"{entry.path} ({entry.name})" if entry.name else entry.path

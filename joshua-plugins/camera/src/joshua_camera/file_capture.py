@@ -31,7 +31,7 @@ class FileCapture(Capture):
         rate = self._video.get(self._cv2.CAP_PROP_FPS)
         # Pictures have no rate of their own; OpenCV then says 0 or 1.
         if self.source.kind is SourceKind.FILE and rate > 1 and round(rate) != self.settings.fps:
-            self.warnings.append(
+            self.notes.append(
                 f"{self.source.label} was taken at {rate:g} Hz and is played at {self.settings.fps} Hz"
             )
         self._start_ns = time.monotonic_ns()

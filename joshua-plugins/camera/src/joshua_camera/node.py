@@ -72,9 +72,9 @@ class CameraNode(SensorNode):
             return rows
         camera, figures = self._sensor, self._sensor.figures
         settings = camera.settings
-        kept = not camera.warnings
+        kept = not camera.refused
         rows.append(_rate(figures, settings.fps))
-        rows.append(("settings kept", kept, "all" if kept else "; ".join(camera.warnings)))
+        rows.append(("settings kept", kept, "all" if kept else "; ".join(camera.refused)))
         rows.append(_losses(figures))
         rows.append(("latency", figures.delivered > 0, _latency(figures)))
         if figures.exposure:

@@ -16,6 +16,11 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_camera.camera:OpenCvCamera",
             settings="joshua_camera.settings:CameraSettings",
             behaviour="joshua_camera.node:CameraNode",
+            data_types=(
+                "sensor_msgs/msg/Image",
+                "sensor_msgs/msg/CompressedImage",
+                "sensor_msgs/msg/CameraInfo",
+            ),
             summary="USB and network cameras, video files and pictures, by OpenCV",
         )
     ]

@@ -64,6 +64,6 @@ class StreamCapture(Capture):
         names = ("brightness", "contrast", "saturation", "exposure")
         given = [name for name in names if getattr(self.settings, name) is not None]
         if given:
-            self.warnings.append(
+            self.notes.append(
                 f"{', '.join(given)}: no effect on {self.source.label}; set it on the camera's own page"
             )

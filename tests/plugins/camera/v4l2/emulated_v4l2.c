@@ -1,7 +1,8 @@
 /* Video4Linux2 devices at the boundary of the C library, for tests on machines without a camera.
  *
- * Loaded with LD_PRELOAD. /dev/videoN exists for the program if the file videoN stands in the folder that the
- * environment variable EMULATED_V4L2 names. That file describes the device; see device.py beside this file.
+ * Loaded with LD_PRELOAD. A path that ends in /dev/videoN can be opened if the file videoN stands in the folder
+ * that the environment variable EMULATED_V4L2 names. That file describes the device; tests/support/emulated_v4l2.py
+ * writes it.
  * Each call that changes the device is appended to the file videoN.log.
  *
  * The descriptor is a timer: readable when a frame is due, as a device is readable when a buffer is full.
@@ -119,7 +120,8 @@ static int open_device(int number) {
 
 static int number_of(const char *path) {
     int number, end = 0;
-    if (!folder() || !path || sscanf(path, "/dev/video%d%n", &number, &end) != 1 || path[end]) return -1;
+    const char *name = path ? strstr(path, "/dev/video") : NULL;
+    if (!folder() || !name || sscanf(name, "/dev/video%d%n", &number, &end) != 1 || name[end]) return -1;
     return number;
 }
 

@@ -88,6 +88,30 @@ def test_another_pixel_format_and_rate_are_warnings(devices: EmulatedDevices, fr
     assert len(set(answer["grey"])) == 4  # each picture is a new one
 
 
+def test_settings_that_are_not_kept_fail_a_test_run(devices: EmulatedDevices) -> None:
+    devices.add(modes=("YUYV 640 480 15",))
+    body = """
+    from joshua.plan import NodeKind, NodeSpec
+    from joshua.testing.recording_context import RecordingContext
+    from joshua_camera.node import CameraNode
+    context = RecordingContext(NodeSpec(
+        name="camera", kind=NodeKind.SENSOR, behaviour="joshua_camera.node:CameraNode",
+        implementation="joshua_camera.camera:OpenCvCamera",
+        settings_type="joshua_camera.settings:CameraSettings",
+        settings=camera(device_id=0).settings.model_dump(mode="json"), context={"testing": True},
+    ))
+    node = CameraNode(context)
+    node.configure()
+    answer["table"] = context.warnings
+    node.deactivate()
+    answer["rows"] = [row for row in node.test_results() if row[0] == "settings kept"]
+    node.cleanup()
+    """
+    answer = devices.run(body)
+    assert answer["table"][0] == "pixel_format MJPG was asked for, the camera keeps YUYV"
+    assert answer["rows"] == [["settings kept", False, "; ".join(answer["table"])]]
+
+
 def test_yuyv_is_converted(devices: EmulatedDevices) -> None:
     devices.add()
     answer = read(devices, fields='pixel_format="YUYV"')

@@ -63,7 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.check:
         rows = tuple(map(checked, rows))
     if getattr(arguments, "format", "text") == "json":
-        sys.stdout.write(json.dumps([as_json(row) for row in rows], indent=2) + "\n")
+        from joshua.cli.plugin_commands import commands_by_distribution
+
+        commands = commands_by_distribution()
+        found = [as_json(row) | {"commands": commands.pop(row.distribution, [])} for row in rows]
+        sys.stdout.write(json.dumps(found, indent=2) + "\n")
     else:
         sys.stdout.write(listing(rows))
     wrong = any(row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT) for row in rows)
@@ -92,11 +96,14 @@ def subject(provision: Provision) -> str:
 
 def listing(rows: Sequence[PluginRow]) -> str:
     """Prints plugins for people: one block of lines for each, reasons before provisions."""
+    from joshua.cli.plugin_commands import commands_by_distribution
     from joshua.generator.tables import clean, columns
 
+    commands = commands_by_distribution()
     cells = [("NAME", "VERSION", "STATUS", "PROVIDES")]
     for row in rows:
         details = [*(f"! {reason}" for reason in row.reasons), *_provision_lines(row.provisions)]
+        details += [f"command joshua {name}" for name in commands.pop(row.distribution, ())]
         cells.append((row.distribution, row.version, row.status.value, details[0] if details else "nothing"))
         cells += [("", "", "", detail) for detail in details[1:]]
     return "\n".join(clean(line) for line in columns(cells)) + "\n"

@@ -1,0 +1,102 @@
+"""``joshua find-cameras``: the cameras of this machine with their formats and stable names."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua_camera.survey import FoundCamera
+
+SUMMARY = "list the cameras of this machine, and save a picture of each"
+
+NOTHING = """no camera was found
+
+Plug one in. If it is plugged in already:
+  - lsusb shows whether the computer sees it; if not, try another cable or socket
+  - in a container or a virtual machine, pass the device on (such as docker run --device /dev/video0)
+  - a phone or a network camera needs no device: put its address into source, as in
+    source: "http://192.168.1.7:8080/video"
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of ``joshua find-cameras``."""
+    import argparse
+
+    parser.add_argument(
+        "--save",
+        metavar="FOLDER",
+        type=Path,
+        help="take a picture with each camera and write it into this folder",
+    )
+    parser.add_argument(
+        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the list. Exit code 0; 4 where there is no camera, or where none of them gave a picture."""
+    from joshua.cli.exit_codes import ExitCode
+
+    from joshua_camera.survey import survey
+
+    try:
+        if arguments.save is not None:
+            arguments.save.mkdir(parents=True, exist_ok=True)
+        cameras = survey(arguments.save)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        sys.stderr.write(f"joshua find-cameras: {arguments.save} cannot be written: {reason}\n")
+        return ExitCode.INVALID
+    if getattr(arguments, "format", "text") == "json":
+        sys.stdout.write(json.dumps([as_json(camera) for camera in cameras], indent=2) + "\n")
+    else:
+        sys.stdout.write("\n".join(map(paragraph, cameras)) if cameras else NOTHING)
+    taken = not arguments.save or any(camera.picture for camera in cameras)
+    return ExitCode.OK if cameras and taken else ExitCode.HARDWARE
+
+
+def paragraph(camera: FoundCamera) -> str:
+    """One camera for people: what to write into the file, then what it offers."""
+    lines = [f"{camera.path}: {camera.name or 'camera without a name'}"]
+    if camera.source:
+        lines.append(f'  source: "{camera.source}"')
+    else:
+        lines.append(f"  device_id: {camera.index}")
+    for entry in camera.formats:
+        for size in entry.sizes:
+            rates = ", ".join(f"{rate:g}" for rate in size.rates_hz)
+            lines.append(f"  {entry.code}  {size.width} × {size.height}" + (f"  {rates} Hz" if rates else ""))
+    if camera.picture:
+        lines.append(f"  picture: {camera.picture}")
+    if camera.problem:
+        lines.append(f"  problem: {camera.problem}")
+    return "\n".join(lines) + "\n"
+
+
+def as_json(camera: FoundCamera) -> dict[str, Any]:
+    """One camera for programs."""
+    return {
+        "path": camera.path,
+        "device_id": camera.index,
+        "source": camera.source,
+        "name": camera.name,
+        "formats": [
+            {
+                "pixel_format": entry.code,
+                "name": entry.name,
+                "sizes": [
+                    {"width": size.width, "height": size.height, "rates_hz": list(size.rates_hz)}
+                    for size in entry.sizes
+                ],
+            }
+            for entry in camera.formats
+        ],
+        "picture": camera.picture,
+        "problem": camera.problem,
+    }

@@ -1,0 +1,49 @@
+"""Why a video device cannot be used, and what to do."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+from joshua.devices.errors import DeviceError
+
+from joshua_camera.devices import holders, list_devices
+
+
+def explain_device(path: str, error: OSError) -> DeviceError:
+    """The error of a system call on a device, in words for users."""
+    code = error.errno or 0
+    if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return refuse(path, "does not exist", f"plug the camera in, or choose another; {others(path)}")
+    if code in (errno.EACCES, errno.EPERM):
+        return refuse(
+            path,
+            "may not be opened by this user",
+            "add the user to the group video (sudo usermod -aG video $USER) and log in again",
+        )
+    if code == errno.EBUSY:
+        found = holders(path)
+        who = f"by {', '.join(found)}" if found else "by another process, perhaps another user's"
+        return refuse(path, f"is in use {who}", "end that program, or choose another camera")
+    if code in (errno.ENOTTY, errno.EINVAL):
+        return refuse(path, "is no video device", f"choose another; {others(path)}")
+    return refuse(
+        path,
+        f"cannot be opened ({os.strerror(code).lower()})",
+        "unplug it and plug it in again, at another socket if that does not help",
+    )
+
+
+def refuse(subject: str, problem: str, remedy: str) -> DeviceError:
+    """An error that names the camera, the problem and the remedy."""
+    return DeviceError(f"{subject} {problem}: {remedy}")
+
+
+def others(path: str) -> str:
+    """The devices beside this one, as advice."""
+    found = [
+        f"{entry.path} ({entry.name})" if entry.name else entry.path
+        for entry in list_devices()
+        if entry.path != path
+    ]
+    return f"found: {', '.join(found)}" if found else "this machine has no other"

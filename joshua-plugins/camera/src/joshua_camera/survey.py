@@ -1,0 +1,129 @@
+"""A look at every camera of this machine: what it is, what it offers, and a picture."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from joshua.devices.errors import DeviceError
+
+from joshua_camera import v4l2
+from joshua_camera.camera import OpenCvCamera
+from joshua_camera.device_errors import explain_device
+from joshua_camera.devices import list_devices
+from joshua_camera.opencv import load_opencv
+from joshua_camera.settings import CameraSettings
+
+#: Pictures that a camera takes to find its exposure.
+SETTLING_PICTURES = 10
+PICTURE_TIMEOUT_S = 2.0
+
+#: A size and a rate that nearly every camera has.
+USUAL_SIZE = (640, 480)
+USUAL_FPS = 30
+MAC_DEVICES = 8
+
+
+@dataclass(frozen=True)
+class FoundCamera:
+    """One camera.
+
+    Attributes:
+        path: of its device; name: as the system knows it; "" where it does not say.
+        index: for ``device_id``; source: its stable name for ``source``, "" where it has none.
+        formats: what it offers, as far as it says.
+        picture: path of the picture that was taken; "" where none was.
+        problem: why it cannot be used, with the remedy; "" where it can.
+    """
+
+    path: str
+    name: str
+    index: int
+    source: str = ""
+    formats: tuple[v4l2.PixelFormat, ...] = ()
+    picture: str = ""
+    problem: str = ""
+
+
+def survey(folder: Path | None = None, root: Path = Path("/")) -> list[FoundCamera]:
+    """Looks at every camera.
+
+    Args:
+        folder: where a picture of each is written; None takes none.
+        root: folder that holds ``dev`` and ``sys``.
+
+    Raises:
+        OSError: a picture cannot be written.
+    """
+    found = list(_on_linux(root) if sys.platform == "linux" else _by_index())
+    return found if folder is None else [_with_picture(camera, folder) for camera in found]
+
+
+def _on_linux(root: Path) -> Iterator[FoundCamera]:
+    for entry in list_devices(root):
+        stable = entry.by_id[0] if entry.by_id else ""
+        camera = FoundCamera(entry.path, entry.name, entry.index, stable)
+        try:
+            with v4l2.open_device(entry.path) as device:
+                capability = device.capability()
+                if not capability.captures:
+                    continue  # the metadata node of a camera that has another one
+                formats = tuple(device.formats())
+        except OSError as error:
+            yield replace(camera, problem=str(explain_device(entry.path, error)))
+            continue
+        yield replace(camera, name=entry.name or capability.card, formats=formats)
+
+
+def _by_index() -> Iterator[FoundCamera]:
+    """Cameras that open; other systems offer no list."""
+    cv2 = load_opencv()
+    for index in range(MAC_DEVICES):
+        video = cv2.VideoCapture(index)
+        if video.isOpened():
+            yield FoundCamera(f"camera {index}", "", index)
+        video.release()
+
+
+def _with_picture(camera: FoundCamera, folder: Path) -> FoundCamera:
+    if camera.problem:
+        return camera
+    width, height, fps, code = _mode(camera)
+    settings = CameraSettings(
+        device_id=camera.index,
+        width=width,
+        height=height,
+        fps=fps,
+        pixel_format=code,
+        source="",
+        intrinsics_file="",
+        display=False,
+    )
+    device = OpenCvCamera(settings)
+    try:
+        device.connect()
+        reading = None
+        for _ in range(SETTLING_PICTURES):
+            reading = device.read(PICTURE_TIMEOUT_S) or reading
+    except DeviceError as error:
+        return replace(camera, problem=str(error))
+    finally:
+        device.disconnect()
+    if reading is None:
+        return replace(camera, problem=f"{camera.path} delivered no picture")
+    path = folder / f"{Path(camera.path).name.replace(' ', '_')}.jpg"
+    path.write_bytes(reading.data.as_jpeg())
+    return replace(camera, picture=str(path))
+
+
+def _mode(camera: FoundCamera) -> tuple[int, int, int, str]:
+    """Width, height, rate and format for a picture: what nearly every camera has, else its first ones."""
+    formats = sorted(camera.formats, key=lambda entry: entry.code != "MJPG")
+    for entry in formats:
+        for size in sorted(entry.sizes, key=lambda size: (size.width, size.height) != USUAL_SIZE):
+            rates = [rate for rate in size.rates_hz if rate >= 1] or [float(USUAL_FPS)]
+            fps = min(rates, key=lambda rate: abs(rate - USUAL_FPS))
+            return size.width, size.height, round(fps), entry.code
+    return (*USUAL_SIZE, USUAL_FPS, "MJPG")
