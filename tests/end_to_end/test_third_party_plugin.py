@@ -122,6 +122,16 @@ def test_its_block_is_checked_like_a_built_in_one(
     assert items[0]["allowed"][0] == allowed
 
 
+def test_a_topic_that_it_cannot_serve_is_refused(joshua: JoshuaProgram, robot: Path) -> None:
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(text.replace("JOINT_STATE", "IMU").replace("IMU", "JOINT_STATE", 1), encoding="utf-8")
+    result = joshua("--config", str(robot), "--validate-only", "--format", "json")
+    (item,) = [item for item in json.loads(result.stdout) if item["message"].startswith("gripper (acme.")]
+    assert item["code"] == "data-type-unfit"
+    assert item["field_path"] == "robot.actions[1].node.publishers[0].data_type"
+    assert (item["found"], item["allowed"]) == ("IMU", ["JOINT_STATE"])
+
+
 def test_without_it_a_check_notes_what_is_missing_and_a_launch_is_refused(
     joshua: JoshuaProgram, robot: Path
 ) -> None:

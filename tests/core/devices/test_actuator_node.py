@@ -225,17 +225,21 @@ def test_the_safe_state_of_a_follower_is_to_hold(run: Any) -> None:
     assert not node.actuator.connected
 
 
-def test_an_exercise_moves_the_joints_of_a_test(run: Any) -> None:
-    node = run(
-        "ACTION_SINGLE",
-        subscriptions=(),
-        context={"exercise": {"amplitude_rad": 0.2, "frequency_hz": 2.0}},
+def test_after_a_failure_nothing_moves_without_consent(run: Any, caplog: pytest.LogCaptureFixture) -> None:
+    node = run(context={"restarted": True})
+    node.cycles(10, send=joint_state(["joint_1"], [0.5]))
+    assert node.written == []
+    assert len(node.states) == 10
+    assert (
+        "comes back after a failure and follows no command: look at the arm, then start the run anew"
+        in caplog.messages
     )
-    node.cycles(120)
-    positions = np.array([message.position for message in node.states])
-    assert np.ptp(positions, axis=0).min() > 0.1
-    rows = {check: passed for check, passed, _ in node.node.test_results()}
-    assert rows["tracking error"]
+    with pytest.raises(DeviceError, match="no torque"):
+        node.actuator.write(np.zeros(2))
+    node.node.energise()
+    node.cycles(3, send=joint_state(["joint_1"], [0.5]))
+    assert len(node.written) == 3
+    assert node.written[-1].position[0] < 0.1, "approached slowly from where the joint was"
 
 
 def test_the_test_table_of_a_healthy_follower(run: Any) -> None:

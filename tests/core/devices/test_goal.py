@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from joshua.devices.actuator import JointLimits
-from joshua.devices.exercise import Oscillation
 from joshua.devices.goal import RAMP_SPEED_RAD_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import JointCommand, TrajectoryCommand
 
@@ -143,13 +142,3 @@ def test_whatever_is_commanded_no_step_is_too_long(steps: list[tuple[float, floa
         assert np.abs(goal - last).max() <= 5.0 * 0.02 + 1e-9
         assert np.abs(goal).max() <= 2.0
         last = goal
-
-
-def test_an_exercise_starts_where_the_joint_is_and_stays_in_its_range() -> None:
-    start = np.array([0.0, 1.9, -2.0])
-    exercise = Oscillation(start, limits(3), amplitude_rad=0.5, frequency_hz=0.5)
-    path = np.array([exercise.at(k * 0.01).position_rad for k in range(400)])
-    assert path[0] == pytest.approx(start)
-    assert np.abs(np.diff(path, axis=0)).max() < 0.02
-    assert np.abs(path).max() <= 2.0
-    assert np.ptp(path, axis=0) == pytest.approx([1.0, 0.5, 0.5], abs=0.01)

@@ -116,6 +116,14 @@ def provision_source(arguments: str) -> str:
         ("ProvisionKind.SENSOR, '', 'a.b:C'", "neither block nor enum_values says what asks for it"),
         ("ProvisionKind.SENSOR, 'lidar_config', 'a.b.C'", "implementation is 'a.b.C', not an import string"),
         ("ProvisionKind.SENSOR, 'lidar_config', 'a:B', settings='x y'", "settings is 'x y', not an import"),
+        (
+            "ProvisionKind.SENSOR, 'lidar_config', 'a:B', data_types=('sensor_msgs/LaserScan',)",
+            "data type 'sensor_msgs/LaserScan' is unknown; allowed: sensor_msgs/msg/LaserScan, ",
+        ),
+        (
+            "ProvisionKind.SENSOR, 'lidar_config', 'a:B', data_types='sensor_msgs/msg/LaserScan'",
+            "data_types is str, not a tuple of ROS 2 types",
+        ),
         ("'sensor', 'lidar_config', 'a:B'", "kind is 'sensor', not a joshua.plugins.ProvisionKind"),
         (
             "ProvisionKind.SENSOR, 'lidar_config', 'a:B', enum_values='PERCEPTION_LIDAR'",

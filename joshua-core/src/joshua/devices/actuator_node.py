@@ -9,14 +9,13 @@ from typing import Any
 from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_test import ActuatorTest
 from joshua.devices.errors import DeviceError
-from joshua.devices.exercise import Oscillation
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.mapping import LeaderMapping
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.implementation import load_implementation
-from joshua.node.rates import NS_PER_S, RateLimit, RateMeter, limit_below
+from joshua.node.rates import RateLimit, RateMeter, limit_below
 from joshua.plan import TopicSpec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -33,25 +32,24 @@ class ActuatorNode(NodeBehaviour):
     command. What was written is published on ``~/command``. A leader is read only and never gets torque;
     neither does an actuator that nobody commands.
 
+    After a failure (``restarted`` in the context) it gives no torque and writes nothing before ``energise``
+    is called: torque stays as the safe state has left it.
+
     Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each joint), ``leader``
-    (``node``, ``topic``, ``joints``) for a follower, ``stale_after_s``, and ``exercise`` (``amplitude_rad``,
-    ``frequency_hz``), which moves an actuator without subscription in MODE_TEST.
+    (``node``, ``topic``, ``joints``) for a follower, ``stale_after_s``, ``restarted``.
     """
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
         spec = context.spec
         self._is_leader = spec.role == "ACTION_LEADER"
-        self._exercise: dict[str, float] | None = None if self._is_leader else spec.context.get("exercise")
         self._rate_hz = max((topic.rate_hz for topic in spec.publishers), default=CONTROL_RATE_HZ)
         self._actuator: Actuator | None = None
         self._goals: GoalGenerator | None = None
-        self._oscillation: Oscillation | None = None
         self._readers: list[CommandReader] = []
         self._states: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
         self._written: MessagePublisher | None = None
         self._energised = self._timer_runs = False
-        self._start_ns = 0
         self._last_state = GoalState.WAITING
         self._test = ActuatorTest(spec)
 
@@ -86,20 +84,25 @@ class ActuatorNode(NodeBehaviour):
 
     def activate(self) -> None:
         """Energises the joints where they are, if anybody commands them, and starts the control loop."""
-        actuator, goals = self._device()
+        actuator, _ = self._device()
         if self._is_leader:
             actuator.release()  # a person moves it, also where an earlier run has left it holding
-        if self._is_commanded:
-            position = actuator.read().position_rad
-            goals.seed(position)
-            if self._exercise:
-                self._oscillation = Oscillation(position, actuator.limits, **self._exercise)
-            actuator.enable()
-            self._energised = True
-        self._start_ns = time.monotonic_ns()
+        if self._is_commanded and self.context.spec.context.get("restarted"):
+            self.context.log.warning(
+                "comes back after a failure and follows no command: look at the arm, then start the run anew"
+            )
+        elif self._is_commanded:
+            self.energise()
         if not self._timer_runs:
             self._timer_runs = True
             self.context.create_timer(1 / self._rate_hz, self._control, name="control")
+
+    def energise(self) -> None:
+        """Gives torque to the joints where they are; from then on they follow commands."""
+        actuator, goals = self._device()
+        goals.seed(actuator.read().position_rad)
+        actuator.enable()
+        self._energised = True
 
     def deactivate(self) -> None:
         """Brings the joints into their safe state: a leader without torque, any other one held."""
@@ -122,7 +125,7 @@ class ActuatorNode(NodeBehaviour):
 
     @property
     def _is_commanded(self) -> bool:
-        return not self._is_leader and bool(self.context.spec.subscriptions or self._exercise)
+        return not self._is_leader and bool(self.context.spec.subscriptions)
 
     def _device(self) -> tuple[Actuator, GoalGenerator]:
         if self._actuator is None or self._goals is None:
@@ -202,8 +205,6 @@ class ActuatorNode(NodeBehaviour):
         if not self._energised:
             return
         now_ns = time.monotonic_ns()
-        if self._oscillation is not None:
-            goals.command(self._oscillation.at((now_ns - self._start_ns) / NS_PER_S), now_ns)
         written = actuator.write(goals.step(now_ns))
         self._publish_written(written)
         self._test.written(written, following=goals.state is GoalState.FOLLOWING and not goals.ramping)

@@ -17,12 +17,14 @@ from joshua.messages.make import header, image
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
 class MockCamera(Sensor):
     """A virtual camera.
 
-    ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files.
+    ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files. Its
+    CameraInfo is that of a pinhole without distortion, whose focal length is the width of the picture.
 
     Args:
         settings: size and rate.
@@ -38,8 +40,8 @@ class MockCamera(Sensor):
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """Raw and compressed pictures."""
-        return (IMAGE, COMPRESSED_IMAGE)
+        """Raw and compressed pictures, and the camera's geometry."""
+        return (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
 
     @property
     def connected(self) -> bool:
@@ -65,11 +67,30 @@ class MockCamera(Sensor):
         return Reading(tick.stamp_ns, tick.sequence, pattern.draw(tick.sequence))
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes an ``Image`` (rgb8) or a ``CompressedImage`` (PNG)."""
+        """Makes an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
+        if type_name == CAMERA_INFO:
+            return self._camera_info(reading, frame_id)
         if type_name == COMPRESSED_IMAGE:
             data = np.frombuffer(encode_png(reading.data), np.uint8)
             return message_class(COMPRESSED_IMAGE)(header(frame_id, reading.stamp_ns), "rgb8; png", data)
         return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
+
+    def _camera_info(self, reading: Reading, frame_id: str) -> Any:
+        width, height = self.settings.width, self.settings.height
+        camera = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1]], np.float64)
+        return message_class(CAMERA_INFO)(
+            header=header(frame_id, reading.stamp_ns),
+            height=height,
+            width=width,
+            distortion_model="plumb_bob",
+            d=np.zeros(5),
+            k=camera.reshape(-1),
+            r=np.eye(3).reshape(-1),
+            p=np.hstack((camera, np.zeros((3, 1)))).reshape(-1),
+            binning_x=0,
+            binning_y=0,
+            roi=message_class("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False),
+        )
 
     def implausible(self, reading: Reading) -> str:
         """Says when the number in the picture is not the frame's."""

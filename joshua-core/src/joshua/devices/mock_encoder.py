@@ -11,12 +11,9 @@ from joshua.devices.mock_settings import MockEncoderSettings
 from joshua.devices.pacing import NS_PER_S, FreeRunningClock
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.units import ticks_to_rad
-from joshua.messages import message_class
 from joshua.messages.make import joint_state
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-FLOAT64 = "std_msgs/msg/Float64"
-INT64 = "std_msgs/msg/Int64"
 
 
 @dataclass(frozen=True)
@@ -51,8 +48,8 @@ class MockEncoder(Sensor):
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """JointState and Float64 in radians, Int64 in ticks."""
-        return (JOINT_STATE, FLOAT64, INT64)
+        """The state of one joint."""
+        return (JOINT_STATE,)
 
     @property
     def connected(self) -> bool:
@@ -83,12 +80,9 @@ class MockEncoder(Sensor):
         return Reading(tick.stamp_ns, tick.sequence, EncoderReading(ticks, position, speed))
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes a JointState of one joint, or the bare number."""
+        """Makes a JointState of one joint."""
+        del type_name  # there is only one
         data: EncoderReading = reading.data
-        if type_name == FLOAT64:
-            return message_class(FLOAT64)(data.position_rad)
-        if type_name == INT64:
-            return message_class(INT64)(data.ticks)
         name = self.plan_context.get("joint_name", "joint_1")
         return joint_state(
             [name], [data.position_rad], [data.velocity_rad_s], frame_id=frame_id, at_ns=reading.stamp_ns

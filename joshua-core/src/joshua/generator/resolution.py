@@ -8,9 +8,9 @@ from typing import Any
 
 from joshua.generator.devices import Wanted, joints_of
 from joshua.generator.findings import Findings
-from joshua.plan import Diagnostic
+from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
-from joshua.schema import calibration_pb2
+from joshua.schema import calibration_pb2, data_type_pb2, data_types
 from joshua.schema import config_pb2 as pb
 
 
@@ -70,6 +70,7 @@ class Resolver:
             if provision is not None:
                 settings, problems = self._settings(want, provision, context)
                 self._findings.items += problems
+                self._unfit_types(want, provision)
                 resolved.append(Resolved(want, provision, settings, context))
             if want.kind is ProvisionKind.ACTUATOR:
                 self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
@@ -103,6 +104,27 @@ class Resolver:
             field_path=want.block_path,
             positions=self._findings.positions,
         )
+
+    def _unfit_types(self, want: Wanted, provision: Provision) -> None:
+        """Topics of a third party's device that it cannot serve; the checks know the types of the others."""
+        if "." not in want.block_name or not provision.data_types:
+            return
+        offered = tuple(data_types.number(name) for name in provision.data_types)
+        allowed = tuple(data_types.enum_names(number)[0] for number in offered)
+        for index, publisher in enumerate(want.entry.node.publishers):
+            number = publisher.data_type
+            if number in offered or number not in data_type_pb2.DataType.values() or not number:
+                continue  # absent and unknown numbers are findings of the checks
+            found = data_types.enum_names(number)[0]
+            self._findings.add(
+                "data-type-unfit",
+                Severity.ERROR,
+                f"{want.entry.node.node_name} ({want.block_name}) cannot publish {found}",
+                f"{want.entry.path}.publishers[{index}].data_type",
+                found=found,
+                allowed=allowed,
+                remedy=f"write data_type: {allowed[0]}",
+            )
 
 
 def _is_complete(want: Wanted) -> bool:

@@ -33,7 +33,7 @@ class Provision:
         message_module: import string of the ``_pb2`` module that registers the block's message;
             "" for built-in blocks.
         behaviour: import string of the node behaviour; "" takes the standard one of the kind.
-        data_types: ROS 2 types that a sensor's readings can be published as, such as
+        data_types: ROS 2 types that a device of a third party can publish, such as
             ``("sensor_msgs/msg/Image",)``, so that a file is checked without the driver; () says nothing.
         native: import string of the native implementation that ``node_type: CPP`` asks for; "" if none.
         summary: one line for ``joshua plugins``.

@@ -14,6 +14,7 @@ from google.protobuf.message import Message
 from joshua.plugins.block_values import default_values
 from joshua.plugins.provision import Provision, ProvisionKind
 from joshua.schema import config_pb2, simulation_pb2
+from joshua.schema.data_types import type_names
 
 _IMPORT_STRING = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _MODULE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
@@ -104,6 +105,7 @@ def _problems(provision: Provision) -> list[str]:
         *_enum_problems(provision),
         *_block_problems(provision),
         *_import_string_problems(provision),
+        *_data_type_problems(provision),
     ]
 
 
@@ -168,7 +170,19 @@ def _import_string_problems(provision: Provision) -> list[str]:
     ]
 
 
-def _nearest(name: str, known: tuple[str, ...]) -> str:
+def _data_type_problems(provision: Provision) -> list[str]:
+    types: object = provision.data_types
+    if not isinstance(types, tuple):
+        return [f"data_types is {type(types).__name__}, not a tuple of ROS 2 types"]
+    known = type_names()
+    return [
+        f"data type {name!r} is unknown; {_nearest(str(name), known, 3)}"
+        for name in types
+        if name not in known
+    ]
+
+
+def _nearest(name: str, known: tuple[str, ...], count: int | None = None) -> str:
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
     ordered = [*near, *(value for value in known if value not in near)]
-    return f"allowed: {', '.join(ordered)}"
+    return f"allowed: {', '.join(ordered[:count])}" + (", …" if count else "")

@@ -32,9 +32,8 @@ class Gripper(Actuator):
     def read(self) -> JointReading:
         """Reads position, speed and effort."""
         self.require_connected("read")
-        effort = np.sign([self._move()])
-        velocity = effort * self.settings.speed_rad_s
-        return JointReading(self._stamps.now_ns(), np.array([self._position]), velocity, effort)
+        direction, speed = np.sign([self._move()]), self.settings.speed_rad_s
+        return JointReading(self._stamps.now_ns(), np.array([self._position]), direction * speed, direction)
 
     def enable(self) -> None:
         """Gives torque, with the goal where the finger is."""

@@ -14,6 +14,7 @@ def joshua_provisions() -> list[Provision]:
             enum_values=("ACTION_PLUGIN", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="acme_gripper.actuator:Gripper",
             settings="acme_gripper.settings:GripperSettings",
+            data_types=("sensor_msgs/msg/JointState",),
             summary="the ACME gripper, simulated",
         )
     ]
