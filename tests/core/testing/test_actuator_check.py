@@ -176,9 +176,11 @@ class LinkedActuator(MockActuator):
     """A mock actuator whose positions come over a stream socket from a far end."""
 
     far_end: socket.socket
+    unplugged = False
 
     def connect(self) -> None:
         super().connect()
+        self.unplugged = False
         self._link, self.far_end = socket.socketpair()
         self._server = threading.Thread(target=self._serve, args=(self.far_end,), daemon=True)
         self._server.start()
@@ -208,6 +210,7 @@ class LinkedActuator(MockActuator):
 
 
 def unplug(device: Any) -> None:
+    device.unplugged = True
     device.far_end.shutdown(socket.SHUT_RDWR)
 
 
@@ -233,7 +236,7 @@ class RepeatsTheLast(LinkedActuator):
 
 class DoesNotClean(LinkedActuator):
     def disconnect(self) -> None:
-        if self.connected and self.far_end.fileno() == -1:
+        if self.connected and self.unplugged:
             kept_links.append(self._link)
             MockActuator.disconnect(self)
         super().disconnect()
