@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from google.protobuf.message import Message
@@ -36,9 +37,9 @@ class ProcessEmulator(DeviceEmulator):
         except (EmulatorError, OSError) as error:
             raise EmulationError(f"{self.device.node_name}: {error}") from error
 
+    @abstractmethod
     def make_process(self, block: Any, folder: Path) -> EmulatorProcess:
         """Makes the process that stands for a block."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Ends the process."""
