@@ -42,6 +42,31 @@ def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None
     assert text == f"front: PERCEPTION_LIDAR is provided twice: {expected}"
 
 
+def test_a_conflict_elsewhere_is_not_named() -> None:
+    registry = Registry(
+        (row("acme-one", LIDAR, CAMERA), row("acme-two", replace(LIDAR, implementation="x:Y")))
+    )
+    text = registry.missing("top", ProvisionKind.SENSOR, "camera_config", "PERCEPTION_LIDAR")
+    assert text == "top: acme-one provides camera_config for PERCEPTION_CAMERA, not for PERCEPTION_LIDAR"
+
+
+def test_a_conflict_of_models_is_named_though_they_have_no_block() -> None:
+    registry = Registry((row("acme-one", SMOLVLA), row("acme-two", replace(SMOLVLA, implementation="x:Y"))))
+    assert registry.find(ProvisionKind.MODEL, "", "SMOLVLA") is None
+    assert registry.missing("policy", ProvisionKind.MODEL, "", "SMOLVLA").startswith(
+        "policy: SMOLVLA is provided twice: acme-one and acme-two both provide SMOLVLA; neither"
+    )
+
+
+def test_two_entry_points_of_one_package_are_told_apart() -> None:
+    first, second = row("acme", LIDAR), row("acme", replace(LIDAR, implementation="x:Y"))
+    registry = Registry((replace(first, name="old"), replace(second, name="new")))
+    assert registry.rows()[0].reasons == (
+        "old and new both provide PERCEPTION_LIDAR with lidar_config; neither is used for it: "
+        "choose with --block-plugin old or --block-plugin new",
+    )
+
+
 def test_an_open_provision_conflicts_with_a_specific_one() -> None:
     registry = Registry((row("acme-one", LIDAR), row("acme-two", replace(LIDAR, enum_values=()))))
     assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterable
 
 import pluggy
@@ -50,17 +51,17 @@ def _load(manager: pluggy.PluginManager, candidate: Candidate, blocked: tuple[st
         status=status,
         reasons=reasons,
         provisions=provisions,
-        module=candidate.entry_point.value,
+        module=candidate.target,
     )
 
 
 def _ask(manager: pluggy.PluginManager, candidate: Candidate) -> tuple[Provision, ...]:
     """Imports a plugin's module, registers its hooks and asks for its provisions."""
     try:
-        plugin = candidate.entry_point.load()
+        plugin = _load_target(candidate.target)
     except (Exception, SystemExit) as error:
         raise _BrokenPluginError(
-            f"{candidate.entry_point.value} cannot be imported: {type(error).__name__}: {error}"
+            f"{candidate.target} cannot be imported: {type(error).__name__}: {error}"
         ) from error
     try:
         manager.register(plugin, name=candidate.key)
@@ -77,6 +78,15 @@ def _ask(manager: pluggy.PluginManager, candidate: Candidate) -> tuple[Provision
     if problems:
         raise _BrokenPluginError(*problems)
     return tuple(answer for answer in answers if isinstance(answer, Provision))
+
+
+def _load_target(target: str) -> object:
+    """Imports what an entry point names: a module, or an object in it."""
+    module, _, attributes = target.partition(":")
+    found: object = importlib.import_module(module.strip())
+    for attribute in filter(None, attributes.strip().split(".")):
+        found = getattr(found, attribute)
+    return found
 
 
 def _check_hooks(manager: pluggy.PluginManager, plugin: object) -> None:

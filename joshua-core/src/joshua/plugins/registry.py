@@ -53,6 +53,12 @@ def _subject(provision: Provision, values: tuple[str, ...]) -> str:
     return " with ".join(part for part in (", ".join(values), provision.block) if part)
 
 
+def _answers(provision: Provision, kind: ProvisionKind, enum_value: str) -> bool:
+    """Whether a provision is of a kind and fits an enum value; "" asks for none in particular."""
+    fits = not enum_value or not provision.enum_values or enum_value in provision.enum_values
+    return provision.kind is kind and fits
+
+
 class Registry:
     """What the installed plugins provide.
 
@@ -61,7 +67,7 @@ class Registry:
     """
 
     def __init__(self, rows: tuple[PluginRow, ...]) -> None:
-        self._rows, self._usable = _settle_conflicts(rows)
+        self._rows, self._usable, self._withdrawn = _settle_conflicts(rows)
 
     def rows(self) -> tuple[PluginRow, ...]:
         """All plugins in the order of discovery, the broken and the blocked included."""
@@ -80,12 +86,7 @@ class Registry:
             The one provision that fits, or None where there is none or more than one
             (``missing`` says why).
         """
-        fitting = [
-            provision
-            for provision, _ in self._usable
-            if provision.kind is kind
-            and (not enum_value or not provision.enum_values or enum_value in provision.enum_values)
-        ]
+        fitting = [offer for offer, _ in self._usable if _answers(offer, kind, enum_value)]
         for wanted in dict.fromkeys((block, "")):
             matches = [provision for provision in fitting if provision.block == wanted]
             if len(matches) == 1:
@@ -119,16 +120,13 @@ class Registry:
             ``lidar_front: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar``.
         """
         what = hints.subject(block, enum_value)
-        for row in self._rows:
-            for provision in row.provisions:
-                if provision.kind is kind and provision.block == block:
-                    if row.status is PluginStatus.CONFLICT:
-                        return f"{node_name}: {what} is provided twice: {'; '.join(row.reasons)}"
-                    allowed = ", ".join(provision.enum_values)
-                    return (
-                        f"{node_name}: {row.distribution} provides {block} for {allowed}, "
-                        f"not for {enum_value}"
-                    )
+        for provision, reason in self._withdrawn:
+            if _answers(provision, kind, enum_value) and provision.block in (block, ""):
+                return f"{node_name}: {what} is provided twice: {reason}"
+        for provision, row in self._usable:
+            if block and (provision.kind, provision.block) == (kind, block):
+                allowed = ", ".join(provision.enum_values)
+                return f"{node_name}: {row.distribution} provides {block} for {allowed}, not for {enum_value}"
         distribution = hints.distribution_for(block, enum_value)
         if not distribution:
             return f"{node_name}: {what} needs a plugin that provides it, and {self._nobody()}"
@@ -159,39 +157,46 @@ class Registry:
 
 def _settle_conflicts(
     rows: tuple[PluginRow, ...],
-) -> tuple[tuple[PluginRow, ...], tuple[tuple[Provision, PluginRow], ...]]:
-    """Marks plugins that provide the same thing; returns the rows and what may be used."""
+) -> tuple[tuple[PluginRow, ...], tuple[tuple[Provision, PluginRow], ...], tuple[tuple[Provision, str], ...]]:
+    """Marks plugins that provide the same thing.
+
+    Returns:
+        The rows; what may be used, with its row; what may not, with the reason.
+    """
     reasons: dict[int, list[str]] = {}
-    withdrawn: set[int] = set()
+    withdrawn: list[tuple[Provision, str]] = []
     offers = [(index, provision) for index, row in enumerate(rows) for provision in row.provisions]
     for position, (index, provision) in enumerate(offers):
         for other_index, other in offers[position + 1 :]:
             if index == other_index or (common := _overlap(provision, other)) is None:
                 continue
-            first, second = rows[index], rows[other_index]
+            first, second = _label(rows, index), _label(rows, other_index)
             what = _subject(provision, common)
-            if first.distribution == CORE_DISTRIBUTION:
-                reasons.setdefault(other_index, []).append(
-                    f"{second.distribution} and {first.distribution} both provide {what}; "
-                    f"{first.distribution} stays in force"
-                )
-                withdrawn.add(id(other))
+            if rows[index].distribution == CORE_DISTRIBUTION:
+                reason = f"{second} and {first} both provide {what}; {first} stays in force"
+                reasons.setdefault(other_index, []).append(reason)
+                withdrawn.append((other, reason))
                 continue
-            text = (
-                f"{first.distribution} and {second.distribution} both provide {what}; "
-                f"neither is used for it: choose with --block-plugin {first.distribution} "
-                f"or --block-plugin {second.distribution}"
+            reason = (
+                f"{first} and {second} both provide {what}; neither is used for it: "
+                f"choose with --block-plugin {first} or --block-plugin {second}"
             )
             for at, offer in ((index, provision), (other_index, other)):
-                reasons.setdefault(at, []).append(text)
-                withdrawn.add(id(offer))
+                reasons.setdefault(at, []).append(reason)
+                withdrawn.append((offer, reason))
     settled = tuple(
         replace(row, status=PluginStatus.CONFLICT, reasons=row.reasons + tuple(reasons[index]))
         if index in reasons
         else row
         for index, row in enumerate(rows)
     )
-    usable = tuple(
-        (provision, row) for row in settled for provision in row.provisions if id(provision) not in withdrawn
-    )
-    return settled, usable
+    refused = {id(provision) for provision, _ in withdrawn}
+    usable = tuple((p, row) for row in settled for p in row.provisions if id(p) not in refused)
+    return settled, usable, tuple(withdrawn)
+
+
+def _label(rows: tuple[PluginRow, ...], index: int) -> str:
+    """What --block-plugin takes: the distribution, or the entry point where it has several."""
+    row = rows[index]
+    alone = sum(other.distribution == row.distribution for other in rows) == 1
+    return row.distribution if alone else row.name
