@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Each pattern is written so that it does not match itself.
 MACHINE_PATH = re.compile(
-    r"(?<![\w./-])/(?:home/(?!user\b)|Users/|root/|work/|farm/)[\w.-]|/opt/(?:wheels|py[p]i)"
+    r"(?<![\w./-])/(?:home/(?!user\b|someone\b)|Users/|root/|work/|farm/)[\w.-]|/opt/(?:wheels|py[p]i)"
 )
 REGISTRY_HOST = re.compile(r"py[p]i\.org|python[h]osted|registry\.npm[j]s|deb\.deb[i]an|anaconda\.[o]rg")
 PINNED_ADDRESS = re.compile(r"://|--hash|--index-url|--extra-index-url|--find-links")
