@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import time
 from collections import deque
 from collections.abc import Callable
 
 BOUNDARY = b"joshua-camera-frame"
 STREAM_PATHS = ("/", "/stream.mjpg")
 PICTURE_PATH = "/picture.jpg"
+
+# Told when the last piece was handed to the system; the reader may have it before the call returns.
+Sent = Callable[[float], None]
 
 _MAX_REQUEST = 16_384
 _SEND_BUFFER = 1 << 18
@@ -28,7 +32,7 @@ class Connection:
         self.wants_picture = False
         self.closed = False
         self._request = b""
-        self._queue: deque[tuple[memoryview, Callable[[], None] | None]] = deque()
+        self._queue: deque[tuple[memoryview, Sent | None]] = deque()
         self._close_when_sent = False
         peer.setblocking(False)
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -62,8 +66,8 @@ class Connection:
         elif len(self._request) > _MAX_REQUEST:
             self._refuse("431 Request Header Fields Too Large", "the request is too long")
 
-    def send_frame(self, frame: bytes, number: int, sent: Callable[[], None]) -> None:
-        """Sends one frame of the stream; ``sent`` is called when its last byte is with the system."""
+    def send_frame(self, frame: bytes, number: int, sent: Sent) -> None:
+        """Sends one frame of the stream; ``sent`` is called once its last byte is with the system."""
         head = b"--%s\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\nX-Frame-Number: %d\r\n\r\n" % (
             BOUNDARY,
             len(frame),
@@ -82,6 +86,7 @@ class Connection:
         """Sends as much of what waits as the client takes."""
         while self._queue:
             data, sent = self._queue[0]
+            handed_over_s = time.monotonic()
             try:
                 count = self.socket.send(data)
             except BlockingIOError:
@@ -94,7 +99,7 @@ class Connection:
                 return
             self._queue.popleft()
             if sent is not None:
-                sent()
+                sent(handed_over_s)
         if self._close_when_sent:
             self.close()
 
@@ -129,7 +134,7 @@ class Connection:
         self._close_when_sent = True
         self.flush()
 
-    def _send(self, data: bytes, sent: Callable[[], None] | None = None) -> None:
+    def _send(self, data: bytes, sent: Sent | None = None) -> None:
         waiting = self.sending
         self._queue.append((memoryview(data), sent))
         if not waiting:

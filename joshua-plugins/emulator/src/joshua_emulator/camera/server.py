@@ -188,7 +188,7 @@ class CameraServer:
             if client.sending:
                 self.log.add("skipped", time.monotonic(), number=number)
                 continue
-            client.send_frame(frame, number, lambda: self._sent(code, len(frame)))
+            client.send_frame(frame, number, lambda at_s: self._sent(code, len(frame), at_s))
 
-    def _sent(self, code: FrameCode, size: int) -> None:
-        self.log.add("frame", time.monotonic(), number=code.number, start_ns=code.sent_ns, bytes=size)
+    def _sent(self, code: FrameCode, size: int, at_s: float) -> None:
+        self.log.add("frame", at_s, number=code.number, start_ns=code.sent_ns, bytes=size)
