@@ -204,3 +204,15 @@ def test_a_test_moves_actuators_that_have_no_calibration(tmp_path):
     path = teleoperation(tmp_path, general=GENERAL.replace("MODE_TELEOPERATE", "MODE_TEST"))
     (leader, _) = examine(Request(path)).plan.nodes
     assert leader.context["allow_uncalibrated"] is True
+
+
+@pytest.mark.parametrize(("kind", "notes"), [("TRANSPORT_ZENOH", 1), ("TRANSPORT_DDS", 0)])
+def test_settings_that_do_not_act_everywhere_are_noted_once(tmp_path, kind, notes):
+    path = teleoperation(tmp_path, f"transport {{ kind: {kind} }}")
+    text = Path(path).read_text().replace("qos { depth: 3 }", "qos { depth: 3 lifespan_s: 0.5 }")
+    Path(path).write_text(text)
+    found = [item for item in examine(Request(path)).diagnostics if item.code == "qos-acts-partly"]
+    assert len(found) == notes
+    for item in found:
+        assert item.severity is Severity.NOTE
+        assert item.message.startswith("/follower/joint_states, /leader/joint_states: lifespan acts between")

@@ -33,6 +33,10 @@ PLANNING_CODES: dict[str, CodeDoc] = {
         "A node asks for node_type CPP, and its plugin has no native implementation.",
         "Nothing: the Python implementation runs. Set node_type to PYTHON to silence the note.",
     ),
+    "qos-acts-partly": CodeDoc(
+        "ROS 2's Zenoh middleware does not apply deadline, lifespan, lease duration and manual liveliness.",
+        "Nothing between JOSHUA nodes, where they act; choose DDS where ROS 2 nodes must apply them too.",
+    ),
     "unknown-host": CodeDoc(
         "--host names a machine that no node of the file names.",
         "Name a host of the file, or set `host` in its nodes.",

@@ -9,7 +9,7 @@ from joshua.generator.findings import Findings
 from joshua.generator.resolution import Resolved, Resolver
 from joshua.generator.services import ResolvedService, resolve_services
 from joshua.modes.share import mode_share
-from joshua.plan import Diagnostic
+from joshua.plan import Diagnostic, Severity
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ class Planning:
         transport = transport_spec(config, request.path, self._findings)
         if transport is None:
             return None
+        self._note_partial_qos(nodes, transport.kind)
         return Plan(
             source=request.path,
             mode=_mode_name(config),
@@ -73,6 +74,19 @@ class Planning:
             transport=transport,
             duration_s=_duration_s(config, request),
         )
+
+    def _note_partial_qos(self, nodes: list[NodeSpec], kind: str) -> None:
+        """Says once which quality-of-service settings do not act everywhere, and on which topics."""
+        from joshua.transport.qos_rules import effective_qos_notes
+
+        topics: dict[str, list[str]] = {}
+        for node in nodes:
+            for topic in (*node.publishers, *node.subscriptions):
+                for note in effective_qos_notes(kind, topic.qos):
+                    topics.setdefault(note, []).append(topic.name)
+        for note, names in topics.items():
+            where = ", ".join(dict.fromkeys(names))
+            self._findings.add("qos-acts-partly", Severity.NOTE, f"{where}: {note}")
 
 
 def _waivers(config: pb.Config, request: Request) -> dict[str, bool]:
