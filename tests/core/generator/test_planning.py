@@ -216,3 +216,25 @@ def test_settings_that_do_not_act_everywhere_are_noted_once(tmp_path, kind, note
     for item in found:
         assert item.severity is Severity.NOTE
         assert item.message.startswith("/follower/joint_states, /leader/joint_states: lifespan acts between")
+
+
+def test_a_missing_extra_names_its_installation(tmp_path, monkeypatch):
+    monkeypatch.setattr("joshua.generator.transport_choice.dds_installed", lambda: False)
+    path = teleoperation(tmp_path, "transport { kind: TRANSPORT_DDS }")
+    (finding,) = [item for item in examine(Request(path)).diagnostics if item.code == "extra-missing"]
+    assert finding.severity is Severity.NOTE
+    assert "pip install 'joshua-core[dds]'" in finding.remedy
+    launch = examine(Request(path, purpose=Purpose.LAUNCH))
+    assert ("extra-missing", Severity.ERROR) in codes(launch)
+    assert launch.plan is None
+
+
+def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path):
+    path = teleoperation(tmp_path)
+    Path(path).write_text(Path(path).read_text().replace("node_type: PYTHON", "node_type: CPP"))
+    assert "native-missing" not in [item.code for item in examine(Request(path)).diagnostics]
+    found = examine(Request(path, purpose=Purpose.LAUNCH)).diagnostics
+    (finding,) = [item for item in found if item.code == "native-missing"]
+    assert finding.message == (
+        "joshua-core has no native implementation for follower, leader: the Python implementation runs"
+    )
