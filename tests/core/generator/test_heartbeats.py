@@ -85,9 +85,16 @@ def test_a_reader_thread_has_a_limit_of_its_own():
 
 def test_a_time_in_which_nobody_listened_is_excused():
     heart = watch()
-    heart.excuse(150.0)
+    heart.excuse(50.0, 150.1)
     assert heart.hung(150.1) is None
     assert heart.hung(150.3) is not None
+
+
+def test_an_excuse_never_reaches_into_the_future():
+    heart = watch()
+    heart.hear(beat(150.0))
+    heart.excuse(50.0, 150.1)
+    assert heart.hung(150.4) is not None
 
 
 def test_nothing_is_watched_before_the_begin_and_after_the_end():

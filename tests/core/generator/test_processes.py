@@ -176,6 +176,38 @@ def test_a_child_that_is_killed_comes_back(robot, launch):
     assert "its process was killed by SIGKILL" in run.text()
 
 
+def test_a_child_that_is_stopped_counts_as_hung_and_comes_back(robot, launch):
+    run = launch(robot.node("Ticking", context={"hang_after_s": 1.0}), robot.node("Quiet"))
+    pid = run.wait_for("ready")["/ticking"]
+
+    os.kill(pid, signal.SIGSTOP)
+    run.wait_for("log", lambda text: text == "/ticking: ready again")
+    run.process.send_signal(signal.SIGINT)
+
+    assert run.end() == 0, run.text()
+    assert "it hangs: its loop has not turned for" in run.text()
+    assert "SIGKILL after" in run.text()
+
+
+@pytest.mark.parametrize("whole_group", [True, False])
+def test_a_supervisor_that_was_stopped_takes_nobody_for_hung(robot, launch, whole_group):
+    run = launch(robot.node("Ticking", context={"hang_after_s": 2.0}), robot.node("Quiet"))
+    node = run.wait_for("ready")["/ticking"]
+    stop = os.killpg if whole_group else os.kill
+
+    stop(run.process.pid, signal.SIGSTOP)
+    time.sleep(3.0)  # longer than the limit
+    stop(run.process.pid, signal.SIGCONT)
+    # Heartbeats of the time after are judged again: a node that now hangs is found.
+    os.kill(node, signal.SIGSTOP)
+    run.wait_for("log", lambda text: text == "/ticking: ready again")
+    run.process.send_signal(signal.SIGINT)
+
+    assert run.end() == 0, run.text()
+    hangs = [line for line in run.lines if line.get("log", "").startswith("it hangs")]
+    assert [line["node"] for line in hangs] == ["/ticking"], run.text()
+
+
 @pytest.mark.parametrize("victims", ["supervisor", "supervisor and fork server", "group"])
 def test_no_process_outlives_a_killed_supervisor_by_more_than_a_second(robot, launch, victims):
     run = launch(robot.node("Ticking"), robot.node("Quiet"), robot.node("IgnoresStop"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 
+import pytest
 from joshua.generator.supervisor import Supervisor
 from joshua.plan import NodeKind, TopicSpec
 
@@ -81,6 +82,23 @@ def test_a_node_in_a_namespace_publishes_below_its_own_name(robot):
     assert report.exit_code == 0, robot.ui.text()
     assert report.nodes[0].full_name == "/left/arm"
     assert report.nodes[0].topics[0].name == "/left/arm/command"
+
+
+@pytest.mark.parametrize("kind", ["zenoh", "dds"])
+def test_nodes_and_their_logs_are_those_of_ros_2_nodes(robot, kind):
+    robot.transport = robot.transport.model_copy(update={"kind": kind})
+    report = robot.run(
+        robot.node("Chats", namespace="/left"),
+        robot.node("SeesGraph", context={"transport": robot.transport.model_dump(mode="json")}),
+        duration_s=30.0,
+    )
+
+    assert report.exit_code == 0, robot.ui.text()
+    assert report.reason == "/seesgraph: seen", report.nodes[1].checks
+    lines, nodes = report.nodes[1].checks
+    assert "20 left.chats: still here" in lines.measured
+    assert "/left/chats" in nodes.measured
+    assert "/seesgraph" in nodes.measured
 
 
 def test_a_node_ends_the_run_when_its_work_is_done(robot):

@@ -20,6 +20,9 @@ HANG_AFTER_S: dict[NodeKind, float] = {
 #: Distance of two looks at the heartbeats.
 CHECK_PERIOD_S = 0.05
 
+#: A look that comes this much late says that this program itself was held up, by a stop signal for example.
+HELD_UP_S = 0.1
+
 #: A process is starved if its threads waited for a processor at least this share of a silence …
 STARVED_SHARE = 0.3
 #: … while the loop's own thread ran for less than this; a heartbeat costs a fraction of it.
@@ -98,10 +101,10 @@ class HeartbeatWatch:
             pulse.threads = {thread.name: (thread.age_s, thread.limit_s) for thread in beat.threads}
             pulse.sample = None
 
-    def excuse(self, now_s: float) -> None:
-        """Begins every silence anew, after this program itself could not listen."""
+    def excuse(self, seconds: float, now_s: float) -> None:
+        """Takes a time off every silence, in which this program could not listen."""
         for pulse in self._pulses.values():
-            pulse.heard_s = max(pulse.heard_s, now_s)
+            pulse.heard_s = min(now_s, pulse.heard_s + seconds)
             pulse.sample = None
 
     def end(self) -> None:

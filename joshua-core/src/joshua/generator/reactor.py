@@ -8,9 +8,6 @@ import selectors
 import time
 from collections.abc import Callable
 
-#: The loop was held up if it wakes this much later than it wanted to.
-STALL_S = 0.1
-
 
 class ReactorTimer:
     """A callback at a time; ``cancel`` takes it back."""
@@ -32,14 +29,10 @@ class Reactor:
 
     Args:
         clock: seconds of a clock that never goes back.
-        on_stall: called with the seconds by which the loop woke late, before anything else.
     """
 
-    def __init__(
-        self, clock: Callable[[], float] = time.monotonic, on_stall: Callable[[float], None] | None = None
-    ) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._on_stall = on_stall
         self._selector = selectors.DefaultSelector()
         self._timers: list[tuple[float, int, ReactorTimer]] = []
         self._order = itertools.count()
@@ -75,11 +68,7 @@ class Reactor:
 
     def turn(self) -> None:
         """Waits for the next event and handles what is due."""
-        timeout_s = self._next_timeout_s()
-        wanted_s = None if timeout_s is None else self._clock() + timeout_s
-        ready = self._selector.select(timeout_s)
-        if wanted_s is not None and self._clock() - wanted_s > STALL_S and self._on_stall is not None:
-            self._on_stall(self._clock() - wanted_s)
+        ready = self._selector.select(self._next_timeout_s())
         for key, events in ready:
             current = self._selector.get_map().get(key.fd)
             if current is None or current.data is not key.data:

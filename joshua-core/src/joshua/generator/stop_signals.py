@@ -27,12 +27,11 @@ class StopSignals:
         self._former_descriptor = -1
         self._receiver, self._sender = socket.socketpair()
 
-    def install(self, extra: Callable[[], None]) -> None:
-        """Takes over the signals; ``extra`` is called when the process continues after a stop (SIGCONT)."""
+    def install(self) -> None:
+        """Takes over the signals."""
         self._receiver.setblocking(False)
         self._sender.setblocking(False)
-        self._continued = extra
-        for number in (*STOP_SIGNALS, signal.SIGCONT):
+        for number in STOP_SIGNALS:
             self._former[number] = signal.signal(number, lambda _number, _frame: None)
         self._former_descriptor = signal.set_wakeup_fd(self._sender.fileno(), warn_on_full_buffer=False)
         self._reactor.watch(self._receiver.fileno(), self._read)
@@ -56,5 +55,3 @@ class StopSignals:
         for number in numbers:
             if number in STOP_SIGNALS:
                 self._on_signal(number)
-            elif number == signal.SIGCONT:
-                self._continued()

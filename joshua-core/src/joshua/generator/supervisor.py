@@ -13,7 +13,7 @@ from typing import Any
 
 from joshua.generator.control_server import ControlServer
 from joshua.generator.fork_server import ForkServer
-from joshua.generator.heartbeats import CHECK_PERIOD_S
+from joshua.generator.heartbeats import CHECK_PERIOD_S, HELD_UP_S
 from joshua.generator.launcher import Launcher
 from joshua.generator.logbook import Logbook
 from joshua.generator.managed_process import ManagedProcess
@@ -71,7 +71,7 @@ class Supervisor:
         self._fork_server = fork_server
         self._options = options or SupervisorOptions()
         self._ui = ui or SilentInterface()
-        self._reactor = Reactor(on_stall=self._on_stall)
+        self._reactor = Reactor()
         self._processes: list[ManagedProcess] = []
         self._phase = Phase.STARTING
         self._reason = ""
@@ -84,6 +84,7 @@ class Supervisor:
         self._activated = False
         self._settling = False
         self._defects = 0
+        self._checked_s = 0.0
 
     def run(self) -> RunReport:
         """Runs the plan to its end; returns what the run was like. Call it once."""
@@ -96,7 +97,7 @@ class Supervisor:
         closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
         try:
             if self._options.handle_signals:
-                signals.install(self._excuse)
+                signals.install()
             if self._open_run_directory(closers):
                 self._start(closers)
                 while self._phase is not Phase.ENDED:
@@ -161,6 +162,7 @@ class Supervisor:
             return
         for process in self._processes:
             process.start()
+        self._checked_s = self._reactor.now_s()
         self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
         self._reactor.call_later(options.status_period_s, self._show_status)
 
@@ -268,16 +270,13 @@ class Supervisor:
         self._logbook.write(logging.ERROR, f"the fork server has died: {reason}")
         self._stop("the fork server has died, so that no node could start again", EXIT_FAILED)
 
-    def _on_stall(self, seconds: float) -> None:
-        self._logbook.write(logging.DEBUG, f"the supervisor was held up for {seconds:.2f} s")
-        self._excuse()
-
-    def _excuse(self) -> None:
-        for process in self._processes:
-            process.watch.excuse(self._reactor.now_s())
-
     def _check_heartbeats(self) -> None:
+        now_s = self._reactor.now_s()
+        late_s = now_s - self._checked_s - CHECK_PERIOD_S
+        self._checked_s = now_s
         for process in self._processes:
+            if late_s > HELD_UP_S:
+                process.watch.excuse(late_s, now_s)
             process.check_heartbeats()
         if self._phase is not Phase.ENDED:
             self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)

@@ -28,6 +28,7 @@ from joshua.ipc.messages import (
     ToChild,
     Topics,
 )
+from joshua.ipc.process_attributes import set_title
 from joshua.node.control import ControlChannel
 from joshua.node.errors import InterruptedLifecycleError
 from joshua.node.logs import NodeLogHandler, install_handler, node_logger
@@ -81,6 +82,7 @@ class NodeProcess:
         if start is None:
             return 0
         self._start = start
+        set_title(start.nodes[0].process_group or start.nodes[0].name)
         handler = NodeLogHandler(self._send, start.nodes[0].full_name)
         install_handler(handler, start.log_level)
         services = RuntimeServices(

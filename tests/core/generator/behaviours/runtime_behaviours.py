@@ -223,6 +223,43 @@ class Chats(Quiet):
         self.context.create_timer(0.05, lambda: self.context.log.info("still here"), name="chat")
 
 
+class SeesGraph(Quiet):
+    """Looks at the ROS 2 graph and at /rosout from a transport session of its own."""
+
+    def configure(self) -> None:
+        super().configure()
+        from joshua.messages import decode
+        from joshua.plan import QosProfile, TransportSpec
+        from joshua.transport import open_transport
+
+        spec = TransportSpec.model_validate(self.context.spec.context["transport"])
+        self.transport = open_transport(spec)
+        self.lines: list[str] = []
+        self.nodes: set[str] = set()
+        kind = "rcl_interfaces/msg/Log"
+
+        def receive(sample: Any) -> None:
+            log = decode(kind, sample.cdr)
+            self.lines.append(f"{log.level} {log.name}: {log.msg}")
+
+        handle = self.transport.create_node("onlooker")
+        handle.create_subscription("/rosout", kind, QosProfile(durability="TRANSIENT_LOCAL"), receive)
+        self.context.create_timer(0.05, self.look, name="look")
+
+    def look(self) -> None:
+        found = {f"{node.namespace.rstrip('/')}/{node.name}" for node in self.transport.nodes()}
+        self.nodes |= found
+        if any("still here" in line for line in self.lines) and "/left/chats" in self.nodes:
+            self.context.end_run("seen")
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        return [("lines", True, "\n".join(self.lines)), ("nodes", True, " ".join(sorted(self.nodes)))]
+
+    def cleanup(self) -> None:
+        super().cleanup()
+        self.transport.close()
+
+
 class Floods(InTimer):
     """Logs far too much, by the logger and on standard output."""
 
