@@ -43,7 +43,7 @@ message Gripper {
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    folder = tmp_path / "src" / "acme_gripper"
+    folder = tmp_path / "src" / "compiled_gripper"
     folder.mkdir(parents=True)
     (folder / "__init__.py").touch()
     (folder / "gripper.proto").write_text(PROTO)
@@ -56,7 +56,7 @@ def test_a_plugin_proto_compiles_beside_itself(package: Path, capsys: pytest.Cap
     assert sorted(path.name for path in package.glob("*_pb2*")) == names
     assert sorted(Path(line).name for line in capsys.readouterr().out.split()) == names
     # The name that the descriptor pool knows is that of the package, so that plugins do not collide.
-    assert "acme_gripper/gripper.proto" in (package / "gripper_pb2.py").read_text()
+    assert "compiled_gripper/gripper.proto" in (package / "gripper_pb2.py").read_text()
 
 
 def test_comments_are_kept_by_full_name(package: Path) -> None:
@@ -78,7 +78,7 @@ def test_comments_are_kept_by_full_name(package: Path) -> None:
 def test_the_compiled_module_carries_rules_and_comments(package: Path, tmp_path: Path) -> None:
     main([str(package / "gripper.proto"), "--out", str(tmp_path / "out")])
     program = (
-        "from acme_gripper.gripper_pb2 import Gripper\n"
+        "from compiled_gripper.gripper_pb2 import Gripper\n"
         "from joshua.schema.comments import comment, file_comment\n"
         "from joshua.schema.rules import rule\n"
         "field = Gripper.DESCRIPTOR.fields_by_name['stroke_m']\n"
@@ -104,7 +104,7 @@ def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_a_faulty_proto_is_reported_with_its_line(package: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (package / "gripper.proto").write_text('syntax = "proto3";\nmessage Gripper { floot width = 1; }\n')
     assert main([str(package / "gripper.proto")]) == 2
-    assert "acme_gripper/gripper.proto:2:19" in capsys.readouterr().err
+    assert "compiled_gripper/gripper.proto:2:19" in capsys.readouterr().err
 
 
 def test_a_root_that_does_not_hold_the_file_is_refused(
