@@ -21,7 +21,9 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "ipc": ("plan",),
     "transport": ("messages",),
     "node": ("transport", "plugins", "ipc"),
-    "devices": ("node",),
+    # The process beside an actuator, and the driver's link to it.
+    "guardian": (),
+    "devices": ("node", "guardian"),
     "models": ("node",),
     "modes": ("config", "plugins"),
     "generator": ("modes", "config", "plugins", "transport", "ipc"),

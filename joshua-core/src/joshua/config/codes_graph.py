@@ -97,6 +97,19 @@ GRAPH_CODES: dict[str, CodeDoc] = {
         "Two motors of one arm have the same joint name, and joints are matched by name.",
         "Give each joint its own name.",
     ),
+    # Safe state
+    "park-pose-missing": CodeDoc(
+        "PARK_THEN_RELEASE is set without the pose to park in.",
+        "Add park_pose_rad with one angle for each joint.",
+    ),
+    "park-pose-unfit": CodeDoc(
+        "The park pose has another number of angles than the actuator has joints.",
+        "Write one angle for each joint, in joint order.",
+    ),
+    "safe-state-unfit": CodeDoc(
+        "The actuator cannot reach this safe state: a leader has no torque, or its plugin cannot park.",
+        "Choose a safe state that the message allows.",
+    ),
     # Transport
     "endpoint-invalid": CodeDoc(
         "A Zenoh endpoint is not of the form protocol/address:port.",

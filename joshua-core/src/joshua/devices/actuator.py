@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,6 +104,16 @@ class Actuator(ABC):
     @abstractmethod
     def disconnect(self) -> None:
         """Closes the device; a second call does nothing."""
+
+    def safe_stop_request(
+        self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
+    ) -> Any:
+        """What the provision's ``safe_stop`` needs to act without this driver, as an object with ``to_json``.
+
+        Raises:
+            NotImplementedError: the provision names a safe-stop action, and its driver does not prepare it.
+        """
+        raise NotImplementedError(f"{type(self).__name__} prepares no safe stop: override safe_stop_request")
 
     def require_connected(self, verb: str) -> None:
         """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""

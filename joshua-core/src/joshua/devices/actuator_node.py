@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua.devices.actuator import Actuator, FloatArray, JointReading
+from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_test import ActuatorTest
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
@@ -34,6 +35,8 @@ class ActuatorNode(NodeBehaviour):
 
     After a failure (``restarted`` in the context) it gives no torque and writes nothing before ``energise``
     is called: torque stays as the safe state has left it.
+    With a ``safe_stop`` in its context it has a guardian from before the joints get torque until their safe
+    state stands.
 
     Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each joint), ``leader``
     (``node``, ``topic``, ``joints``) for a follower, ``stale_after_s``, ``restarted``.
@@ -52,6 +55,7 @@ class ActuatorNode(NodeBehaviour):
         self._energised = self._timer_runs = False
         self._last_state = GoalState.WAITING
         self._test = ActuatorTest(spec)
+        self._safety = ActuatorSafety(context)
 
     def configure(self) -> None:
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
@@ -96,28 +100,32 @@ class ActuatorNode(NodeBehaviour):
         if not self._timer_runs:
             self._timer_runs = True
             self.context.create_timer(1 / self._rate_hz, self._control, name="control")
+            self._safety.create_timer()
 
     def energise(self) -> None:
         """Gives torque to the joints where they are; from then on they follow commands."""
         actuator, goals = self._device()
         goals.seed(actuator.read().position_rad)
+        self._safety.guard(actuator)
+        self._energised = True  # whatever fails from here on, the safe state is called for
         actuator.enable()
-        self._energised = True
+        self._safety.beat()
 
     def deactivate(self) -> None:
-        """Brings the joints into their safe state: a leader without torque, any other one held."""
+        """Brings the joints into their safe state: a leader without torque, others as planned."""
         if self._actuator is None or not self._actuator.connected:
             return
         if self._is_leader:
             self._actuator.release()
         elif self._energised:
             self._energised = False
-            self._actuator.hold()
+            self._safety.apply(self._actuator)
 
     def cleanup(self) -> None:
         """Closes the device."""
         if self._actuator is not None:
             self._actuator.disconnect()
+            self._safety.finish()
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates, commands, tracking error and range."""

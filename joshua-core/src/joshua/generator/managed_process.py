@@ -20,7 +20,7 @@ from joshua.generator.restart import RestartPolicy, strictest
 from joshua.generator.stack_dump import StackDump
 from joshua.generator.status import LogEntry
 from joshua.ipc import messages as ipc
-from joshua.plan import NodeSpec, TransportSpec
+from joshua.plan import NodeKind, NodeSpec, TransportSpec
 
 #: How long a hung process may take to write the stacks of its threads.
 DUMP_TIMEOUT_S = 0.3
@@ -73,6 +73,7 @@ class ManagedProcess:
         self.watch = HeartbeatWatch(self._usage)
         self.restart_timer: ReactorTimer | None = None
         self.stop_reason = ""
+        self.run_context: dict[str, str] = {}
         self._transport = transport
         self._options = options
         self._reactor, self._launcher, self._logbook = tools
@@ -122,11 +123,13 @@ class ManagedProcess:
 
     def start(self) -> None:
         """Tells the process which nodes to run."""
-        specs = self.specs
-        if self._restarted:
-            specs = tuple(
-                spec.model_copy(update={"context": {**spec.context, "restarted": True}}) for spec in specs
-            )
+        added = {**self.run_context, **({"restarted": True} if self._restarted else {})}
+        specs = tuple(
+            spec.model_copy(update={"context": {**spec.context, **added}})
+            if spec.kind is NodeKind.ACTUATOR or self._restarted
+            else spec
+            for spec in self.specs
+        )
         message = ipc.Start(
             nodes=specs,
             transport=self._transport,

@@ -9,6 +9,7 @@ from joshua.config.topics import Endpoint, endpoints
 from joshua.generator.devices import Wanted
 from joshua.generator.findings import Findings
 from joshua.generator.resolution import Resolved
+from joshua.generator.safety import safety_context
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plugins import ProvisionKind, Registry
 from joshua.plugins.targets import behaviour_of
@@ -72,7 +73,7 @@ class NodePlanner:
             implementation=provision.native if native else provision.implementation,
             settings_type=provision.settings,
             settings=settings.model_dump(mode="json") if settings is not None else {},
-            context=resolved.context | self._shared_context(want),
+            context=resolved.context | self._shared_context(want) | safety_context(want, provision),
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),

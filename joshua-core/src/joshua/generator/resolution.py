@@ -8,6 +8,7 @@ from typing import Any
 
 from joshua.generator.devices import Wanted, joints_of
 from joshua.generator.findings import Findings
+from joshua.generator.safety import check_safety
 from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
 from joshua.schema import calibration_pb2, data_type_pb2, data_types
@@ -73,7 +74,9 @@ class Resolver:
                 self._unfit_types(want, provision)
                 resolved.append(Resolved(want, provision, settings, context))
             if want.kind is ProvisionKind.ACTUATOR:
-                self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
+                joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
+                if provision is not None:
+                    check_safety(want, provision, joints, self._findings)
         for wants in missing.values():
             self._findings.plugin_missing(wants, self._registry)
         return resolved

@@ -7,7 +7,7 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any
 
@@ -85,6 +85,7 @@ class Supervisor:
         self._settling = False
         self._defects = 0
         self._checked_s = 0.0
+        self._run_context: dict[str, str] = {}
 
     def run(self) -> RunReport:
         """Runs the plan to its end; returns what the run was like. Call it once."""
@@ -135,7 +136,15 @@ class Supervisor:
             return False
         closers.append(directory.close)
         directory.point_to_log(self._logbook.path)
-        handlers = {"status": self._answer_status, "stop": self._answer_stop}
+        self._run_context = {
+            "run_log": str(self._logbook.path.absolute()),
+            "run_socket": str(directory.socket_path),
+        }
+        handlers = {
+            "status": self._answer_status,
+            "stop": self._answer_stop,
+            "guardian": self._answer_guardian,
+        }
         try:
             server = ControlServer(self._reactor, directory.socket_path, handlers)
         except OSError as error:
@@ -157,6 +166,7 @@ class Supervisor:
             return
         # The processes come up while this one opens the router; they join it when they are told to start.
         for process in self._processes:
+            process.run_context = self._run_context
             process.spawn()
         if not self._open_router(closers):
             return
@@ -375,3 +385,10 @@ class Supervisor:
     def _answer_stop(self, _request: object) -> dict[str, Any]:
         self._reactor.call_later(0, lambda: self._stop("stopped by `joshua stop`", EXIT_OK))
         return {"stopping": True}
+
+    def _answer_guardian(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """Takes the report of a guardian into the log."""
+        level = request.get("level")
+        level = level if isinstance(level, int) else logging.ERROR
+        self._logbook.write(level, str(request.get("text", "")), str(request.get("node", "")))
+        return {"written": True}

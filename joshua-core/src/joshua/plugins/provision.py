@@ -37,6 +37,9 @@ class Provision:
             ``("sensor_msgs/msg/Image",)``, so that a file is checked without the driver; () says nothing.
         native: import string of the native implementation that ``node_type: CPP`` asks for; "" if none.
         summary: one line for ``joshua plugins``.
+        safe_stop: import string of what the guardian of an actuator runs: a function, importable without
+            numpy, that takes what ``Actuator.safe_stop_request`` prepared, brings the device into its safe
+            state without the driver, and returns a report with ``complete`` and ``joints``; "" if none.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
     """
 
@@ -50,4 +53,5 @@ class Provision:
     native: str = ""
     data_types: tuple[str, ...] = ()
     summary: str = ""
+    safe_stop: str = ""
     virtual: bool = False

@@ -63,6 +63,7 @@ def check_targets(provision: Provision) -> list[str]:
         ("settings", provision.settings, _SETTINGS_BASE),
         ("implementation", provision.implementation, _base_class(provision)),
         ("native", provision.native, _base_class(provision)),
+        ("safe_stop", provision.safe_stop, ""),
     ]
     problems: list[str] = []
     for role, import_string, base_string in wanted:

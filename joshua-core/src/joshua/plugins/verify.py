@@ -161,6 +161,7 @@ def _import_string_problems(provision: Provision) -> list[str]:
         "settings": provision.settings,
         "behaviour": provision.behaviour,
         "native": provision.native,
+        "safe_stop": provision.safe_stop,
     }
     return [
         f"{name} is {text!r}, not an import string such as acme.gripper:Gripper"

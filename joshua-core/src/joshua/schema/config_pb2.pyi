@@ -35,6 +35,13 @@ class ActionType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     ACTION_SPIKE: _ClassVar[ActionType]
     ACTION_PLUGIN: _ClassVar[ActionType]
 
+class SafeState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    SAFE_STATE_UNSPECIFIED: _ClassVar[SafeState]
+    HOLD: _ClassVar[SafeState]
+    RELEASE: _ClassVar[SafeState]
+    PARK_THEN_RELEASE: _ClassVar[SafeState]
+
 class MockMotion(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     MOCK_MOTION_NONE: _ClassVar[MockMotion]
@@ -149,6 +156,10 @@ ACTION_SINGLE: ActionType
 ACTION_MOCK: ActionType
 ACTION_SPIKE: ActionType
 ACTION_PLUGIN: ActionType
+SAFE_STATE_UNSPECIFIED: SafeState
+HOLD: SafeState
+RELEASE: SafeState
+PARK_THEN_RELEASE: SafeState
 MOCK_MOTION_NONE: MockMotion
 MOCK_MOTION_SINE: MockMotion
 MOCK_MOTION_FILE: MockMotion
@@ -248,7 +259,7 @@ class Robot(_message.Message):
     def __init__(self, actions: _Optional[_Iterable[_Union[SingleAction, _Mapping]]] = ..., perceptions: _Optional[_Iterable[_Union[SinglePerception, _Mapping]]] = ...) -> None: ...
 
 class SingleAction(_message.Message):
-    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "sim_config")
+    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "sim_config", "safe_state", "park_pose_rad", "park_timeout_s")
     NODE_FIELD_NUMBER: _ClassVar[int]
     ACTION_TYPE_FIELD_NUMBER: _ClassVar[int]
     STS3215_CONFIG_FIELD_NUMBER: _ClassVar[int]
@@ -256,6 +267,9 @@ class SingleAction(_message.Message):
     SPIKE_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
     SIM_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    SAFE_STATE_FIELD_NUMBER: _ClassVar[int]
+    PARK_POSE_RAD_FIELD_NUMBER: _ClassVar[int]
+    PARK_TIMEOUT_S_FIELD_NUMBER: _ClassVar[int]
     node: Node
     action_type: ActionType
     sts3215_config: STS3215Config
@@ -263,7 +277,10 @@ class SingleAction(_message.Message):
     spike_motor_config: SpikeMotorConfig
     plugin_config: _any_pb2.Any
     sim_config: SimActuatorConfig
-    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ...) -> None: ...
+    safe_state: SafeState
+    park_pose_rad: _containers.RepeatedScalarFieldContainer[float]
+    park_timeout_s: float
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ..., safe_state: _Optional[_Union[SafeState, str]] = ..., park_pose_rad: _Optional[_Iterable[float]] = ..., park_timeout_s: _Optional[float] = ...) -> None: ...
 
 class STS3215Config(_message.Message):
     __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration")

@@ -16,6 +16,7 @@ def joshua_provisions() -> list[Provision]:
             enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="joshua_sts3215.actuator:Sts3215Actuator",
             settings="joshua_sts3215.settings:Sts3215Settings",
+            safe_stop="joshua_sts3215.safe_stop:stop",
             summary="Feetech/Waveshare STS3215 servo bus",
         )
     ]

@@ -225,6 +225,12 @@ def main(arguments: list[str] | None = None) -> int:
     return 0 if report.complete else 1
 
 
+def stop(values: dict[str, Any]) -> dict[str, Any]:
+    """Runs a request of plain values, as a guardian does. Raises ValueError and TypeError."""
+    report: dict[str, Any] = json.loads(run(request_from(values)).to_json())
+    return report
+
+
 def request_from(values: Mapping[str, Any]) -> SafeStopRequest:
     """Makes a request of the plan's values. Raises ValueError and TypeError."""
     return SafeStopRequest.from_json(json.dumps(dict(values)))

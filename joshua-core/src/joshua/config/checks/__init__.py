@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from itertools import islice
+from typing import Any
 
 from joshua.config.checks.context import Context, Loaded
 from joshua.config.limits import MAX_PROBLEMS
@@ -26,10 +27,15 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "device_types": lambda context: bool(context.entries),
     "qos": lambda context: bool(context.entries),
     "no_effect": lambda context: True,
+    "safety": lambda context: any(_has_safety(entry.owner) for entry in context.entries),
     "calibration": lambda context: context.config.HasField("calibration"),
     "transport": lambda context: context.config.HasField("transport"),
     "machines": lambda context: any(entry.node.host for entry in context.entries),
 }
+
+
+def _has_safety(owner: Any) -> bool:
+    return bool(getattr(owner, "safe_state", 0) or getattr(owner, "park_pose_rad", ()))
 
 
 def check(loaded: Loaded) -> list[Diagnostic]:

@@ -1,0 +1,43 @@
+"""The safe state of an actuator and the settings that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks.context import Context
+from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+
+
+def check(context: Context) -> Iterator[Diagnostic]:
+    """Finds a park without a pose, and settings that no safe state uses."""
+    for entry in context.entries:
+        action = entry.owner
+        if not isinstance(action, pb.SingleAction):
+            continue
+        path = entry.owner_path
+        if action.action_type == pb.ACTION_LEADER and action.safe_state not in (0, pb.RELEASE):
+            name = pb.SafeState.Name(action.safe_state) if action.safe_state <= pb.PARK_THEN_RELEASE else "it"
+            yield context.error(
+                "safe-state-unfit",
+                f"A leader never has torque, so it cannot {'park' if 'PARK' in name else 'hold'}",
+                f"{path}.safe_state",
+                found=name,
+                allowed=("RELEASE",),
+                remedy="Remove safe_state, or write safe_state: RELEASE",
+            )
+        elif action.safe_state == pb.PARK_THEN_RELEASE and not action.park_pose_rad:
+            yield context.error(
+                "park-pose-missing",
+                "PARK_THEN_RELEASE needs park_pose_rad, the pose in which the joints may lose their torque",
+                f"{path}.safe_state",
+                found="PARK_THEN_RELEASE",
+                remedy="Add park_pose_rad: [...] with one angle in radians for each joint",
+            )
+        if action.park_pose_rad and action.safe_state != pb.PARK_THEN_RELEASE:
+            yield context.note(
+                "field-unused",
+                "park_pose_rad has no effect: it belongs to safe_state: PARK_THEN_RELEASE",
+                f"{path}.park_pose_rad",
+                remedy="Remove it, or set safe_state: PARK_THEN_RELEASE",
+            )

@@ -1,0 +1,193 @@
+"""Safe states of an emulated follower, whatever ends its driver: real processes, state read at the servos."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from emulated_teleop import teleoperation
+from joshua_emulator import EmulatedBus
+from processes import children_of, descendants_of, is_guardian, parent_of, title_of
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
+
+RELEASE = ("robot.actions[1].safe_state=RELEASE",)
+HOLD = ("robot.actions[1].safe_state=HOLD",)
+
+
+@dataclass
+class Rig:
+    """A running teleoperation whose follower has torque."""
+
+    process: subprocess.Popen[str]
+    follower: EmulatedBus
+    driver: int
+    guardian: int
+    fork_server: int
+
+    def wait(self, condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline_s, [servo["energised"] for servo in self.follower.servos()]
+            time.sleep(0.02)
+
+    def energised(self) -> set[bool]:
+        return {servo["energised"] for servo in self.follower.servos()}
+
+    def gone(self, process_id: int) -> bool:
+        return parent_of(process_id) == 0
+
+    def stop(self) -> str:
+        self.process.send_signal(signal.SIGINT)
+        return self.process.communicate(timeout=60)[0]
+
+
+@contextmanager
+def running(folder: Path, domain_id: int, overrides: tuple[str, ...]) -> Iterator[Rig]:
+    with (
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER") as leader,
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
+        teleoperation(leader, follower, folder, domain_id, overrides=overrides) as process,
+    ):
+        deadline_s = time.monotonic() + 60
+        while {servo["energised"] for servo in follower.servos()} != {True}:
+            if process.poll() is not None or time.monotonic() > deadline_s:
+                process.kill()
+                pytest.fail(process.communicate()[0])
+            time.sleep(0.02)
+        (guardian,) = [number for number in descendants_of(process.pid) if is_guardian(number)]
+        driver = parent_of(guardian)
+        assert title_of(driver) == "follower_arm"
+        rig = Rig(process, follower, driver, guardian, parent_of(driver))
+        try:
+            yield rig
+        finally:
+            left = descendants_of(process.pid)
+            process.kill()
+            rig.wait(lambda: all(rig.gone(number) for number in [*left, driver, guardian]))
+
+
+def test_only_the_actuator_with_torque_has_a_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, ()) as rig:
+        assert [number for number in children_of(rig.driver) if is_guardian(number)] == [rig.guardian]
+        assert os.getsid(rig.guardian) == rig.guardian
+        output = rig.stop()
+        assert rig.process.returncode == 0, output
+        assert rig.gone(rig.guardian)
+        assert rig.energised() == {True}  # HOLD is the default
+
+
+def test_a_normal_stop_releases(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        output = rig.stop()
+        assert rig.process.returncode == 0, output
+        assert rig.energised() == {False}
+        assert rig.gone(rig.guardian)
+
+
+def test_a_normal_stop_parks_then_releases(tmp_path: Path, joshua_domain_id: int) -> None:
+    pose = tuple(f"robot.actions[1].park_pose_rad=[{', '.join(['0.1'] * 6)}]" for _ in range(1))
+    park = ("robot.actions[1].safe_state=PARK_THEN_RELEASE", *pose)
+    with running(tmp_path, joshua_domain_id, park) as rig:
+        output = rig.stop()
+        assert rig.process.returncode == 0, output
+        assert rig.energised() == {False}
+        assert all(abs(servo["present_position"] - 2048) in range(25, 106) for servo in rig.follower.servos())
+
+
+def test_a_killed_driver_is_replaced_by_its_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.energised() == {False})
+        rig.wait(lambda: rig.gone(rig.guardian))
+        output = rig.stop()
+        assert "guardian: the driver ended without letting go; 1 released" in output
+        assert rig.energised() == {False}
+
+
+def test_a_killed_driver_leaves_a_held_arm_held(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.gone(rig.guardian))
+        assert rig.energised() == {True}
+        output = rig.stop()
+        assert "guardian: the driver ended without letting go; 1 held" in output
+
+
+def test_a_driver_that_runs_again_stays_without_torque(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.energised() == {False})
+        again: list[int] = []
+
+        def is_back() -> bool:
+            again[:] = [n for n in descendants_of(rig.process.pid) if title_of(n) == "follower_arm"]
+            return bool(again)
+
+        rig.wait(is_back)
+        rig.wait(lambda: bool(rig.follower.servos()))
+        output = rig.stop()
+        assert rig.energised() == {False}
+        assert "starting again" in output
+
+
+def test_a_hung_driver_is_killed(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        os.kill(rig.driver, signal.SIGSTOP)
+        rig.wait(lambda: rig.energised() == {False})
+        assert rig.gone(rig.driver)
+        rig.wait(lambda: rig.gone(rig.guardian))
+        output = rig.stop()
+        assert "guardian: the driver hung: no sign of life for 0.2 s; 1 released" in output, output
+
+
+def test_a_killed_supervisor_leaves_a_safe_arm(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        rig.process.kill()
+        rig.wait(lambda: rig.energised() == {False})
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.gone(rig.driver))
+
+
+def test_a_killed_fork_server_leaves_a_safe_arm(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        os.kill(rig.fork_server, signal.SIGKILL)
+        rig.wait(lambda: rig.energised() == {False})
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.gone(rig.driver))
+
+
+def test_supervisor_and_driver_killed_at_once(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        rig.process.kill()
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.energised() == {False})
+        rig.wait(lambda: rig.gone(rig.guardian))
+
+
+def test_signals_do_not_end_a_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
+            os.kill(rig.guardian, number)
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.energised() == {False})
+
+
+def test_a_driver_without_guardian_stops(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        os.kill(rig.guardian, signal.SIGKILL)
+        rig.wait(lambda: rig.energised() == {False})
+        assert "the guardian is gone" in rig.stop()
+
+
+def test_an_unplugged_adapter_does_not_keep_the_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
+    short = (*RELEASE, "robot.actions[1].park_timeout_s=0.5")
+    with running(tmp_path, joshua_domain_id, short) as rig:
+        rig.follower.fault("unplug")
+        rig.wait(lambda: rig.gone(rig.guardian))
+        assert "is not verified" in rig.stop()
