@@ -1,17 +1,24 @@
-"""A window that shows what a camera sees, where the machine has a display."""
+"""Shows what a camera sees in a window, where the machine has a display.
+
+The window is a process of its own (``preview_window``): a toolkit that fails, or a slow display over SSH,
+must not touch the camera.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
 
 from joshua_camera.picture import Picture, Pixels
+from joshua_camera.preview_window import HEAD
 
 REFRESH_S = 0.04
 MAX_WIDTH = 960
-JOIN_S = 1.0
+STOP_S = 1.0
 
 
 def display_problem() -> str:
@@ -26,12 +33,12 @@ def display_problem() -> str:
 
 
 class Preview:
-    """A window in a thread of its own; it shows the newest picture and never holds up the camera.
+    """A window; it shows the newest picture and never holds up the camera.
 
     Args:
         title: of the window.
         caption: makes the line under the picture.
-        report: called with the reason when the window cannot be opened.
+        report: called with the reason when the window cannot be opened; on a thread of this class.
     """
 
     def __init__(self, title: str, caption: Callable[[], str], report: Callable[[str], None]) -> None:
@@ -39,57 +46,63 @@ class Preview:
         self._caption = caption
         self._report = report
         self._newest: Picture | None = None
+        self._changed = threading.Event()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._feed, name="preview", daemon=True)
 
     def open(self) -> None:
         """Opens the window."""
+        command = [sys.executable, "-m", "joshua_camera.preview_window", self._title]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
         self._thread.start()
 
     def show(self, picture: Picture) -> None:
         """Shows a picture soon, unless a newer one comes before; any thread."""
         self._newest = picture
+        self._changed.set()
 
     def close(self) -> None:
         """Closes the window; a second call does nothing."""
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join(JOIN_S)
-
-    def _run(self) -> None:
-        import tkinter
-
-        try:
-            window = tkinter.Tk()
-        except tkinter.TclError as error:
-            self._report(f"display: no window: {error}")
+        self._changed.set()
+        process = self._process
+        if process is None:
             return
-        window.title(self._title)
-        canvas = tkinter.Label(window, borderwidth=0)
-        canvas.pack()
-        line = tkinter.Label(window, anchor="w")
-        line.pack(fill="x")
-        shown: Picture | None = None
+        process.terminate()  # also ends a write that the window does not read
+        self._thread.join(STOP_S)
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        for stream in (process.stdin, process.stderr):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
 
-        def refresh() -> None:
-            nonlocal shown
-            if self._stop.is_set():
-                window.destroy()
-                return
-            picture = self._newest
-            if picture is not None and picture is not shown:
-                shown = picture
-                pixels = picture.as_rgb()
-                if pixels is not None:
-                    image = tkinter.PhotoImage(master=window, data=portable_pixmap(pixels), format="PPM")
-                    canvas.configure(image=image)
-                    canvas.image = image  # type: ignore[attr-defined] # Tk itself keeps no reference
-                line.configure(text=self._caption())
-            window.after(round(REFRESH_S * 1000), refresh)
-
-        window.protocol("WM_DELETE_WINDOW", self._stop.set)
-        refresh()
-        window.mainloop()
+    def _feed(self) -> None:
+        """Sends the newest picture to the window, at most each ``REFRESH_S``."""
+        process = self._process
+        assert process is not None
+        assert process.stdin is not None
+        assert process.stderr is not None
+        try:
+            while not self._stop.is_set():
+                self._changed.wait()
+                self._changed.clear()
+                picture = self._newest
+                pixels = picture.as_rgb() if picture is not None else None
+                if pixels is not None and not self._stop.is_set():
+                    caption, image = self._caption().encode(), portable_pixmap(pixels)
+                    process.stdin.write(HEAD.pack(len(caption), len(image)) + caption + image)
+                    process.stdin.flush()
+                self._stop.wait(REFRESH_S)
+        except (OSError, ValueError):  # the window was closed, or could not be opened
+            if not self._stop.is_set():
+                problem = process.stderr.read().decode(errors="replace").strip()
+                if problem:
+                    self._report(f"display: no window: {problem.splitlines()[-1]}")
 
 
 def portable_pixmap(pixels: Pixels) -> bytes:
