@@ -6,9 +6,16 @@ import signal
 import socket
 
 import pytest
-from joshua.plan import TransportSpec
+from joshua.messages import encode, message_class
+from joshua.plan import QosProfile, TransportSpec
 from joshua.transport import TransportError
 from joshua.transport.router import host_or_join
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
@@ -20,6 +27,36 @@ def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
         assert second.description == f"joined the Zenoh router on {zenoh_spec.listen_endpoints[0]}"
     finally:
         second.close()
+        second.close()
+
+
+def test_a_fork_of_a_process_with_a_session_is_refused_instead_of_hanging(zenoh_spec, program):
+    forked = program("fork.py", zenoh_spec.model_dump_json())
+    assert "fork first and open the transport afterwards" in forked.stdout.readline()
+    assert forked.wait(30) == 0
+
+
+def test_nodes_meet_across_two_routers(zenoh_spec, router, opener, eventually):
+    """As on two machines: each has a router, and one connects to the other."""
+    other = TransportSpec(
+        listen_endpoints=(f"tcp/localhost:{free_port()}",),
+        connect_endpoints=zenoh_spec.listen_endpoints,
+        domain_id=zenoh_spec.domain_id,
+    )
+    second = host_or_join(other)
+    try:
+        got = []
+        far = opener(other).create_node("far")
+        far.create_subscription("/topic", "std_msgs/msg/UInt8", QosProfile(), got.append)
+        publisher = (
+            opener(zenoh_spec)
+            .create_node("near")
+            .create_publisher("/topic", "std_msgs/msg/UInt8", QosProfile())
+        )
+        eventually(lambda: publisher.subscription_count == 1, what="the match across the routers")
+        publisher.publish(encode(message_class("std_msgs/msg/UInt8")(3)))
+        eventually(lambda: got)
+    finally:
         second.close()
 
 

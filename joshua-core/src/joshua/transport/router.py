@@ -77,20 +77,22 @@ class RouterHandle:
         self._stop.set()
         if self._keeper is not None and threading.current_thread() is not self._keeper:
             self._keeper.join()
+        from joshua.transport.zenoh.settings import close_session
+
         with self._lock:
             for session in (self._guest, self._router):
-                if session is not None and not session.is_closed():
-                    session.close()
+                if session is not None:
+                    close_session(session)
             self._guest = self._router = None
 
     def _host(self) -> str:
         """Tries to host; returns why it could not."""
         import zenoh
 
-        from joshua.transport.zenoh.settings import router_config
+        from joshua.transport.zenoh.settings import open_session, router_config
 
         try:
-            router = zenoh.open(router_config(self._spec))
+            router = open_session(router_config(self._spec))
         except zenoh.ZError as error:
             return str(error).split(" at /", 1)[0]
         with self._lock:
@@ -98,11 +100,9 @@ class RouterHandle:
         return ""
 
     def _join(self) -> None:
-        import zenoh
+        from joshua.transport.zenoh.settings import guest_config, open_session
 
-        from joshua.transport.zenoh.settings import guest_config
-
-        self._guest = zenoh.open(guest_config(self._spec))
+        self._guest = open_session(guest_config(self._spec))
 
     def _router_answers(self, timeout_s: float) -> bool:
         waited_s = 0.0
@@ -113,13 +113,18 @@ class RouterHandle:
         return True
 
     def _keep(self) -> None:
+        from joshua.transport.zenoh.settings import close_session
+
         while not self._stop.wait(_LOOK_S):
             if self._guest.info.routers_zid():
                 continue
             self._host()
             if self.hosting:
                 _log.warning("the Zenoh router was gone; this process now %s", self.description)
-                self._guest.close()
+                with self._lock:
+                    guest, self._guest = self._guest, None
+                if guest is not None:
+                    close_session(guest)
                 return
 
 

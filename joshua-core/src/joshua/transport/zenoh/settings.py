@@ -10,6 +10,7 @@ import zenoh
 from joshua.plan import TransportSpec
 from joshua.transport.endpoints import Endpoint, read_endpoint
 from joshua.transport.errors import TransportError
+from joshua.transport.fork_guard import session_closed, session_opened
 
 # The router answers within milliseconds; this only bounds the wait where none runs.
 _OPEN_WAIT_MS = 200
@@ -147,6 +148,27 @@ def _common(spec: TransportSpec) -> dict[str, Any]:
             "verify_name_on_connect": False,
         }
     return values
+
+
+def open_session(config: zenoh.Config) -> Any:
+    """Opens a session; close it with ``close_session``.
+
+    Raises:
+        zenoh.ZError: Zenoh refuses the settings.
+        TransportError: this process was forked from one with an open session.
+    """
+    session_opened()
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError:
+        session_closed()
+        raise
+
+
+def close_session(session: Any) -> None:
+    """Closes a session."""
+    session.close()
+    session_closed()
 
 
 def _config(values: dict[str, Any]) -> zenoh.Config:

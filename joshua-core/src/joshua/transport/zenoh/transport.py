@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import itertools
+import os
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +20,7 @@ from joshua.transport.watch import Watch
 from joshua.transport.zenoh.graph import Graph
 from joshua.transport.zenoh.keys import ADMIN_SPACE, NODE, Entity
 from joshua.transport.zenoh.node import EventCallback, ZenohNode
-from joshua.transport.zenoh.settings import own_router, session_config
+from joshua.transport.zenoh.settings import close_session, open_session, own_router, session_config
 
 
 class ZenohTransport(Transport):
@@ -33,8 +34,9 @@ class ZenohTransport(Transport):
         self._nodes: list[ZenohNode] = []
         self._lock = threading.Lock()
         self._closed = False
+        self._process_id = os.getpid()
         try:
-            self.session: Any = zenoh.open(session_config(spec))
+            self.session: Any = open_session(session_config(spec))
         except zenoh.ZError as error:
             raise TransportError(f"the Zenoh session cannot be opened: {error}") from error
         self._zid = str(self.session.zid())
@@ -75,8 +77,8 @@ class ZenohTransport(Transport):
     def close(self) -> None:
         """Closes everything."""
         with self._lock:
-            if self._closed:
-                return
+            if self._closed or os.getpid() != self._process_id:
+                return  # a fork only inherited it
             self._closed = True
         atexit.unregister(self.close)
         for node in list(self._nodes):
@@ -84,7 +86,7 @@ class ZenohTransport(Transport):
         self._tokens.undeclare()
         self.watch.close()
         self._events.close()
-        self.session.close()
+        close_session(self.session)
 
     def next_id(self) -> str:
         """A number that no other entity of the session has."""
