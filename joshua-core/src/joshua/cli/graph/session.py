@@ -139,8 +139,14 @@ def say_if_empty(transport: Transport, nodes: list[NodeInfo]) -> None:
     other = "dds" if spec.kind == "zenoh" else "zenoh"
     sys.stderr.write(
         f"no ROS 2 node was found on {place_of(transport)}; nodes of another domain need its ROS_DOMAIN_ID, "
-        f"those of the other middleware --transport {other}\n"
+        f"those of the other middleware --transport {other}{_range_hint(spec)}\n"
     )
+
+
+def _range_hint(spec: TransportSpec) -> str:
+    if spec.kind == "dds" and spec.discovery_range == "LOCALHOST":
+        return "; ROS 2 nodes with their default range need ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET here"
+    return ""
 
 
 def place_of(transport: Transport) -> str:
