@@ -73,6 +73,15 @@ def test_a_misspelt_preset_names_the_nearest(capsys: pytest.CaptureFixture[str])
     assert not Path("mine.pbtxt").exists()
 
 
+def test_without_a_preset_one_is_proposed(capsys: pytest.CaptureFixture[str]):
+    assert run("mine") == 2
+    assert capsys.readouterr().err == (
+        "joshua new: no preset given\n"
+        "  add --from PRESET, such as: joshua new mine --from test_mock_hardware\n"
+        "  joshua presets lists all of them\n"
+    )
+
+
 @pytest.mark.parametrize("name", ["../up", "a b", "", 'x"y', "-x", "ünder"])
 def test_a_name_that_is_no_name_is_refused(name: str, capsys: pytest.CaptureFixture[str]):
     assert run("--from", "test_camera", "--", name) == 2

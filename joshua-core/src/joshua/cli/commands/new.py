@@ -23,7 +23,7 @@ _GENERAL = re.compile(r"^general \{.*?^\}", re.DOTALL | re.MULTILINE)
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of ``joshua new``."""
     parser.add_argument("name", metavar="NAME", help="name of the copy: NAME.pbtxt in the current folder")
-    parser.add_argument("--from", dest="preset", metavar="PRESET", required=True, help="the preset to copy")
+    parser.add_argument("--from", dest="preset", metavar="PRESET", help="the preset to copy")
     parser.add_argument(
         "--id", metavar="ID", help="general.id of the copy, shared by the files of one robot; default: NAME"
     )
@@ -35,6 +35,12 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua.cli.commands.presets import unknown_preset
     from joshua.cli.presets import SUFFIX, preset_names, read_preset
 
+    if not arguments.preset:
+        return _refuse(
+            "no preset given",
+            f"add --from PRESET, such as: joshua new {arguments.name} --from test_mock_hardware",
+            "joshua presets lists all of them",
+        )
     name = arguments.name.removesuffix(SUFFIX)
     robot_id = arguments.id or name
     for text in (name, robot_id):
