@@ -49,7 +49,7 @@ def one_round(case: str, domain_id: int) -> float:
         ended_ns = max(entry["t_ns"] for entry in follower.log("torque", since=before))
         while parent_of(guardian):
             time.sleep(0.01)
-        return (ended_ns - begun_ns) / 1e9
+        return float(ended_ns - begun_ns) / 1e9
 
 
 def main() -> None:

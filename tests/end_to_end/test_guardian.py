@@ -191,3 +191,15 @@ def test_an_unplugged_adapter_does_not_keep_the_guardian(tmp_path: Path, joshua_
         rig.follower.fault("unplug")
         rig.wait(lambda: rig.gone(rig.guardian))
         assert "is not verified" in rig.stop()
+
+
+def test_an_exception_in_the_driver_releases_what_still_answers(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    short = (*RELEASE, "robot.actions[1].park_timeout_s=0.5")
+    with running(tmp_path, joshua_domain_id, short) as rig:
+        rig.follower.fault("silent", 5)
+        rig.wait(lambda: rig.gone(rig.guardian))
+        assert {servo["energised"] for servo in rig.follower.servos() if servo["id"] != 5} == {False}
+        output = rig.stop()
+        assert "is not verified: ids 5 did not confirm; cut the arm's supply by hand" in output, output

@@ -34,8 +34,8 @@ def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
         "park_pose_rad": list(action.park_pose_rad),
         "timeout_s": timeout_s,
     }
-    if state == pb.PARK_THEN_RELEASE:
-        context["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
+    # Not only for parking: a guardian that looks for a device which is gone takes its time, too.
+    context["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
     return context
 
 
