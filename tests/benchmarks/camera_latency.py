@@ -151,7 +151,7 @@ def start(
         text=True,
         env=environment,
     )
-    stack.callback(lambda: process.poll() is None and process.kill())
+    stack.callback(process.kill)  # does nothing to a process that has ended
     return process
 
 
@@ -253,13 +253,18 @@ def bare(source: str) -> None:
     from joshua_emulator.camera.frame_code import read_code
 
     stop = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.readline(), stop.set()), daemon=True).start()
+
+    def wait_for_line() -> None:
+        sys.stdin.readline()
+        stop.set()
+
+    threading.Thread(target=wait_for_line, daemon=True).start()
     video = cv2.VideoCapture(source)
     received = []
     while not stop.is_set():
         _, picture = video.read()
         now_ns = time.monotonic_ns()
-        code = read_code(picture)
+        code = read_code(np.asarray(picture, dtype=np.uint8))
         assert code is not None
         received.append((code.number, now_ns))
     video.release()

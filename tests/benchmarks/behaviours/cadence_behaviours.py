@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -40,10 +41,10 @@ class ControlLoop(NodeBehaviour):
         """Declares subscriptions and the timer."""
         self._newest: dict[str, Any] = {}
         for topic in self.context.spec.subscriptions:
-            self.context.subscribe(topic, lambda message, _ns, name=topic.name: self._keep(name, message))
+            self.context.subscribe(topic, partial(self._keep, topic.name))
         self.context.create_timer(0.01, self._tick, name="control")
 
-    def _keep(self, name: str, message: Any) -> None:
+    def _keep(self, name: str, message: Any, _received_ns: int) -> None:
         self._newest[name] = message
 
     def _tick(self) -> None:

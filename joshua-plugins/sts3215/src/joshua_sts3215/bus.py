@@ -29,7 +29,7 @@ from joshua_sts3215.port import SerialPort
 from joshua_sts3215.registers import LOCK, Register
 
 REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16 ms
-RETRIES = 2
+RETRIES = 4  # with the margin a tenth of a second: a busy host may stand still for that long
 LATE_HORIZON_S = 0.25  # how long after a lost reply a late one is reckoned with
 PADDINGS = 15
 
