@@ -104,6 +104,15 @@ def test_plain_cyclonedds(opener, program, eventually, distro):
     }
 
 
+def test_a_stock_ros_2_with_the_range_localhost_meets_ours(opener, program, eventually):
+    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
+    peer = program("dds_peer.py", spec.domain_id, "jazzy", "stock")
+    got = []
+    opener(spec).create_node("ours").create_subscription("/from_peer", STRING, QosProfile(), got.append)
+    assert peer.stdout.readline() == "ready\n"
+    eventually(lambda: got, what="a message of the peer")
+
+
 def test_endpoints_that_no_node_owns_are_listed_as_ros_2_lists_them(opener, program, eventually):
     spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
     # a peer of another distribution announces its node in a form that does not match

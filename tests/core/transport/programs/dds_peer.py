@@ -2,6 +2,7 @@
 
 It announces a ROS 2 node, publishes String on rt/from_peer, listens to JointState on rt/to_peer, and
 says what it found. ``humble`` as second argument takes Humble's gids of 24 bytes and no type hashes.
+``stock`` as third argument takes the settings of rmw_cyclonedds for the discovery range LOCALHOST.
 """
 
 # mypy: ignore-errors
@@ -78,7 +79,14 @@ def gid(entity):
     return Gid(list(entity.guid.bytes.ljust(GID_BYTES, b"\0")))
 
 
-domain = Domain(int(sys.argv[1]), CONFIG)
+STOCK = """
+<General><AllowMulticast>false</AllowMulticast></General>
+<Discovery>
+  <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+  <Peers><Peer address="localhost"/></Peers>
+</Discovery>
+"""
+domain = Domain(int(sys.argv[1]), STOCK if "stock" in sys.argv else CONFIG)
 participant = DomainParticipant(int(sys.argv[1]), qos=Qos(Policy.Userdata(b"enclave=/;")))
 reliable = Policy.Reliability.Reliable(100_000_000)
 xcdr1 = Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False)
