@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 
 import numpy as np
@@ -100,6 +101,25 @@ def test_a_failing_callback_does_not_end_the_subscription(spec, opener, eventual
         publisher.publish(encode(make.joint_state([], ())))
     eventually(lambda: len(got) == 2)
     assert "the callback of joshua-sub /topic failed" in caplog.text
+
+
+def test_a_callback_may_close_its_own_subscription(spec, opener, eventually):
+    node = opener(spec).create_node("a")
+    got, closed = [], threading.Event()
+
+    def callback(sample):
+        got.append(sample)
+        subscriptions[0].close()
+        closed.set()
+
+    subscriptions = [node.create_subscription("/topic", JOINT_STATE, QosProfile(), callback)]
+    publisher = node.create_publisher("/topic", JOINT_STATE, QosProfile())
+    eventually(lambda: publisher.subscription_count == 1)
+    for _ in range(5):
+        publisher.publish(encode(make.joint_state([], ())))
+    assert closed.wait(30)
+    eventually(lambda: publisher.subscription_count == 0)
+    assert len(got) == 1
 
 
 @pytest.mark.parametrize("topic", ["joints", "/a//b", "/1st", "/a__b", "/", "/ä"])

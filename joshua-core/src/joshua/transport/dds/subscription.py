@@ -73,7 +73,7 @@ class DdsSubscription(Subscription):
 
     def _run(self) -> None:
         wait, reader, callback = self._waitset.wait, self.entity, self._callback
-        while True:
+        while not self._closed:
             wait(dds_infinity)
             if self._closed:
                 return
