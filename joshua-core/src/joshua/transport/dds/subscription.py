@@ -73,9 +73,9 @@ class DdsSubscription(Subscription):
 
     def _run(self) -> None:
         wait, reader, callback = self._waitset.wait, self.entity, self._callback
-        while not self._closed:
+        while not self._ended():
             wait(dds_infinity)
-            if self._closed:
+            if self._ended():
                 return
             for cdr, info in raw.take(reader, 1):
                 if not info.valid_data:
@@ -88,6 +88,10 @@ class DdsSubscription(Subscription):
                     _log.exception("the callback of joshua-sub %s failed", self.name)
                 # a sample kept here would keep its buffer until the next one arrives
                 del cdr, info, sample
+
+    def _ended(self) -> bool:
+        """Whether close was called, by another thread or by the callback itself."""
+        return self._closed
 
     def _look_up(self, handle: int) -> bytes:
         publisher = self.entity.get_matched_publication_data(handle)
