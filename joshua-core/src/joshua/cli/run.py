@@ -24,11 +24,12 @@ def run(arguments: argparse.Namespace) -> int:
     # First of all: the fork server must be forked before any thread or transport exists, and it loads
     # the heavy modules while this process reads the file.
     from joshua.generator import fork_server
-    from joshua.generator.examination import finish
 
     with ExitStack() as stack:
         server = fork_server.start()
         stack.callback(server.close)
+        from joshua.generator.examination import finish
+
         checked = check(arguments)
         if arguments.emulate and not checked.examination.errors:
             refusal = emulate(checked, arguments, stack)

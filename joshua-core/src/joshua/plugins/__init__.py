@@ -10,10 +10,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from joshua.plugins.hooks import hookimpl
 from joshua.plugins.provision import Provision, ProvisionKind
 
 if TYPE_CHECKING:
+    from joshua.plugins.hooks import hookimpl
     from joshua.plugins.host import load_registry
     from joshua.plugins.registry import PluginRow, PluginStatus, Registry
 
@@ -28,6 +28,7 @@ __all__ = [
 ]
 
 _MODULE_OF = {
+    "hookimpl": "joshua.plugins.hooks",
     "load_registry": "joshua.plugins.host",
     "PluginRow": "joshua.plugins.registry",
     "PluginStatus": "joshua.plugins.registry",
