@@ -17,11 +17,13 @@ from joshua.generator.heartbeats import CHECK_PERIOD_S, HELD_UP_S
 from joshua.generator.launcher import Launcher
 from joshua.generator.logbook import Logbook
 from joshua.generator.managed_process import ManagedProcess
+from joshua.generator.node_record import NodeRecord
 from joshua.generator.options import SupervisorOptions
 from joshua.generator.process_groups import process_groups
 from joshua.generator.reactor import Reactor
 from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError
-from joshua.generator.status import RunEvent, RunStatus, StartTable
+from joshua.generator.run_view import run_status, start_table
+from joshua.generator.status import RunEvent, RunStatus
 from joshua.generator.stop_signals import StopSignals
 from joshua.generator.ui import SilentInterface, UserInterface
 from joshua.plan import Plan, RunReport
@@ -249,12 +251,7 @@ class Supervisor:
             self._reactor.call_later(START_SETTLE_S, self._stop_failed_start)
 
     def _stop_failed_start(self) -> None:
-        failed = [
-            record
-            for process in self._processes
-            for record in process.records.values()
-            if record.state == "failed"
-        ]
+        failed = [record for record in self._records() if record.state == "failed"]
         if self._phase is Phase.STARTING and failed:
             reasons = "; ".join(f"{record.spec.full_name}: {record.reason}" for record in failed)
             self._stop(f"the start failed: {reasons}", failed[0].exit_code)
@@ -326,8 +323,11 @@ class Supervisor:
 
     # Show.
 
+    def _records(self) -> list[NodeRecord]:
+        return [record for process in self._processes for record in process.records.values()]
+
     def _report(self) -> RunReport:
-        records = [record for process in self._processes for record in process.records.values()]
+        records = self._records()
         if self._exit_code == EXIT_OK and any(record.state in ("failed", "killed") for record in records):
             self._exit_code = EXIT_FAILED
         stop_s = None if self._stop_began_s is None else time.monotonic() - self._stop_began_s
@@ -341,32 +341,16 @@ class Supervisor:
         )
 
     def _show_table(self, ready_s: float) -> None:
-        plan = self._plan
         notes = [f"log: {self._logbook.path}"]
         if self._router is not None:
             notes.append(str(self._router.description))
-        table = StartTable(
-            source=plan.source,
-            mode=plan.mode,
-            robot=plan.robot_name or plan.robot_id,
-            transport=f"{plan.transport.kind} ({plan.transport.reason}), domain {plan.transport.domain_id}",
-            ready_s=ready_s,
-            nodes=tuple(r.row() for process in self._processes for r in process.records.values()),
-            notes=tuple(notes),
-            findings=plan.findings,
-        )
+        table = start_table(self._plan, self._records(), ready_s, notes)
         self._logbook.interface.call(lambda ui: ui.on_table(table))
         self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
 
     def _status(self) -> RunStatus:
-        return RunStatus(
-            source=self._plan.source,
-            mode=self._plan.mode,
-            phase=self._phase.value,
-            elapsed_s=time.monotonic() - self._began_s,
-            process_id=os.getpid(),
-            nodes=tuple(r.status() for process in self._processes for r in process.records.values()),
-        )
+        elapsed_s = time.monotonic() - self._began_s
+        return run_status(self._plan, self._records(), self._phase.value, elapsed_s)
 
     def _show_status(self) -> None:
         if self._phase is Phase.ENDED:
