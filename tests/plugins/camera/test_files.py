@@ -85,7 +85,8 @@ def test_pictures_are_compressed_when_asked_for(tmp_path: Path, camera_at: Maker
 
 
 def test_grey_pictures_become_colour(tmp_path: Path, camera_at: Maker) -> None:
-    cv2.imwrite(str(tmp_path / "0.png"), np.full((240, 320), 77, np.uint8))
+    for number in range(2):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((240, 320), 77, np.uint8))
     camera = camera_at(str(tmp_path / "%d.png"))
     camera.connect()
     reading = camera.read(30)

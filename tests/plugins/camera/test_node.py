@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from camera_settings import make_settings
 from joshua.messages.make import pixels
@@ -97,6 +99,7 @@ def test_a_test_ends_with_results_and_a_picture(
     assert "0 damaged" in rows["pictures whole"][1]
     assert rows["latency"][1].startswith("median ")
     assert rows["frame rate"][1].endswith("Hz of 60 Hz") or "poor light" in rows["frame rate"][1]
+    assert rows["picture has content"][0]
     passed, path = rows["last picture"]
     assert passed
     assert Path(path).name.startswith("rig_camera_top-")
@@ -117,6 +120,19 @@ def test_a_picture_that_cannot_be_written_is_a_failed_row(
     passed, text = rows["last picture"]
     assert not passed
     assert "not a directory" in text
+
+
+def test_a_covered_lens_fails_the_test(run: Runner, tmp_path: Path) -> None:
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number:04d}.png"), np.full((240, 320, 3), 4, np.uint8))
+    node, context = run(str(tmp_path / "%04d.png"))
+    wait_until(lambda: len(context.publishers["/0"].messages) >= 2)
+    stop(node, context)
+    rows = {name: (passed, text) for name, passed, text in node.test_results()}
+    assert rows["picture has content"] == (
+        False,
+        "every pixel is near 4 of 255: is the lens covered, or the exposure far off?",
+    )
 
 
 def test_settings_without_effect_are_warnings(emulator: EmulatedCamera, run: Runner) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -261,6 +262,30 @@ def test_no_picture_at_all(emulator: EmulatedCamera, camera_at: Maker, monkeypat
         camera.connect()
     assert "delivered no picture within 0.5 s" in str(caught.value)
     assert "damaged" in str(caught.value)
+
+
+def test_a_clock_that_is_set_back_begins_the_stream_anew(
+    emulator: EmulatedCamera, camera_at: Maker, monkeypatch: Any
+) -> None:
+    camera = camera_at(emulator.source)
+    camera.connect()
+    last_ns = next_reading(camera).stamp_ns
+    real_ns = time.time_ns
+
+    class Clock:
+        monotonic_ns, monotonic = time.monotonic_ns, time.monotonic
+
+        @staticmethod
+        def time_ns() -> int:
+            return real_ns() - 3_600_000_000_000
+
+    monkeypatch.setattr("joshua_camera.capture_thread.time", Clock)
+    error = until_lost(camera)
+    assert isinstance(error, DeviceDisconnected)
+    assert re.search(r"was set back by 3\d{3}\.\d s: http\S+ begins anew", str(error))
+    camera.disconnect()
+    camera.connect()
+    assert next_reading(camera).stamp_ns < last_ns
 
 
 def test_connecting_twice_is_refused(emulator: EmulatedCamera, camera_at: Maker) -> None:

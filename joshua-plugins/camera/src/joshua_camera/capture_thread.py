@@ -18,6 +18,9 @@ from joshua_camera.picture import Picture
 #: How long the end of the thread is waited for; a library that does not wake up ends it later by itself.
 JOIN_S = 1.0
 
+#: A clock that is set back by more than this cannot be made good by stamps that stand still.
+LARGEST_CLOCK_STEP_NS = 500_000_000
+
 _EXPOSURE_EVERY_NS = 1_000_000_000
 _NS_PER_S = 1_000_000_000
 
@@ -145,9 +148,8 @@ class CaptureThread:
             grab = capture.grab()
             if grab is None:
                 if not self._stop.is_set():
-                    raise DeviceDisconnected(
-                        f"{capture.source.label} ended its stream: check cable, power and network"
-                    )
+                    hint = "cable, power and network" if capture.source.live else "that the files can be read"
+                    raise DeviceDisconnected(f"{capture.source.label} ended its stream: check {hint}")
                 return
             self._last_ns = grab.ended_ns
             number = self.figures.received
@@ -171,15 +173,24 @@ class CaptureThread:
                 f"{settings.width} × {settings.height}: set width: {grab.width} height: {grab.height}, or "
                 "another size at the camera"
             )
-        # The acquisition time on the clock of stamps; it never runs backwards, though that clock may.
-        age_ns = time.monotonic_ns() - grab.acquired_ns
-        self._last_stamp_ns = max(time.time_ns() - age_ns, self._last_stamp_ns + 1)
-        newest = Newest(number, self._last_stamp_ns, grab.acquired_ns, picture)
+        newest = Newest(number, self._stamp_ns(grab.acquired_ns), grab.acquired_ns, picture)
         with self._changed:
             if self._newest is not None and self._newest.number > self._taken:
                 self.figures.dropped += 1
             self._newest = newest
             self._changed.notify_all()
+
+    def _stamp_ns(self, acquired_ns: int) -> int:
+        """An acquisition time on the clock of stamps; later than the one before."""
+        stamp_ns = time.time_ns() - (time.monotonic_ns() - acquired_ns)
+        behind_ns = self._last_stamp_ns - stamp_ns
+        if behind_ns > LARGEST_CLOCK_STEP_NS:
+            raise DeviceDisconnected(
+                f"the clock of this machine was set back by {behind_ns / _NS_PER_S:.1f} s: "
+                f"{self._capture.source.label} begins anew"
+            )
+        self._last_stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
+        return self._last_stamp_ns
 
     def _fail(self, error: DeviceError) -> None:
         with self._changed:

@@ -47,7 +47,9 @@ class DeviceCapture(Capture):
 
     def exposure(self) -> str:
         """The exposure in force."""
-        return exposure_text(self._video.get(self._cv2.CAP_PROP_EXPOSURE))
+        units = self._video.get(self._cv2.CAP_PROP_EXPOSURE)
+        # OpenCV says 0 or -1 for a device without this control; other systems count in negative logarithms.
+        return "" if sys.platform == "linux" and units <= 0 else exposure_text(units)
 
     def pixel_format(self) -> str:
         """Four-character code of what comes from the device."""

@@ -23,6 +23,9 @@ FIGURES_PERIOD_S = 1.0
 DAMAGED_SHARE = 0.01
 RATE_TOLERANCE = 0.1
 
+#: Standard deviation of a picture's pixels below which it shows nothing.
+LEAST_SPREAD = 1.5
+
 
 class CameraNode(SensorNode):
     """Publishes a camera's pictures.
@@ -79,7 +82,7 @@ class CameraNode(SensorNode):
         rows.append(("latency", figures.delivered > 0, _latency(figures)))
         if figures.exposure:
             rows.append(("exposure", True, figures.exposure))
-        rows.append(self._save_picture())
+        rows += [self._content(), self._save_picture()]
         return rows
 
     def _log_figures(self) -> None:
@@ -97,6 +100,16 @@ class CameraNode(SensorNode):
         spec = self.context.spec
         self._preview = Preview(spec.full_name, lambda: self.camera.figures.line(), self.context.log.warning)
         self._preview.open()
+
+    def _content(self) -> tuple[str, bool, str]:
+        pixels = self._last_picture.as_rgb() if self._last_picture is not None else None
+        if pixels is None:
+            return ("picture has content", False, "none came")
+        level, spread = float(pixels.mean()), float(pixels.std())
+        if spread < LEAST_SPREAD:
+            hint = "is the lens covered, or the exposure far off?"
+            return ("picture has content", False, f"every pixel is near {level:.0f} of 255: {hint}")
+        return ("picture has content", True, f"mean {level:.0f} of 255, spread {spread:.0f}")
 
     def _save_picture(self) -> tuple[str, bool, str]:
         if self._last_picture is None:

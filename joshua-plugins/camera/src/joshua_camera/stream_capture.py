@@ -32,6 +32,8 @@ class StreamCapture(Capture):
         self._before = own_sockets()
         if self.source.over_tcp:
             connect(self.source, self._endpoint(), self._interrupted, OPEN_TIMEOUT_S)
+        if self._interrupted.is_set():
+            raise self._refuse("was closed while it was being opened", "open it again")
         video = cv2.VideoCapture()
         self._video = video
         read_timeout_s = stall_limit_s(settings.fps) + 0.5
