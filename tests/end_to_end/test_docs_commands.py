@@ -150,3 +150,17 @@ def test_every_command_in_running_text_exists():
         for word in re.findall(r"`joshua (\S+?)[ `]", page.read_text(encoding="utf-8")):
             first = word.split("|")[0]
             assert first in known or first == "…", f"{page.relative_to(ROOT)}: joshua {word}"
+
+
+def test_the_files_that_pages_include_exist():
+    marks = [
+        (page, line)
+        for page in sorted((ROOT / "docs").rglob("*.md"))
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if line.startswith("--8")
+    ]
+    assert marks
+    for page, line in marks:
+        found = re.fullmatch(r'--8<-- "([^"]+)"', line)
+        assert found, f"{page}: {line!r} is no include mark"
+        assert (ROOT / found[1]).is_file(), f"{page}: {found[1]} does not exist"
