@@ -16,10 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import scservo_sdk as sdk
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.port import SerialPort
-from joshua_sts3215.usb_ports import Endpoint
 
 IDS = (1, 2, 3, 4, 5, 6)
 GOAL, PRESENT = 42, 56

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 from emulated_teleop import teleoperation
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.port import SerialPort
 from joshua_sts3215.registers import TORQUE_ENABLE
-from joshua_sts3215.usb_ports import Endpoint
 
 
 def wait(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 40.0) -> None:

@@ -4,17 +4,17 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua_emulator import EmulatedBus
-from joshua_sts3215.actuator import Sts3215Actuator
-from joshua_sts3215.errors import (
+from joshua.devices.serial_errors import PortDisconnected
+from joshua.devices.servo.errors import (
     CalibrationMismatch,
     MotorCheckFailed,
     NoReply,
     NotCalibrated,
     NotEnabled,
-    PortDisconnected,
     SafetyTripped,
 )
+from joshua_emulator import EmulatedBus
+from joshua_sts3215.actuator import Sts3215Actuator
 
 POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
 

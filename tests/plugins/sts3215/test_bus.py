@@ -3,9 +3,10 @@ import time
 from typing import Any
 
 import pytest
+from joshua.devices.serial_errors import PortDisconnected
+from joshua.devices.servo.errors import NoReply
 from joshua_emulator import EmulatedBus
 from joshua_sts3215 import registers as reg
-from joshua_sts3215.errors import NoReply, PortDisconnected
 
 IDS = (1, 2, 3)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.main import main
+from joshua.devices.usb_ports import PortEntry
 from joshua_sts3215.commands import find_port
-from joshua_sts3215.usb_ports import PortEntry
 
 
 def plug(root: Path, name: str, serial: str) -> None:

@@ -2,8 +2,8 @@ import re
 from typing import Any
 
 import pytest
+from joshua.devices.servo.errors import MotorCheckFailed
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.errors import MotorCheckFailed
 from joshua_sts3215.motor_check import check_motors, find_baudrates
 
 

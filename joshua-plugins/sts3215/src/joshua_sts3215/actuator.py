@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from joshua.devices.stamps import StampClock
+from joshua.devices.usb_ports import Endpoint
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.connection import inspect
 from joshua_sts3215.diagnostics import DiagnosticStatus, bus_row, joint_rows
-from joshua_sts3215.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from joshua_sts3215.feedback import Feedback, parse_feedback
 from joshua_sts3215.joint_map import JointMap, TickArray
-from joshua_sts3215.port import SerialPort
 from joshua_sts3215.registers import FEEDBACK, GOAL_POSITION, PRESENT_POSITION
 from joshua_sts3215.safe_stop import SafeStopRequest
 from joshua_sts3215.settings import Sts3215Settings
 from joshua_sts3215.torque import TorqueSwitch
-from joshua_sts3215.usb_ports import Endpoint
 from joshua_sts3215.watch import HealthLimits, HealthWatch
 
 TORQUE_CHECK_S = 0.5  # how often torque is looked at while all replies come
@@ -99,7 +99,7 @@ class Sts3215Actuator(Actuator):
         After a disconnection the adapter is looked for by its identity, under whatever name it came back.
 
         Raises:
-            DeviceError: the device is open already, or one of ``joshua_sts3215.errors`` with its remedy.
+            DeviceError: the device is open already, or one of its kinds with cause and remedy.
         """
         if self.connected:
             raise DeviceError("Sts3215Actuator.connect: the device is open already")

@@ -12,7 +12,9 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from joshua_sts3215.errors import NoReply
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.servo.errors import NoReply
+
 from joshua_sts3215.packet import (
     BROADCAST_ID,
     OVERHEAD,
@@ -25,7 +27,6 @@ from joshua_sts3215.packet import (
     Search,
     request,
 )
-from joshua_sts3215.port import SerialPort
 from joshua_sts3215.registers import LOCK, Register
 
 REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16 ms

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from joshua.devices.servo.errors import CalibrationMismatch, MotorCheckFailed
+
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.errors import CalibrationMismatch, MotorCheckFailed
 from joshua_sts3215.motor_check import FoundMotor, check_motors
 from joshua_sts3215.registers import (
     EEPROM_SETUP,

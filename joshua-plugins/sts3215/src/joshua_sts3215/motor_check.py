@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from joshua.devices.serial_errors import PortUnusable
+from joshua.devices.servo.errors import MotorCheckFailed, NoReply
+
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.errors import MotorCheckFailed, NoReply, PortUnusable
 from joshua_sts3215.registers import BAUDRATES, FEEDBACK, MODEL_NAMES, MODEL_NUMBER
 
 SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on

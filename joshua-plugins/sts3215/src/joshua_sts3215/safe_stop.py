@@ -13,12 +13,12 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from joshua.devices.errors import DeviceError
+from joshua.devices.serial_errors import PortBusy, PortNotFound
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
 
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.errors import PortBusy, PortNotFound
-from joshua_sts3215.port import SerialPort
 from joshua_sts3215.registers import GOAL_POSITION, GOAL_SPEED, PRESENT_POSITION, TORQUE_ENABLE, TORQUE_OFF
-from joshua_sts3215.usb_ports import Endpoint
 
 ACTIONS = ("HOLD", "RELEASE", "PARK_THEN_RELEASE")
 RETRY_S = 0.01  # between attempts to open a port that its dying owner still holds

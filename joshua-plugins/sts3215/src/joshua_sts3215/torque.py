@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from joshua.devices.errors import DeviceError
+from joshua.devices.servo.errors import NoReply
 
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.errors import NoReply
 from joshua_sts3215.registers import (
     ACCELERATION,
     GOAL_POSITION,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-    from joshua_sts3215.usb_ports import PortEntry
+    from joshua.devices.usb_ports import PortEntry
 
 SUMMARY = "list the USB serial adapters of this machine"
 
@@ -39,8 +39,7 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
         device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
     """
     from joshua.cli.exit_codes import ExitCode
-
-    from joshua_sts3215.usb_ports import list_ports
+    from joshua.devices.usb_ports import list_ports
 
     ports = list_ports(device_root)
     if getattr(arguments, "format", "text") == "json":

@@ -7,11 +7,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from joshua.devices.serial_errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
-from joshua_sts3215.packet import PING, request
-from joshua_sts3215.port import SerialPort
-from joshua_sts3215.usb_ports import Endpoint
+
+
+def ping(servo_id: int) -> bytes:
+    body = bytes((servo_id, 2, 1))
+    return b"\xff\xff" + body + bytes((~sum(body) & 0xFF,))
+
+
+@pytest.fixture
+def emulator() -> Iterator[EmulatedBus]:
+    """Three servos of a kind that answers a ping."""
+    with EmulatedBus(ids=(1, 2, 3)) as emulator:
+        yield emulator
 
 
 def port_of(emulator: EmulatedBus, baudrate: int = 1_000_000) -> SerialPort:
@@ -36,7 +47,7 @@ def test_bytes_go_out_and_come_back_at_usual_and_unusual_speeds(baudrate: int) -
     with EmulatedBus(ids=(1,), baudrate=baudrate) as emulator:
         port = port_of(emulator, baudrate)
         port.open()
-        port.send(request(1, PING))
+        port.send(ping(1))
         assert port.receive(6, time.monotonic() + 10) == bytes.fromhex("ffff010200fc")
         port.close()
         port.close()
@@ -45,7 +56,7 @@ def test_bytes_go_out_and_come_back_at_usual_and_unusual_speeds(baudrate: int) -
 def test_a_read_ends_at_its_deadline_with_what_there_is(emulator: EmulatedBus) -> None:
     port = port_of(emulator)
     port.open()
-    port.send(request(1, PING))
+    port.send(ping(1))
     assert len(port.receive(50, time.monotonic() + 0.1)) == 6
     assert port.receive(50, time.monotonic() - 1) == b""
     port.close()
@@ -54,9 +65,9 @@ def test_a_read_ends_at_its_deadline_with_what_there_is(emulator: EmulatedBus) -
 def test_sending_drops_what_came_before(emulator: EmulatedBus) -> None:
     port = port_of(emulator)
     port.open()
-    port.send(request(1, PING))
+    port.send(ping(1))
     port.receive(1, time.monotonic() + 10)  # five bytes stay behind
-    port.send(request(2, PING))
+    port.send(ping(2))
     assert port.receive(6, time.monotonic() + 10) == bytes.fromhex("ffff020200fb")
     port.close()
 
@@ -80,8 +91,8 @@ def test_a_file_is_no_serial_port(tmp_path: Path) -> None:
 
 def test_a_port_belongs_to_one_process(emulator: EmulatedBus) -> None:
     program = (
-        "import sys, time\nfrom joshua_sts3215.port import SerialPort\n"
-        "from joshua_sts3215.usb_ports import Endpoint\nport = SerialPort(Endpoint(sys.argv[1]), 1000000)\n"
+        "import sys, time\nfrom joshua.devices.serial_port import SerialPort\n"
+        "from joshua.devices.usb_ports import Endpoint\nport = SerialPort(Endpoint(sys.argv[1]), 1000000)\n"
         "port.open()\nprint('open', flush=True)\ntime.sleep(60)\n"
     )
     other = subprocess.Popen(
@@ -146,7 +157,7 @@ def test_a_speed_that_no_adapter_runs_at_is_refused(
 ) -> None:
     port = port_of(emulator)
     port.open()
-    monkeypatch.setattr("joshua_sts3215.port._IS_LINUX", False)
+    monkeypatch.setattr("joshua.devices.serial_port._IS_LINUX", False)
     with pytest.raises(PortUnusable, match=r"cannot run at 250000 bit/s.*such as 1000000"):
         port.set_baudrate(250_000)
     port.close()

@@ -15,8 +15,8 @@ import termios
 import time
 from pathlib import Path
 
-from joshua_sts3215.errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
-from joshua_sts3215.usb_ports import Endpoint, PortEntry, describe_ports, resolve
+from joshua.devices.serial_errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
+from joshua.devices.usb_ports import Endpoint, PortEntry, describe_ports, resolve
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _LARGEST_MINIMUM = 255  # VMIN is one byte

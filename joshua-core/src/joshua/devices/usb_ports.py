@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from joshua_sts3215.errors import PortNotFound
+from joshua.devices.serial_errors import PortNotFound
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 from pathlib import Path
 
 import pytest
-from joshua_sts3215.errors import PortNotFound
-from joshua_sts3215.usb_ports import Endpoint, list_ports, resolve
+from joshua.devices.serial_errors import PortNotFound
+from joshua.devices.usb_ports import Endpoint, list_ports, resolve
 
 
 def plug(root: Path, name: str, serial: str, vid_pid: str = "1a86:55d3") -> str:

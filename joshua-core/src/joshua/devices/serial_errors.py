@@ -1,0 +1,25 @@
+"""What can go wrong with a serial port: one class per cause, each message with its remedy."""
+
+from __future__ import annotations
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+
+
+class PortNotFound(DeviceError):
+    """No such serial port, or no adapter of that identity."""
+
+
+class PortBusy(DeviceError):
+    """Another process has the port open."""
+
+
+class PortForbidden(DeviceError):
+    """This user may not open the port."""
+
+
+class PortUnusable(DeviceError):
+    """The path is no serial port, or cannot run at the line speed."""
+
+
+class PortDisconnected(DeviceDisconnected):
+    """The port was open and is gone: the adapter was unplugged."""
