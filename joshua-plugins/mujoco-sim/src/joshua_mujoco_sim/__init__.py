@@ -1,0 +1,1 @@
+"""MuJoCo for JOSHUA: models, simulation modes, simulated hardware."""

@@ -1,0 +1,75 @@
+"""``joshua models``: the models that ``model_path`` takes by name."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+SUMMARY = "list the simulation models that come with JOSHUA, or show one"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of ``joshua models``."""
+    import argparse
+
+    parser.add_argument(
+        "model",
+        nargs="?",
+        help="name of a packaged model, or path of a file: show its joints, actuators and cameras",
+    )
+    parser.add_argument(
+        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the list, or what one model holds. Exit code 0; 2 for a model that cannot be loaded."""
+    as_json = getattr(arguments, "format", "text") == "json"
+    return _show(arguments.model, as_json) if arguments.model else _list(as_json)
+
+
+def _list(as_json: bool) -> int:
+    from joshua_mujoco_sim.catalog import PACKAGED_MODELS
+
+    if as_json:
+        rows = [{"name": m.name, "summary": m.summary, "mjx": m.mjx} for m in PACKAGED_MODELS]
+        sys.stdout.write(json.dumps(rows, indent=2) + "\n")
+        return 0
+    width = max(len(model.name) for model in PACKAGED_MODELS)
+    for model in PACKAGED_MODELS:
+        sys.stdout.write(f"{model.name:<{width}}  {model.summary}\n")
+        if model.mjx:
+            sys.stdout.write(f"{'':<{width}}  for accelerators: {model.mjx}\n")
+    return 0
+
+
+def _show(name: str, as_json: bool) -> int:
+    from joshua.cli.exit_codes import ExitCode
+
+    from joshua_mujoco_sim.model_file import ModelError, load_model
+    from joshua_mujoco_sim.summary import summarise
+
+    try:
+        facts = summarise(load_model(name))
+    except ModelError as error:
+        sys.stderr.write(f"joshua models: {error}\n")
+        return ExitCode.INVALID
+    sys.stdout.write((json.dumps(facts, indent=2) if as_json else _text(name, facts)) + "\n")
+    return 0
+
+
+def _text(name: str, facts: dict[str, Any]) -> str:
+    lines = [f"{name}: {facts['mass_kg']:.3f} kg, time step {1000 * facts['timestep_s']:g} ms"]
+    lines.append("joints:")
+    for joint in facts["joints"]:
+        limits = joint["range"]
+        text = f"{limits[0]:+.3f} to {limits[1]:+.3f} {joint['unit']}" if limits else "no limit"
+        lines.append(f"  {joint['name']:<24} {joint['type']:<6} {text}")
+    lines.append("actuators: " + (", ".join(facts["actuators"]) or "none"))
+    lines.append("cameras: " + (", ".join(facts["cameras"]) or "none"))
+    lines.append("keyframes: " + (", ".join(facts["keyframes"]) or "none"))
+    return "\n".join(lines)

@@ -1,0 +1,55 @@
+"""From ``model_path`` to a compiled model, with messages that a person can act on."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import mujoco
+
+from joshua_mujoco_sim.catalog import find_packaged, similar_names
+
+
+class ModelError(Exception):
+    """A model cannot be found, read or compiled; the message says where, why and what to do."""
+
+
+def model_file(model_path: str, folder: Path | None = None) -> Path:
+    """Finds the file that ``model_path`` names.
+
+    Args:
+        model_path: name of a packaged model, or a path of an MJCF or URDF file.
+        folder: where relative paths start; None takes the current folder.
+
+    Raises:
+        ModelError: nothing of that name exists; says the nearest packaged models.
+    """
+    packaged = find_packaged(model_path)
+    if packaged is not None:
+        return packaged
+    expanded = Path(os.path.expanduser(model_path))  # noqa: PTH111 - an unknown user stays as written
+    path = expanded if expanded.is_absolute() else (folder or Path.cwd()) / expanded
+    if path.is_file():
+        return path
+    kind = "is a folder" if path.is_dir() else "does not exist"
+    names = ", ".join(similar_names(model_path)[:3])
+    raise ModelError(
+        f"model_path {model_path!r}: {path} {kind}, and no packaged model has that name (nearest: {names}): "
+        "write the path of an MJCF or URDF file relative to the configuration, or one of `joshua models`"
+    )
+
+
+def load_model(model_path: str, folder: Path | None = None) -> mujoco.MjModel:
+    """Compiles the model that ``model_path`` names.
+
+    Raises:
+        ModelError: the file is missing or malformed; says the line where MuJoCo knows it.
+    """
+    path = model_file(model_path, folder)
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise ModelError(f"{path} is no model that MuJoCo can compile: {reason}: correct the file") from error
+    except OSError as error:
+        raise ModelError(f"{path} cannot be read: {error.strerror or error}") from error

@@ -1,0 +1,179 @@
+"""One model with its state: stepping, joint groups, and the detection of a simulation that diverges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from joshua_mujoco_sim.model_file import ModelError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+#: Speed beyond which a joint counts as diverged: no robot here moves nearly as fast.
+VELOCITY_LIMIT_RAD_S = 1e4
+
+
+class DivergenceError(Exception):
+    """The simulation has diverged.
+
+    Attributes:
+        time_s: simulated time; joint: name of the joint that went first.
+    """
+
+    def __init__(self, time_s: float, joint: str, what: str) -> None:
+        super().__init__(
+            f"the simulation diverged at {time_s:.3f} s: {joint} has {what}: "
+            "use a smaller timestep in the model, or softer gains and contacts"
+        )
+        self.time_s = time_s
+        self.joint = joint
+
+
+class Physics:
+    """A compiled model and its data. Not locked: one thread at a time.
+
+    Args:
+        model: the compiled model.
+        keyframe: state to start and reset at; "" takes ``home`` where the model has it, else its default.
+
+    Raises:
+        ModelError: the model has no keyframe of that name.
+    """
+
+    def __init__(self, model: mujoco.MjModel, *, keyframe: str = "") -> None:
+        self.model = model
+        # MuJoCo would reset a diverged state without a word; the check below speaks up instead.
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        self.data = mujoco.MjData(model)
+        names = [model.key(index).name for index in range(model.nkey)]
+        if keyframe and keyframe not in names:
+            raise ModelError(f"the model has no keyframe {keyframe!r}: it has {', '.join(names) or 'none'}")
+        wanted = keyframe or "home"
+        self._key = names.index(wanted) if wanted in names else -1
+        self._speed: FloatArray = np.zeros(model.nv)
+        self.reset()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return float(self.data.time)
+
+    @property
+    def timestep_s(self) -> float:
+        """Simulated time of one step."""
+        return float(self.model.opt.timestep)
+
+    def reset(self) -> None:
+        """Puts the model back to its start, time zero."""
+        if self._key >= 0:
+            mujoco.mj_resetDataKeyframe(self.model, self.data, self._key)
+        else:
+            mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, count: int = 1) -> None:
+        """Steps. Raises DivergenceError."""
+        mujoco.mj_step(self.model, self.data, count)
+        self.check()
+
+    def check(self) -> None:
+        """Raises DivergenceError where a speed is not finite or absurd, as it is after any bad state."""
+        speed = self._speed
+        np.abs(self.data.qvel, out=speed)
+        if not speed.max(initial=0.0) < VELOCITY_LIMIT_RAD_S:  # also where it is NaN
+            raise self._divergence()
+
+    def group(self, actuators: Sequence[str]) -> ActuatorGroup:
+        """Actuators by name. Raises ModelError for a name that the model does not have."""
+        return ActuatorGroup(self, actuators)
+
+    def _divergence(self) -> DivergenceError:
+        speeds = np.nan_to_num(self._speed, nan=np.inf)
+        dof = int(speeds.argmax())
+        joint = self._name(int(self.model.dof_jntid[dof]))
+        what = f"a speed of {speeds[dof]:.3g} rad/s" if np.isfinite(speeds[dof]) else "no finite speed"
+        return DivergenceError(self.time_s, joint, what)
+
+    def _name(self, joint: int) -> str:
+        return self.model.joint(joint).name or f"joint number {joint}"
+
+
+class ActuatorGroup:
+    """Some actuators of a model and the joints that they drive, in a given order.
+
+    Attributes:
+        names: actuators; joints: names of their joints.
+        range_min_rad, range_max_rad: limits of the joints, shape (N,); infinite where a joint has none.
+    """
+
+    def __init__(self, physics: Physics, actuators: Sequence[str]) -> None:
+        model = physics.model
+        known = [model.actuator(index).name for index in range(model.nu)]
+        self.names = tuple(actuators) or tuple(known)
+        for name in self.names:
+            if name not in known:
+                near = get_close_matches(name, known, n=1, cutoff=0.0)
+                nearest = f"did you mean {near[0]}? " if near else ""
+                raise ModelError(
+                    f"the model has no actuator {name!r}: {nearest}it has {', '.join(known) or 'none'}"
+                )
+        ids = np.array([known.index(name) for name in self.names], dtype=np.int64)
+        joints = model.actuator_trnid[ids, 0].astype(np.int64)
+        unfit = [
+            name
+            for name, index in zip(self.names, ids, strict=True)
+            if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT
+        ]
+        if unfit:
+            raise ModelError(f"{', '.join(unfit)}: only actuators that drive one joint can be commanded")
+        self.joints = tuple(model.joint(int(joint)).name for joint in joints)
+        self._data = physics.data
+        self._ctrl: IntArray = ids
+        self._qpos: IntArray = model.jnt_qposadr[joints].astype(np.int64)
+        self._dof: IntArray = model.jnt_dofadr[joints].astype(np.int64)
+        limited = model.jnt_limited[joints].astype(bool)
+        ranges = model.jnt_range[joints]
+        self.range_min_rad: FloatArray = np.where(limited, ranges[:, 0], -np.inf)
+        self.range_max_rad: FloatArray = np.where(limited, ranges[:, 1], np.inf)
+        self.force_limit: FloatArray = np.where(
+            model.actuator_forcelimited[ids].astype(bool),
+            np.abs(model.actuator_forcerange[ids]).max(axis=1),
+            np.inf,
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def position_rad(self) -> FloatArray:
+        """Positions of the joints, shape (N,), a copy."""
+        return np.asarray(self._data.qpos[self._qpos])
+
+    @property
+    def velocity_rad_s(self) -> FloatArray:
+        """Speeds of the joints, shape (N,), a copy."""
+        return np.asarray(self._data.qvel[self._dof])
+
+    @property
+    def torque(self) -> FloatArray:
+        """Forces that the actuators apply, N·m, shape (N,), a copy."""
+        return np.asarray(self._data.actuator_force[self._ctrl])
+
+    @property
+    def command(self) -> FloatArray:
+        """What the actuators are told, shape (N,), a copy."""
+        return np.asarray(self._data.ctrl[self._ctrl])
+
+    def set_command(self, values: FloatArray) -> None:
+        """Tells the actuators where to go, shape (N,); limits of the model hold."""
+        self._data.ctrl[self._ctrl] = values
+
+    def set_position(self, values: FloatArray) -> None:
+        """Puts the joints somewhere, at rest, shape (N,); the caller runs ``mj_forward`` when all is set."""
+        self._data.qpos[self._qpos] = values
+        self._data.qvel[self._dof] = 0.0

@@ -1,0 +1,33 @@
+"""What a model holds, as plain values for people and for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+
+_TYPES = {
+    mujoco.mjtJoint.mjJNT_FREE: ("free", ""),
+    mujoco.mjtJoint.mjJNT_BALL: ("ball", "rad"),
+    mujoco.mjtJoint.mjJNT_SLIDE: ("slide", "m"),
+    mujoco.mjtJoint.mjJNT_HINGE: ("hinge", "rad"),
+}
+
+
+def summarise(model: mujoco.MjModel) -> dict[str, Any]:
+    """Lists named joints with their ranges, actuators, cameras and keyframes; mass in kg, time step in s."""
+    joints = []
+    for index in range(model.njnt):
+        joint = model.joint(index)
+        kind, unit = _TYPES[mujoco.mjtJoint(model.jnt_type[index])]
+        limits = [float(value) for value in joint.range] if model.jnt_limited[index] else None
+        if joint.name:
+            joints.append({"name": joint.name, "type": kind, "unit": unit, "range": limits})
+    return {
+        "mass_kg": float(model.body_mass.sum()),
+        "timestep_s": float(model.opt.timestep),
+        "joints": joints,
+        "actuators": [model.actuator(index).name for index in range(model.nu)],
+        "cameras": [model.camera(index).name for index in range(model.ncam)],
+        "keyframes": [model.key(index).name for index in range(model.nkey)],
+    }

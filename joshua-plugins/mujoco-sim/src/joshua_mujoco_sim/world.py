@@ -1,0 +1,204 @@
+"""One physics process's world: a thread that steps it, and hooks for what moves in and looks at it.
+
+Simulated actuators and cameras of one file live in one process (``process_group``) and share the world that
+``shared_world`` hands out; the last one that leaves it ends it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+
+from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.pacing import Pacer
+from joshua_mujoco_sim.physics import DivergenceError, Physics
+
+#: Shortest sleep of the stepping thread: bounds the delay between a command and its effect.
+TICK_S = 0.001
+
+Hook = Callable[[Physics], None]
+
+
+@dataclass(frozen=True)
+class WorldSettings:
+    """How a world runs.
+
+    Attributes:
+        model_path: packaged name or path; folder: where a relative path starts.
+        keyframe: state to start at; "" for ``home``.
+        real_time_factor: 1 for real time, 0 for as fast as possible.
+        reset_on_divergence: start anew instead of ending with an error.
+    """
+
+    model_path: str
+    folder: str = ""
+    keyframe: str = ""
+    real_time_factor: float = 1.0
+    reset_on_divergence: bool = True
+
+
+class World:
+    """A model that lives: stepped by its own thread, under ``lock``.
+
+    Attributes:
+        physics: model and state; touch it only while holding ``lock``.
+        lock: held by the thread while it steps.
+        failure: why the world stopped by itself; "" while all is well.
+        divergences: what went wrong and was reset.
+    """
+
+    def __init__(self, settings: WorldSettings) -> None:
+        folder = Path(settings.folder) if settings.folder else None
+        self.settings = settings
+        self.physics = Physics(load_model(settings.model_path, folder), keyframe=settings.keyframe)
+        self.lock = threading.RLock()
+        self.failure = ""
+        self.divergences: list[str] = []
+        self._pacer = Pacer(self.physics.timestep_s, settings.real_time_factor)
+        self._before: list[Hook] = []
+        self._after: list[Hook] = []
+        self._paused = False
+        self._steps_left = 0
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._started_s = 0.0
+        self._simulated_s = 0.0
+
+    def before_step(self, hook: Hook) -> Callable[[], None]:
+        """Calls ``hook`` under the lock before each step; returns how to end that."""
+        return self._hooked(self._before, hook)
+
+    def after_step(self, hook: Hook) -> Callable[[], None]:
+        """Calls ``hook`` under the lock after each step; returns how to end that. It must be short."""
+        return self._hooked(self._after, hook)
+
+    def start(self) -> None:
+        """Starts to step; a second call does nothing."""
+        if self._thread is not None:
+            return
+        self._started_s = time.monotonic()
+        self._pacer.restart()
+        self._thread = threading.Thread(target=self._run, name="physics", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the thread; a second call does nothing."""
+        self._stop.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+
+    @property
+    def paused(self) -> bool:
+        """Whether time stands still."""
+        return self._paused
+
+    def pause(self) -> None:
+        """Lets time stand still."""
+        self._paused = True
+
+    def resume(self) -> None:
+        """Lets time run on."""
+        with self.lock:
+            self._paused = False
+            self._pacer.restart()
+
+    def step_paused(self, count: int) -> None:
+        """Does some steps while paused."""
+        with self.lock:
+            self._steps_left += count
+
+    def reset(self) -> None:
+        """Puts the model back to its start."""
+        with self.lock:
+            self.physics.reset()
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated time per wall time since the start."""
+        elapsed_s = time.monotonic() - self._started_s
+        return self._simulated_s / elapsed_s if elapsed_s > 0 else 0.0
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            due = self._due()
+            if due:
+                with self.lock:
+                    self._steps(due)
+                if self.settings.real_time_factor <= 0:
+                    time.sleep(0)  # lets others take the lock
+                continue
+            self._stop.wait(max(TICK_S / 2, min(self._pacer.wait_s(), 0.02)) if not self._paused else 0.005)
+
+    def _due(self) -> int:
+        if not self._paused:
+            return self._pacer.due()
+        with self.lock:
+            due, self._steps_left = self._steps_left, 0
+        return due
+
+    def _steps(self, count: int) -> None:
+        physics = self.physics
+        try:
+            if not self._before and not self._after:
+                physics.step(count)
+            for _ in range(count if self._before or self._after else 0):
+                for hook in tuple(self._before):
+                    hook(physics)
+                mujoco.mj_step(physics.model, physics.data)
+                for hook in tuple(self._after):
+                    hook(physics)
+            self._simulated_s += count * physics.timestep_s
+            physics.check()
+        except DivergenceError as error:
+            self.divergences.append(str(error))
+            if self.settings.reset_on_divergence:
+                physics.reset()
+            else:
+                self.failure = str(error)
+                self._stop.set()
+
+    def _hooked(self, hooks: list[Hook], hook: Hook) -> Callable[[], None]:
+        def remove() -> None:
+            with self.lock:
+                if hook in hooks:
+                    hooks.remove(hook)
+
+        with self.lock:
+            hooks.append(hook)
+        return remove
+
+
+_shared: dict[WorldSettings, tuple[World, int]] = {}
+_shared_lock = threading.Lock()
+
+
+def shared_world(settings: WorldSettings) -> World:
+    """The world of this process for these settings, made on first use; give it back by ``leave_world``.
+
+    Raises:
+        ModelError: the model cannot be loaded.
+    """
+    with _shared_lock:
+        world, users = _shared.get(settings, (None, 0))
+        if world is None:
+            world = World(settings)
+        _shared[settings] = (world, users + 1)
+        return world
+
+
+def leave_world(world: World) -> None:
+    """Gives a shared world back; the last one closes it."""
+    with _shared_lock:
+        held, users = _shared.get(world.settings, (world, 1))
+        if held is not world:
+            return
+        if users > 1:
+            _shared[world.settings] = (world, users - 1)
+            return
+        _shared.pop(world.settings, None)
+    world.close()

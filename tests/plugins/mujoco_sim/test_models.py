@@ -1,0 +1,181 @@
+"""The packaged models: they compile, stand still, and carry the published figures."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from joshua_mujoco_sim.catalog import PACKAGED_MODELS, find_packaged, packaged_names
+from joshua_mujoco_sim.model_file import ModelError, load_model, model_file
+from joshua_mujoco_sim.physics import Physics
+
+#: Published ranges of the SO-ARM100, rad.
+RANGES = {
+    "shoulder_pan": (-2.2, 2.2),
+    "shoulder_lift": (-3.14158, 0.2),
+    "elbow_flex": (0.0, 3.14158),
+    "wrist_flex": (-2.0, 1.8),
+    "wrist_roll": (-3.14158, 3.14158),
+    "gripper": (-0.2, 2.0),
+}
+
+#: Published masses of its moving links, kg.
+MASSES = {
+    "Rotation_Pitch": 0.119226,
+    "Upper_Arm": 0.162409,
+    "Lower_Arm": 0.147968,
+    "Wrist_Pitch_Roll": 0.0661321,
+    "Fixed_Jaw": 0.0929859,
+    "Moving_Jaw": 0.0202444,
+}
+
+ARMS = [name for name in packaged_names() if name.startswith(("so_arm100/", "lekoch/"))]
+
+
+@pytest.mark.parametrize("name", packaged_names())
+def test_stands_still_for_two_seconds(name: str) -> None:
+    physics = Physics(load_model(name))
+    physics.step(round(2 / physics.timestep_s))
+    assert physics.time_s == pytest.approx(2.0, abs=physics.timestep_s)
+    assert np.isfinite(physics.data.qpos).all()
+    if "lekoch.xml" not in name:  # it has no floor to stand on
+        assert np.abs(physics.data.qvel).max() < 0.5
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_arm_has_the_published_figures(name: str) -> None:
+    model = load_model(name)
+    for joint, limits in RANGES.items():
+        assert model.joint(joint).range == pytest.approx(limits)
+        assert model.actuator(joint).ctrlrange == pytest.approx(limits)
+        assert model.actuator(joint).forcerange == pytest.approx((-3.35, 3.35))
+    for body, mass_kg in MASSES.items():
+        assert model.body(body).mass[0] == pytest.approx(mass_kg)
+
+
+def test_arm_has_the_published_link_lengths() -> None:
+    physics = Physics(load_model("so_arm100/so_arm100.xml"))
+    physics.data.qpos[:] = 0
+    mujoco.mj_forward(physics.model, physics.data)
+    origin = {body: physics.data.body(body).xpos.copy() for body in MASSES}
+    lengths = {
+        ("Rotation_Pitch", "Upper_Arm"): np.hypot(0.1025, 0.0306),
+        ("Upper_Arm", "Lower_Arm"): 0.1160,
+        ("Lower_Arm", "Wrist_Pitch_Roll"): 0.1350,
+        ("Wrist_Pitch_Roll", "Fixed_Jaw"): 0.0601,
+    }
+    for (inner, outer), length_m in lengths.items():
+        assert np.linalg.norm(origin[outer] - origin[inner]) == pytest.approx(length_m, abs=1e-4)
+
+
+def test_jaw_closes_on_its_pads_and_opens_away_from_them() -> None:
+    physics = Physics(load_model("so_arm100/so_arm100.xml"))
+
+    def gap_m(angle_rad: float) -> float:
+        physics.data.qpos[:] = 0
+        physics.data.qpos[5] = angle_rad
+        mujoco.mj_forward(physics.model, physics.data)
+        a, b = (physics.data.geom(f"{jaw}_jaw_pad_4").xpos for jaw in ("fixed", "moving"))
+        return float(np.linalg.norm(a - b))
+
+    assert gap_m(0.0) < 0.005
+    assert 0.03 < gap_m(0.5) < gap_m(1.0)
+
+
+def test_arm_lifts_the_cube() -> None:
+    """Friction, pads and drives together: a closed jaw carries the cube up."""
+    physics = Physics(load_model("so_arm100/pick_place.xml"))
+    arm = physics.group(tuple(RANGES))
+    cube_at = np.array([0.0, -0.27, 0.0125])
+    address = physics.model.joint("cube").qposadr[0]
+    physics.data.qpos[address : address + 3] = cube_at
+    beside = cube_at + np.array([0.013, 0.0, 0.004])  # the fixed jaw stands beside the cube
+    pose = _pose_over(physics.model, [*beside, 0, 0, 0.06])
+    arm.set_position(pose)
+    for height_m in np.linspace(0.06, 0.0, 40):
+        pose = _pose_over(physics.model, [*beside, 0, 0, height_m])
+        arm.set_command(pose)
+        physics.step(15)
+    pose[5] = 0.0
+    arm.set_command(pose)
+    physics.step(500)
+    for height_m in np.linspace(0.0, 0.08, 60):
+        pose[:5] = _pose_over(physics.model, [*beside, 0, 0, height_m])[:5]
+        arm.set_command(pose)
+        physics.step(15)
+    physics.step(250)
+    assert physics.data.body("cube").xpos[2] > 0.06
+
+
+def _pose_over(model: mujoco.MjModel, target_m: np.ndarray) -> np.ndarray:
+    """Joint positions, shape (6,): jaw open, pointing down, its grip at a place; by iteration."""
+    data = mujoco.MjData(model)
+    pose = np.array([0.0, -1.57, 1.57, 1.57, -1.57, 0.9])
+    site = model.site("gripper").id
+    for _ in range(100):
+        data.qpos[:6] = pose
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        position, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jacSite(model, data, position, rotation, site)
+        lean = data.site_xmat[site].reshape(3, 3)[:, 1] - [0, 0, 1]  # the jaw points along its -y
+        rows = np.vstack([position[:, :4], rotation[:1, :4]])
+        error = np.append(target_m - data.site_xpos[site], lean[1])
+        pose[:4] += 0.5 * np.linalg.lstsq(rows, error, rcond=None)[0]
+    return pose
+
+
+def test_lekoch_drives_forwards_and_turns_on_its_rollers() -> None:
+    physics = Physics(load_model("lekoch/scene.xml"))
+    wheels = physics.group(("wheel_left", "wheel_right", "wheel_back"))
+    wheels.set_command(np.array([3.0, -3.0, 0.0]))
+    physics.step(1000)
+    x, y, z = physics.data.body("lekoch").xpos
+    assert y < -0.25
+    assert abs(x) < 0.05
+    assert z == pytest.approx(0.05, abs=0.005)
+    wheels.set_command(np.array([3.0, 3.0, 3.0]))
+    physics.step(1000)
+    yaw_speed = physics.data.joint("lekoch").qvel[5]
+    assert abs(yaw_speed) == pytest.approx(3.0 * 0.05 / 0.125, rel=0.1)
+
+
+def test_every_file_of_the_models_folder_is_listed_or_included() -> None:
+    for model in PACKAGED_MODELS:
+        assert model.path.is_file()
+        assert not model.mjx or find_packaged(model.mjx)
+
+
+def test_own_file_is_found_relative_to_the_folder(tmp_path) -> None:
+    (tmp_path / "mine.xml").write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    assert model_file("mine.xml", tmp_path) == tmp_path / "mine.xml"
+    assert load_model("mine.xml", tmp_path).ngeom == 1
+
+
+def test_urdf_is_read(tmp_path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" '
+        'iyy="1" iyz="0" izz="1"/></inertial></link><link name="tip"><inertial><mass value="1"/><inertia '
+        'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link><joint name="elbow" '
+        'type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/><limit lower="-1" '
+        'upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    assert load_model("arm.urdf", tmp_path).joint("elbow").range == pytest.approx((-1, 1))
+
+
+def test_unknown_name_says_the_nearest(tmp_path) -> None:
+    with pytest.raises(ModelError, match=r"so_arm/scene.xml.*does not exist.*nearest: so_arm100/scene.xml"):
+        load_model("so_arm/scene.xml", tmp_path)
+
+
+def test_malformed_model_says_file_and_line(tmp_path) -> None:
+    (tmp_path / "bad.xml").write_text(
+        "<mujoco>\n<worldbody>\n<geom size='1' colour='red'/>\n</worldbody></mujoco>"
+    )
+    with pytest.raises(ModelError, match=r"bad.xml is no model.*colour.*line 3.*correct the file"):
+        load_model("bad.xml", tmp_path)
+
+
+def test_folder_in_place_of_a_file_is_named(tmp_path) -> None:
+    with pytest.raises(ModelError, match="is a folder"):
+        model_file(".", tmp_path)
