@@ -90,17 +90,17 @@ def test_arm_lifts_the_cube() -> None:
     address = physics.model.joint("cube").qposadr[0]
     physics.data.qpos[address : address + 3] = cube_at
     beside = cube_at + np.array([0.013, 0.0, 0.004])  # the fixed jaw stands beside the cube
-    pose = _pose_over(physics.model, [*beside, 0, 0, 0.06])
+    pose = _pose_over(physics.model, beside + np.array([0, 0, 0.06]))
     arm.set_position(pose)
     for height_m in np.linspace(0.06, 0.0, 40):
-        pose = _pose_over(physics.model, [*beside, 0, 0, height_m])
+        pose = _pose_over(physics.model, beside + np.array([0, 0, height_m]))
         arm.set_command(pose)
         physics.step(15)
     pose[5] = 0.0
     arm.set_command(pose)
     physics.step(500)
     for height_m in np.linspace(0.0, 0.08, 60):
-        pose[:5] = _pose_over(physics.model, [*beside, 0, 0, height_m])[:5]
+        pose[:5] = _pose_over(physics.model, beside + np.array([0, 0, height_m]))[:5]
         arm.set_command(pose)
         physics.step(15)
     physics.step(250)

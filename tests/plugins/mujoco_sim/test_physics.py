@@ -44,13 +44,15 @@ def test_unknown_actuator_says_the_nearest(physics: Physics) -> None:
         physics.group(("elbow",))
 
 
-def test_divergence_names_time_and_joint(physics: Physics) -> None:
+def test_divergence_names_time_and_joint(physics: Physics, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
     physics.step(100)
     physics.data.qvel[2] = np.nan
     with pytest.raises(
         DivergenceError, match=r"diverged at 0\.2\d\d s.*has no finite speed.*smaller timestep"
     ):
         physics.step(1)
+    assert not list(tmp_path.iterdir())  # MuJoCo leaves no log file behind
 
 
 def test_absurd_speed_is_divergence(physics: Physics) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from difflib import get_close_matches
 
@@ -16,6 +17,11 @@ IntArray = npt.NDArray[np.int64]
 
 #: Speed beyond which a joint counts as diverged: no robot here moves nearly as fast.
 VELOCITY_LIMIT_RAD_S = 1e4
+
+
+def _note(text: str) -> None:
+    """Takes MuJoCo's warnings, which it would else write into a file of the current folder."""
+    logging.getLogger("joshua.mujoco").debug("%s", text)
 
 
 class DivergenceError(Exception):
@@ -49,6 +55,7 @@ class Physics:
         self.model = model
         # MuJoCo would reset a diverged state without a word; the check below speaks up instead.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        mujoco.set_mju_user_warning(_note)
         self.data = mujoco.MjData(model)
         names = [model.key(index).name for index in range(model.nkey)]
         if keyframe and keyframe not in names:
