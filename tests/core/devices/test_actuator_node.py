@@ -53,10 +53,10 @@ class Running:
         self.node.configure()
         self.node.activate()
 
-    def cycles(self, count: int, send: Any = None, topic: str = "/arm/command") -> None:
+    def cycles(self, count: int, send: Any = None, topic: str = "/arm/command", publisher: str = "") -> None:
         for _ in range(count):
             if send is not None:
-                self.context.receive(topic, send)
+                self.context.receive(topic, send, publisher)
             time.sleep(0.005)
             self.context.tick("control")
 
@@ -158,7 +158,7 @@ def test_a_follower_takes_the_fraction_of_its_leaders_range(run: Any) -> None:
     node = run(block={"position_min": 2048, "position_max": 2148}, context={"leader": leader})
     high = node.actuator.limits.position_max_rad[0]
     for _ in range(600):
-        node.cycles(1, send=joint_state(["l1", "l2"], [0.5, 1.0]))
+        node.cycles(1, send=joint_state(["l1", "l2"], [0.5, 1.0]), publisher="/leader")
         if np.abs(node.written[-1].position - [high / 2, high]).max() < 1e-6:
             break
     assert node.written[-1].position == pytest.approx([high / 2, high])
@@ -177,6 +177,28 @@ def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
         if abs(node.written[-1].position[0] - 0.02) < 1e-6:
             break
     assert node.written[-1].position[0] == pytest.approx(0.02)
+
+
+def test_whoever_is_declared_takes_over_and_gives_back(run: Any, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    node = run(context={"take_over": [{"node": "/gamepad", "topic": "/arm/command"}]})
+    model, person = joint_state(["joint_1"], [0.4]), joint_state(["joint_1"], [-0.4])
+    node.cycles(600, send=model, publisher="/model")
+    assert node.written[-1].position[0] == pytest.approx(0.4)
+    before = len(node.written)
+    for _ in range(20):
+        node.cycles(1, send=person, publisher="/gamepad")
+        node.cycles(1, send=model, publisher="/model")
+    turned = np.array([message.position[0] for message in node.written[before:]])
+    assert (np.diff(turned) < 0).all(), "nothing of the model gets through"
+    assert np.diff(turned).min() > -0.011, "the new one is approached at the speed of a first command"
+    time.sleep(0.55)
+    node.cycles(2, send=model, publisher="/model")
+    assert node.written[-1].position[0] > turned[-1]
+    assert caplog.messages == [
+        "/gamepad takes over: commands of others are ignored while it sends",
+        "/gamepad has been silent for 0.5 s: other commands count again",
+    ]
 
 
 def test_a_leader_without_a_range_is_refused() -> None:

@@ -14,8 +14,8 @@ from joshua.messages.make import header, joint_state
 LOG = logging.getLogger("test_joint_command")
 
 
-def reader(mapping: LeaderMapping | None = None) -> CommandReader:
-    return CommandReader("/command", ("a", "b", "c"), LOG, mapping)
+def reader(**leaders: LeaderMapping) -> CommandReader:
+    return CommandReader("/command", ("a", "b", "c"), LOG, leaders)
 
 
 def raw_joint_state(names: list[str], positions: list[float]) -> Any:
@@ -107,12 +107,23 @@ def test_a_leaders_positions_pass_through_its_mapping() -> None:
         {"name": "extra", "min_rad": 0.0, "max_rad": 1.0},
     ]
     follower = [{"name": "b", "min_rad": -2.0, "max_rad": 2.0}]
-    one = reader(LeaderMapping(leader, follower))
-    command = one.joint_state(joint_state(["l1", "extra"], [0.25, 0.5]))
+    one = reader(**{"/leader": LeaderMapping(leader, follower)})
+    command = one.joint_state(joint_state(["l1", "extra"], [0.25, 0.5]), "/leader")
     assert command is not None
     assert list(command.indices) == [1]
     assert command.position_rad == pytest.approx([-1.0])
-    assert one.joint_state(raw_joint_state(["l1", "extra"], [math.nan, 0.0])) is None
+    assert one.joint_state(raw_joint_state(["l1", "extra"], [math.nan, 0.0]), "/leader") is None
+
+
+def test_other_publishers_of_a_leaders_topic_send_radians() -> None:
+    ranges = [{"name": "b", "min_rad": 0.0, "max_rad": 1.0}]
+    one = reader(**{"/leader": LeaderMapping(ranges, [{"name": "b", "min_rad": -2.0, "max_rad": 2.0}])})
+    for _ in range(2):
+        led = one.joint_state(joint_state(["b"], [0.25]), "/leader")
+        other = one.joint_state(joint_state(["b"], [0.25]), "/gamepad")
+        assert led is not None
+        assert other is not None
+        assert [*led.position_rad, *other.position_rad] == pytest.approx([-1.0, 0.25])
 
 
 def test_a_trajectory_is_read_and_interpolated() -> None:

@@ -95,6 +95,26 @@ calibration { arms { node_name: "leader"
     assert [joint["name"] for joint in follower.context["leader"]["joints"]] == ["shoulder_pan", "gripper"]
 
 
+def test_an_actuator_knows_who_may_take_over(tmp_path):
+    path = teleoperation(tmp_path)
+    second = """actions {
+    node { node_name: "second" node_id: 7
+      publishers { data_type: JOINT_STATE topic_name: "/leader/joint_states" publish_rate_hz: 50
+        override: true } }
+    action_type: ACTION_LEADER
+    mock_motor_config { num_motors: 2 position_max: 4095 } }
+"""
+    text = Path(path).read_text()
+    Path(path).write_text(text.replace("robot {", "robot { " + second, 1))
+    nodes = {node.name: node for node in examine(Request(path)).plan.nodes}
+    leader, second, follower = (nodes[name] for name in ("leader", "second", "follower"))
+    assert follower.context["leader"]["node"] == "/leader"
+    assert follower.context["take_over"] == [
+        {"node": "/second", "topic": "/leader/joint_states", "joints": second.context["joints"]}
+    ]
+    assert "take_over" not in leader.context
+
+
 def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     path = teleoperation(tmp_path)
     before = examine(Request(path, blocked_plugins=("core",)))

@@ -48,6 +48,23 @@ def test_messages_go_to_another_process_and_back(spec, opener, program, eventual
     eventually(lambda: publisher.subscription_count == 0 and subscription.publisher_count == 0)
 
 
+def test_a_message_tells_which_node_sent_it(spec, opener, program, eventually):
+    program("echo.py", spec.model_dump_json(), JOINT_STATE)
+    transport = opener(spec)
+    node = transport.create_node("near")
+    got = []
+    publisher = node.create_publisher("/ping", JOINT_STATE, QosProfile())
+    own = node.create_publisher("/pong", JOINT_STATE, QosProfile())
+    node.create_subscription("/pong", JOINT_STATE, QosProfile(), got.append)
+    eventually(lambda: publisher.subscription_count == 1 and own.subscription_count == 1)
+    own.publish(encode(make.joint_state([], ())))
+    eventually(lambda: got)
+    publisher.publish(encode(make.joint_state([], ())))
+    eventually(lambda: len(got) > 1)
+    assert [node.publisher_node(sample.publisher_gid) for sample in got] == ["/near", "/far/echo"]
+    assert node.publisher_node(bytes(16)) == ""
+
+
 def test_a_closed_node_leaves_the_graph_and_its_callbacks_end(spec, opener, eventually):
     near, far = opener(spec), opener(spec)
     got = []

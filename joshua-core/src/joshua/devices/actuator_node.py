@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_test import ActuatorTest
+from joshua.devices.command_intake import CommandIntake, leader_mappings
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
-from joshua.devices.mapping import LeaderMapping
+from joshua.devices.take_over import TakeOver
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.implementation import load_implementation
@@ -39,7 +39,8 @@ class ActuatorNode(NodeBehaviour):
     state stands.
 
     Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each joint), ``leader``
-    (``node``, ``topic``, ``joints``) for a follower, ``stale_after_s``, ``restarted``.
+    (``node``, ``topic``, ``joints``) for a follower, ``take_over`` (the same for each publisher that is
+    declared as override; ``joints`` only where it is a leader), ``stale_after_s``, ``restarted``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -83,8 +84,10 @@ class ActuatorNode(NodeBehaviour):
                 TopicSpec(name="~/command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
             )
         if not self._is_leader:
+            overriding = [other["node"] for other in spec.context.get("take_over", ())]
+            take_over = TakeOver(overriding, self.context.log) if overriding else None
             for topic in spec.subscriptions:
-                self._subscribe(actuator, topic)
+                self._subscribe(actuator, topic, take_over)
 
     def activate(self) -> None:
         """Energises the joints where they are, if anybody commands them, and starts the control loop."""
@@ -158,48 +161,17 @@ class ActuatorNode(NodeBehaviour):
             names = ", ".join(topic.name for topic in spec.subscriptions)
             self.context.warn(f"{spec.full_name}: a leader is moved by hand, so {names} has no effect")
 
-    def _subscribe(self, actuator: Actuator, topic: TopicSpec) -> None:
-        reader = CommandReader(topic.name, actuator.joint_names, self.context.log, self._mapping(topic))
+    def _subscribe(self, actuator: Actuator, topic: TopicSpec, take_over: TakeOver | None) -> None:
+        mappings = leader_mappings(self.context, topic.name)
+        reader = CommandReader(topic.name, actuator.joint_names, self.context.log, mappings)
         self._readers.append(reader)
-        self.context.subscribe(topic, self._command_handler(reader, topic.type_name))
-
-    def _command_handler(self, reader: CommandReader, type_name: str) -> Callable[[Any, int], None]:
-        """What runs on a transport thread for each message of a command topic."""
         _, goals = self._device()
-        count = self._test.meter(reader.topic).add
-
-        def on_joint_state(message: Any, received_ns: int) -> None:
-            del received_ns  # the watchdog needs the monotonic clock
-            count()
-            if (command := reader.joint_state(message)) is not None:
-                goals.command(command, time.monotonic_ns())
-
-        def on_trajectory(message: Any, received_ns: int) -> None:
-            del received_ns
-            count()
-            if (trajectory := reader.trajectory(message)) is not None:
-                goals.play(trajectory, time.monotonic_ns())
-
-        return on_joint_state if type_name == JOINT_STATE else on_trajectory
-
-    def _mapping(self, topic: TopicSpec) -> LeaderMapping | None:
-        spec = self.context.spec
-        leader = spec.context.get("leader")
-        if not leader or leader["topic"] != topic.name:
-            return None
-        try:
-            mapping = LeaderMapping(leader["joints"], spec.context["joints"])
-        except ValueError as error:
-            raise DeviceError(f"{spec.full_name} cannot follow {leader['node']}: {error}") from error
-        pairs = ", ".join(f"{pair.leader} → {pair.follower}" for pair in mapping.pairs)
-        self.context.log.info("follows %s: %s", leader["node"], pairs)
-        unpaired = mapping.unpaired_leader + mapping.unpaired_follower
-        if unpaired:
-            self.context.warn(
-                f"{spec.full_name} and {leader['node']} differ in their joints; without partner: "
-                f"{', '.join(unpaired)}"
-            )
-        return mapping
+        commands = CommandIntake(reader, goals, take_over, self._test.meter(topic.name).add)
+        take = commands.joint_state if topic.type_name == JOINT_STATE else commands.trajectory
+        if mappings or take_over is not None:
+            self.context.subscribe_named(topic, take)
+        else:
+            self.context.subscribe(topic, take)
 
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever the device raises fails the node."""

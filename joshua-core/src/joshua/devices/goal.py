@@ -98,6 +98,11 @@ class GoalGenerator:
             self._trajectory_start = (now_ns, self._goal[trajectory.indices].copy())
             self.state = GoalState.FOLLOWING if self._trajectory else GoalState.HOLDING
 
+    def approach(self) -> None:
+        """Lets the joints approach the next command slowly, as they do a first one. Thread-safe."""
+        with self._lock:
+            self._ramping[:] = True
+
     def step(self, now_ns: int) -> FloatArray:
         """The goal of this control cycle, shape (N,); ``now_ns`` on the monotonic clock."""
         with self._lock:

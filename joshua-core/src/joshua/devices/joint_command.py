@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -67,29 +67,33 @@ class CommandReader:
         topic: name, for messages.
         joint_names: in joint order.
         log: where refusals and unknown names are reported.
-        mapping: from a leader's joints to these; None takes radians as they are.
+        mappings: from the joints of leaders to these, by the name of the leader's node; every other
+            publisher sends radians of these joints.
     """
 
     def __init__(
-        self, topic: str, joint_names: Sequence[str], log: Any, mapping: LeaderMapping | None = None
+        self,
+        topic: str,
+        joint_names: Sequence[str],
+        log: Any,
+        mappings: Mapping[str, LeaderMapping] | None = None,
     ) -> None:
         self.topic = topic
         self.accepted = 0
         self.refused = 0
         self._indices = {name: index for index, name in enumerate(joint_names)}
         self._log = log
-        self._mapping = mapping
+        self._mappings = mappings or {}
         self._unknown: set[str] = set()
-        self._last_names: tuple[str, ...] | None = None
-        self._last_route: _Route
+        self._routes: dict[LeaderMapping | None, tuple[tuple[str, ...], _Route]] = {}
 
-    def joint_state(self, message: Any) -> JointCommand | None:
-        """Reads a JointState; None when it is refused."""
+    def joint_state(self, message: Any, publisher: str = "") -> JointCommand | None:
+        """Reads a JointState of a node; None when it is refused."""
         try:
             positions = np.asarray(message.position, np.float64)
             if positions.shape != (len(message.name),):
                 raise CommandError(f"{len(message.name)} names and {positions.size} positions")
-            route = self._route(tuple(message.name))
+            route = self._route(tuple(message.name), publisher)
             command = JointCommand(route.indices, route.values(positions[None, :])[0])
         except CommandError as error:
             self._refuse(error)
@@ -97,21 +101,21 @@ class CommandReader:
         self.accepted += 1
         return command
 
-    def trajectory(self, message: Any) -> TrajectoryCommand | None:
-        """Reads a JointTrajectory; None when it is refused.
+    def trajectory(self, message: Any, publisher: str = "") -> TrajectoryCommand | None:
+        """Reads a JointTrajectory of a node; None when it is refused.
 
         One without points means: stop here. The time of its header, and the velocities and accelerations of
         its points, are not used: it starts when it arrives.
         """
         try:
-            command = self._trajectory(message)
+            command = self._trajectory(message, publisher)
         except CommandError as error:
             self._refuse(error)
             return None
         self.accepted += 1
         return command
 
-    def _trajectory(self, message: Any) -> TrajectoryCommand:
+    def _trajectory(self, message: Any, publisher: str) -> TrajectoryCommand:
         names, points = tuple(message.joint_names), list(message.points)
         if not points:
             return TrajectoryCommand(np.zeros(0, np.intp), np.zeros(0), np.zeros((0, 0)))
@@ -124,23 +128,24 @@ class CommandReader:
                     f"{len(names)} names and {len(point.positions)} positions in point {number}"
                 )
         positions = np.array([point.positions for point in points], np.float64)
-        route = self._route(names)
+        route = self._route(names, publisher)
         return TrajectoryCommand(route.indices, times, route.values(positions))
 
-    def _route(self, names: tuple[str, ...]) -> _Route:
+    def _route(self, names: tuple[str, ...], publisher: str) -> _Route:
         """Which positions of a message go to which joints; remembered, for names rarely change."""
-        if names != self._last_names:
-            self._last_route = self._make_route(names)
-            self._last_names = names
-        return self._last_route
+        mapping = self._mappings.get(publisher)
+        known = self._routes.get(mapping)
+        if known is None or known[0] != names:
+            known = self._routes[mapping] = (names, self._make_route(names, mapping))
+        return known[1]
 
-    def _make_route(self, names: tuple[str, ...]) -> _Route:
-        pairs = [self._mapping.pair(name) if self._mapping else None for name in names]
+    def _make_route(self, names: tuple[str, ...], mapping: LeaderMapping | None) -> _Route:
+        pairs = [mapping.pair(name) if mapping else None for name in names]
         joints = [pair.follower if pair else name for pair, name in zip(pairs, names, strict=True)]
         if len(set(joints)) != len(joints):
             raise CommandError("a joint is named twice")
         columns = [column for column, name in enumerate(joints) if name in self._indices]
-        unpaired = self._mapping.unpaired_leader if self._mapping else ()
+        unpaired = mapping.unpaired_leader if mapping else ()
         self._warn_unknown([name for name in joints if name not in self._indices and name not in unpaired])
         if not columns:
             raise CommandError(

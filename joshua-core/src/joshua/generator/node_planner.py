@@ -102,34 +102,29 @@ class NodePlanner:
     def _shared_context(self, want: Wanted) -> dict[str, Any]:
         """What a node must know of others: its own joints and its leader's, or those that it commands."""
         if want.kind is ProvisionKind.ACTUATOR:
-            leader = self._leader(want)
             joints = {"joints": self._joints[want.entry.path]}
-            return joints | ({"leader": leader} if leader else {})
+            return joints | self._commanders(want)
         commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
         testing = {"testing": True} if self._testing and want.kind is ProvisionKind.SENSOR else {}
         return testing | ({"joints": commanded} if commanded else {})
 
-    def _leader(self, want: Wanted) -> dict[str, Any] | None:
-        heard = {
-            endpoint.topic
-            for endpoint in self._own(want, publishers=False)
-            if endpoint.block.data_type == data_type_pb2.JOINT_STATE
-        }
+    def _commanders(self, want: Wanted) -> dict[str, Any]:
+        """Of those who publish what an actuator hears: its leader, and who may take over."""
+        heard = {endpoint.topic for endpoint in self._own(want, publishers=False)}
+        facts: dict[str, Any] = {}
         for other in self._endpoints:
+            if not other.is_publisher or other.topic not in heard or other.entry.path == want.entry.path:
+                continue
             owner = other.entry.owner
-            if (
-                other.is_publisher
-                and other.topic in heard
-                and other.entry.path != want.entry.path
-                and isinstance(owner, pb.SingleAction)
-                and owner.action_type == pb.ACTION_LEADER
-            ):
-                return {
-                    "node": other.entry.full_name,
-                    "topic": other.topic,
-                    "joints": self._joints.get(other.entry.path, []),
-                }
-        return None
+            commander: dict[str, Any] = {"node": other.entry.full_name, "topic": other.topic}
+            leads = isinstance(owner, pb.SingleAction) and owner.action_type == pb.ACTION_LEADER
+            if leads and other.block.data_type == data_type_pb2.JOINT_STATE:
+                commander["joints"] = self._joints.get(other.entry.path, [])
+            if other.block.override:
+                facts.setdefault("take_over", []).append(commander)
+            elif "joints" in commander:
+                facts.setdefault("leader", commander)
+        return facts
 
     def _commanded(self, want: Wanted) -> list[str]:
         spoken = {endpoint.topic for endpoint in self._own(want, publishers=True)}

@@ -38,6 +38,13 @@ class NodeContext(Protocol):
         Its exception fails the node. A payload that is no message of the type is logged and skipped.
         """
 
+    def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> None:
+        """Calls ``callback(message, received_ns, publisher)``; else as ``subscribe``.
+
+        ``publisher`` is the full name of the node that sent the message, "" for a program that is no ROS 2
+        node. Messages that come before the graph knows their publisher are dropped, for a second at most.
+        """
+
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
         """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.
 

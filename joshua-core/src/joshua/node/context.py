@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from joshua.ipc.messages import Message, NodeWarning, StopRun, Waiting, printable
-from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback
+from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback, NamedMessageCallback
 from joshua.node.readers import ReaderThread, ReaderThreads
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
@@ -61,6 +61,10 @@ class RuntimeContext:
     def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> None:
         """Declares a subscription."""
         self._declared().subscribe(topic, callback)
+
+    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> None:
+        """Declares a subscription whose callback learns which node published each message."""
+        self._declared().subscribe_named(topic, callback)
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
         """Adds a timer; raises ValueError if the period is not a positive number."""

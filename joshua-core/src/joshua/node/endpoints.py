@@ -11,10 +11,12 @@ from typing import Any
 from joshua.ipc.messages import FirstMessage, Topics
 from joshua.messages import MessageError, decode, encode
 from joshua.node.cadence import TrafficFigures
+from joshua.node.publisher_names import PublisherNames
 from joshua.plan import TopicReport, TopicSpec
 from joshua.transport import NodeHandle, Publisher, Sample, Subscription
 
 MessageCallback = Callable[[Any, int], None]
+NamedMessageCallback = Callable[[Any, int, str], None]
 
 #: Malformed messages are logged at the first, then at each power of ten.
 _LOGGED_COUNTS = frozenset(10**power for power in range(12))
@@ -50,23 +52,23 @@ class CountingSubscription:
 
     Args:
         topic: what is subscribed.
-        callback: the behaviour's, called with (message, received_ns).
+        hand_over: called with each message and the sample that carried it.
         on_first: called with the monotonic time of the first message.
-        on_error: called with an exception of the callback.
+        on_error: called with an exception of ``hand_over``.
         log: where malformed messages are reported; they come from outside and fail no node.
     """
 
     def __init__(
         self,
         topic: TopicSpec,
-        callback: MessageCallback,
+        hand_over: Callable[[Any, Sample], None],
         on_first: Callable[[TopicSpec, int], None],
         on_error: Callable[[BaseException], None],
         log: logging.Logger,
     ) -> None:
         self.topic = topic
         self.figures = TrafficFigures(topic, is_publisher=False)
-        self._callback = callback
+        self._hand_over = hand_over
         self._on_first = on_first
         self._on_error = on_error
         self._log = log
@@ -92,7 +94,7 @@ class CountingSubscription:
         if first:
             self._on_first(self.topic, now_ns)
         try:
-            self._callback(message, sample.received_ns)
+            self._hand_over(message, sample)
         except Exception as error:  # noqa: BLE001 (whatever a behaviour raises fails its node)
             self._on_error(error)
 
@@ -137,18 +139,22 @@ class Endpoints:
 
     def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> None:
         """Declares a subscription; names as for publishers."""
-        topic = self._resolve(topic)
-        subscription = CountingSubscription(topic, callback, self._first, self._on_error, self._log)
-        self._subscriptions.append(subscription)
-        self._open.append(
-            self._handle.create_subscription(
-                topic.name,
-                topic.type_name,
-                topic.qos,
-                subscription.receive,
-                on_event=self._reporter(topic),
-            )
-        )
+
+        def hand_over(message: Any, sample: Sample) -> None:
+            callback(message, sample.received_ns)
+
+        self._subscribe(topic, hand_over)
+
+    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> None:
+        """Declares a subscription whose callback learns which node published each message."""
+        names = PublisherNames(self._handle.publisher_node)
+
+        def hand_over(message: Any, sample: Sample) -> None:
+            publisher = names.name(sample.publisher_gid)
+            if publisher is not None:
+                callback(message, sample.received_ns, publisher)
+
+        self._subscribe(topic, hand_over)
 
     def totals(self) -> Topics:
         """Running totals for the live rates."""
@@ -173,6 +179,20 @@ class Endpoints:
         """Leaves the graph; a second call does nothing."""
         self.close_subscriptions()
         self._handle.close()
+
+    def _subscribe(self, topic: TopicSpec, hand_over: Callable[[Any, Sample], None]) -> None:
+        topic = self._resolve(topic)
+        subscription = CountingSubscription(topic, hand_over, self._first, self._on_error, self._log)
+        self._subscriptions.append(subscription)
+        self._open.append(
+            self._handle.create_subscription(
+                topic.name,
+                topic.type_name,
+                topic.qos,
+                subscription.receive,
+                on_event=self._reporter(topic),
+            )
+        )
 
     def _resolve(self, topic: TopicSpec) -> TopicSpec:
         if topic.name.startswith("~/"):

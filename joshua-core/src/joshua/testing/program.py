@@ -22,6 +22,9 @@ class JoshuaProgram:
         folder: holds run directory and logs; also the working directory.
         domain_id: ROS 2 domain.
         environment: further variables.
+
+    Attributes:
+        router: Zenoh endpoint that runs get; "" leaves the file's transport block as it is.
     """
 
     def __init__(self, folder: Path, domain_id: int, environment: Mapping[str, str] | None = None) -> None:
@@ -91,7 +94,7 @@ class JoshuaProgram:
                     stream.close()
 
     def _with_router(self, arguments: Sequence[str]) -> list[str]:
-        if "--config" not in arguments:
+        if "--config" not in arguments or not self.router:
             return list(arguments)
         return [*arguments, "--set", f'transport.listen_endpoints="{self.router}"']
 

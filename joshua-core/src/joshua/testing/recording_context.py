@@ -38,6 +38,7 @@ class RecordingContext:
         self.log = logging.getLogger(f"joshua.testing.{spec.name}")
         self.publishers: dict[str, RecordingPublisher] = {}
         self.subscriptions: dict[str, Callable[[Any, int], None]] = {}
+        self.named_subscriptions: dict[str, Callable[[Any, int, str], None]] = {}
         self.timers: dict[str, tuple[float, Callable[[], None]]] = {}
         self.warnings: list[str] = []
         self.failures: list[str] = []
@@ -52,6 +53,10 @@ class RecordingContext:
     def subscribe(self, topic: TopicSpec, callback: Callable[[Any, int], None]) -> None:
         """Declares a subscription."""
         self.subscriptions[topic.name] = callback
+
+    def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> None:
+        """Declares a subscription whose callback learns which node published each message."""
+        self.named_subscriptions[topic.name] = callback
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
         """Keeps a timer for ``tick``."""
@@ -92,9 +97,12 @@ class RecordingContext:
         for _ in range(times):
             self.timers[name][1]()
 
-    def receive(self, topic: str, message: Any) -> None:
-        """Delivers a message to a subscription."""
-        self.subscriptions[topic](message, time.time_ns())
+    def receive(self, topic: str, message: Any, publisher: str = "") -> None:
+        """Delivers a message to a subscription; ``publisher`` is the full name of a node."""
+        if topic in self.named_subscriptions:
+            self.named_subscriptions[topic](message, time.time_ns(), publisher)
+        else:
+            self.subscriptions[topic](message, time.time_ns())
 
     def stop(self, timeout_s: float = 30.0) -> None:
         """Asks the threads to stop and waits for them.

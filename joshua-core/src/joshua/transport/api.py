@@ -139,6 +139,13 @@ class NodeHandle(ABC):
         """
 
     @abstractmethod
+    def publisher_node(self, publisher_gid: bytes) -> str:
+        """Full name of the node that owns a publisher anywhere in the graph; "" while it is not known.
+
+        It searches the graph: ask once for each publisher, not for each message.
+        """
+
+    @abstractmethod
     def close(self) -> None:
         """Closes the endpoints and leaves the graph; a second call does nothing."""
 

@@ -34,6 +34,11 @@ class NodeEntry:
     readers: tuple[bytes, ...]
     writers: tuple[bytes, ...]
 
+    @property
+    def full_name(self) -> str:
+        """Fully qualified name of the node."""
+        return f"{self.namespace.rstrip('/')}/{self.name}"
+
 
 @lru_cache(maxsize=2)
 def info_type(gid_bytes: int) -> Any:

@@ -76,10 +76,7 @@ class Graph:
                 {sample.key.bytes: sample for sample in reader.read(_ENOUGH, condition)}
                 for reader, condition in self._builtin
             )
-            for sample in self._reader.take(_ENOUGH):
-                if hasattr(sample, "node_entities_info_seq"):
-                    guid, entries = discovery_info.unpack(sample)
-                    self._others[guid] = entries
+            self._take_announcements()
             known = {**self._others, self._guid: list(self._own.values())}
             self._others = {guid: entries for guid, entries in self._others.items() if guid in alive}
         endpoints = {
@@ -96,6 +93,20 @@ class Graph:
             # what is left belongs to no node: programs that speak DDS without ROS 2
             found.append(_node(NodeEntry(BARE_DDS, BARE_DDS, (), tuple(endpoints)), endpoints))
         return sorted(found, key=lambda node: (node.namespace, node.name))
+
+    def owner(self, publisher_gid: bytes) -> str:
+        """Full name of the node that owns a writer; "" where no announcement names it."""
+        with self._lock:
+            self._take_announcements()
+            announced = [entry for entries in self._others.values() for entry in entries]
+            announced += self._own.values()
+        return next((entry.full_name for entry in announced if publisher_gid in entry.writers), "")
+
+    def _take_announcements(self) -> None:
+        for sample in self._reader.take(_ENOUGH):
+            if hasattr(sample, "node_entities_info_seq"):
+                guid, entries = discovery_info.unpack(sample)
+                self._others[guid] = entries
 
     def close(self) -> None:
         """Withdraws the announcement."""

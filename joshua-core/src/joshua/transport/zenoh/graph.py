@@ -55,6 +55,12 @@ class Graph:
             if listener in listeners:
                 listeners.remove(listener)
 
+    def owner(self, publisher_gid: bytes) -> str:
+        """Full name of the node that owns a publisher; "" where no token names it."""
+        with self._lock:
+            publishers = [entity for entity in self._entities.values() if entity.kind == PUBLISHER]
+        return next((entity.full_name for entity in publishers if entity.gid == publisher_gid), "")
+
     def nodes(self) -> list[NodeInfo]:
         """All nodes with their publishers and subscriptions, sorted by name."""
         with self._lock:

@@ -69,6 +69,11 @@ class Entity:
         return "/".join(parts)
 
     @property
+    def full_name(self) -> str:
+        """Fully qualified name of the node."""
+        return f"{self.namespace.rstrip('/')}/{self.name}"
+
+    @property
     def gid(self) -> bytes:
         """Identity of the entity, 16 bytes."""
         return gid_of(self.token)

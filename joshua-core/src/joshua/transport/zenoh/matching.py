@@ -65,10 +65,9 @@ class Matching:
                 if other.qos is not None and other.qos.lifespan_s > 0
             }
         if reasons and present:
-            other = f"{entity.namespace.rstrip('/')}/{entity.name}"
             side = "subscription" if self._kind == SUBSCRIPTION else "publisher"
             self._on_incompatible(
-                f"the {side} of {other} on {own.topic} does not connect: {'; '.join(reasons)}"
+                f"the {side} of {entity.full_name} on {own.topic} does not connect: {'; '.join(reasons)}"
             )
         if lost and self._on_lost is not None:
             self._on_lost(entity)

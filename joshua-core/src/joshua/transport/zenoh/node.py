@@ -60,6 +60,10 @@ class ZenohNode(NodeHandle):
         self._endpoints.append(made)
         return made
 
+    def publisher_node(self, publisher_gid: bytes) -> str:
+        """Full name of the node that owns a publisher."""
+        return self._transport.graph.owner(publisher_gid)
+
     def close(self) -> None:
         """Closes the endpoints and leaves the graph."""
         with self._lock:

@@ -114,7 +114,7 @@ class ZenohSubscription(Subscription):
         limit = self._leases.pop(publisher.gid, None)
         if limit is not None:
             self._watch.remove(limit)
-        self._emit("liveliness-lost", f"the publisher of {_full_name(publisher)} left {publisher.topic}")
+        self._emit("liveliness-lost", f"the publisher of {publisher.full_name} left {publisher.topic}")
 
     def _publisher_marked(self, gid: bytes) -> None:
         self._marked.add(gid)
@@ -129,7 +129,7 @@ class ZenohSubscription(Subscription):
                 return
             lease_s = publisher.qos.lease_duration_s
             text = (
-                f"the publisher of {_full_name(publisher)} on {publisher.topic} did not assert its "
+                f"the publisher of {publisher.full_name} on {publisher.topic} did not assert its "
                 f"liveliness within {lease_s:g} s"
             )
             limit = Limit(lease_s, lambda: self._emit("liveliness-lost", text), repeat=False)
@@ -146,10 +146,6 @@ def _head(sample: zenoh.Sample) -> tuple[int, int, int, bytes]:
             sequence, source_ns, length, gid = ATTACHMENT.unpack(raw)
             return sequence, source_ns, length, gid
     return _UNKNOWN
-
-
-def _full_name(entity: Entity) -> str:
-    return f"{entity.namespace.rstrip('/')}/{entity.name}"
 
 
 def _declare(session: zenoh.Session, key: str, qos: QosProfile, handler: Any) -> Any:
