@@ -40,3 +40,14 @@ def test_a_behaviour_of_its_own_may_use_any_implementation() -> None:
     assert check_targets(own) == []
     assert behaviour_of(own) == "joshua.node.behaviour:NodeBehaviour"
     assert behaviour_of(sensor("a:B")) == "joshua.devices.sensor_node:SensorNode"
+
+
+def test_the_tools_of_a_bus_are_checked_like_the_rest() -> None:
+    assert (
+        check_targets(sensor("joshua.devices.sensor:Sensor", bus_tools="joshua.devices.bus_tools:BusTools"))
+        == []
+    )
+    assert check_targets(sensor("joshua.devices.sensor:Sensor", bus_tools="pathlib:PurePath")) == [
+        "bus_tools: pathlib:PurePath is a class derived from builtins.object, "
+        "not a class derived from joshua.devices.bus_tools:BusTools"
+    ]

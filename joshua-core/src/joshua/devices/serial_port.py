@@ -77,11 +77,13 @@ class SerialPort:
         os.close(fd)
 
     def set_baudrate(self, baudrate: int) -> None:
-        """Changes the line speed. Raises PortUnusable."""
+        """Changes the line speed. Raises PortUnusable and PortDisconnected."""
         self.baudrate = baudrate
         try:
             self._apply_speed(baudrate)
         except (OSError, termios.error) as error:
+            if error.args and error.args[0] in _GONE:
+                raise self._disconnected(error) from error
             raise PortUnusable(
                 f"{self}: cannot run at {baudrate} bit/s ({_reason(error)}); "
                 "choose a baudrate that adapter and servos share, such as 1000000"

@@ -40,6 +40,8 @@ class Provision:
         safe_stop: import string of what the guardian of an actuator runs: a function, importable without
             numpy, that takes what ``Actuator.safe_stop_request`` prepared, brings the device into its safe
             state without the driver, and returns a report with ``complete`` and ``joints``; "" if none.
+        bus_tools: import string of the ``BusTools`` of an actuator on a bus of motors, with which `joshua
+            find-port`, `joshua motors` and `joshua doctor` work outside a run; "" where there is no such bus.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
     """
 
@@ -54,4 +56,5 @@ class Provision:
     data_types: tuple[str, ...] = ()
     summary: str = ""
     safe_stop: str = ""
+    bus_tools: str = ""
     virtual: bool = False

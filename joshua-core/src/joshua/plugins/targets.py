@@ -21,6 +21,7 @@ _BASE_CLASSES = {
 }
 _BEHAVIOUR_BASE = "joshua.node.behaviour:NodeBehaviour"
 _SETTINGS_BASE = "joshua.plugins.settings:BlockSettings"
+_BUS_TOOLS_BASE = "joshua.devices.bus_tools:BusTools"
 
 
 class TargetError(Exception):
@@ -64,6 +65,7 @@ def check_targets(provision: Provision) -> list[str]:
         ("implementation", provision.implementation, _base_class(provision)),
         ("native", provision.native, _base_class(provision)),
         ("safe_stop", provision.safe_stop, ""),
+        ("bus_tools", provision.bus_tools, _BUS_TOOLS_BASE),
     ]
     problems: list[str] = []
     for role, import_string, base_string in wanted:

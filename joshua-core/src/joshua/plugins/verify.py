@@ -162,6 +162,7 @@ def _import_string_problems(provision: Provision) -> list[str]:
         "behaviour": provision.behaviour,
         "native": provision.native,
         "safe_stop": provision.safe_stop,
+        "bus_tools": provision.bus_tools,
     }
     return [
         f"{name} is {text!r}, not an import string such as acme.gripper:Gripper"

@@ -33,6 +33,7 @@ REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16
 RETRIES = 4  # with the margin a tenth of a second: a busy host may stand still for that long
 LATE_HORIZON_S = 0.25  # how long after a lost reply a late one is reckoned with
 PADDINGS = 15
+_LISTEN_BYTES = 255
 
 
 @dataclass
@@ -140,6 +141,31 @@ class Bus:
     def ping(self, servo_id: int) -> bool:
         """Whether a servo answers, in one attempt. Raises PortDisconnected."""
         return self._ask(servo_id, PING, b"", 0) is not None
+
+    def try_write(self, servo_id: int, register: Register, value: int) -> bool:
+        """Writes one register, in one attempt; whether it was acknowledged. Raises PortDisconnected."""
+        data = bytes((register.address,)) + register.encode(value)
+        return self._ask(servo_id, WRITE, data, 0) is not None
+
+    def call_all(self, quiet_s: float) -> tuple[list[int], bool]:
+        """Pings everybody at once, in one attempt; listens until the line has been quiet for a while.
+
+        Servos that answer at the same time spoil each other's replies.
+
+        Returns:
+            The ids that were understood, and whether there was anything else on the line.
+
+        Raises PortDisconnected.
+        """
+        message = request(BROADCAST_ID, PING)
+        self.counters.requests += 1
+        self.port.send(message)
+        received = b""
+        while chunk := self.port.receive(_LISTEN_BYTES, time.monotonic() + quiet_s):
+            received += chunk
+        received = received[len(message) * self._echo :]
+        ids = [reply.servo_id for reply in Search().feed(received)]
+        return sorted(set(ids)), len(received) != OVERHEAD * len(ids)
 
     def is_garbled(self, servo_id: int, address: int, length: int) -> bool:
         """Whether a read, in one attempt, brings only broken packets. Raises PortDisconnected."""

@@ -17,6 +17,7 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_sts3215.actuator:Sts3215Actuator",
             settings="joshua_sts3215.settings:Sts3215Settings",
             safe_stop="joshua_sts3215.safe_stop:stop",
+            bus_tools="joshua_sts3215.bus_tools:Sts3215BusTools",
             summary="Feetech/Waveshare STS3215 servo bus",
         )
     ]

@@ -1,0 +1,98 @@
+"""What can be done with a bus of motors outside a run: find what is on it, and give a motor its id.
+
+A driver's plugin names its class by ``Provision.bus_tools``; `joshua find-port`, `joshua motors` and
+`joshua doctor` work with every class that is named there. No method moves a motor or switches torque on.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.serial_port import SerialPort
+
+
+class AssignmentFailed(DeviceError):
+    """A motor did not take its id or line speed; the message says what it answers to now."""
+
+
+@dataclass(frozen=True)
+class FoundMotor:
+    """A motor that answers on a bus.
+
+    Attributes:
+        motor_id: what it answers to; baudrate: line speed at which it does, bit/s.
+        model: name of the model, or ``model 1234`` where it is unknown; firmware: "" where unknown.
+        voltage_v, temperature_c: None where the motor does not measure it, or does not say.
+        status: what the motor complains about, such as ``overloaded``; "" for nothing.
+        shared: several motors answer to this id, so that their replies collide; all else is unknown.
+    """
+
+    motor_id: int
+    baudrate: int
+    model: str = ""
+    firmware: str = ""
+    voltage_v: float | None = None
+    temperature_c: float | None = None
+    status: str = ""
+    shared: bool = False
+
+    def __str__(self) -> str:
+        if self.shared:
+            return f"{self.motor_id} (several motors)"
+        firmware = f", firmware {self.firmware}" if self.firmware else ""
+        return f"{self.motor_id} ({self.model}{firmware})"
+
+
+class BusTools(ABC):
+    """Motors of one family on one open port. The port's line speed is put back after every method.
+
+    Attributes:
+        family: what the motors are called, such as ``STS3215 servos``.
+        baudrates: line speeds that the motors can have, bit/s, the usual one first.
+        ids: ids that a motor can be given.
+        expected_models: names of the models that the driver can drive.
+    """
+
+    family: ClassVar[str]
+    baudrates: ClassVar[tuple[int, ...]]
+    ids: ClassVar[range]
+    expected_models: ClassVar[tuple[str, ...]]
+
+    def __init__(self, port: SerialPort) -> None:
+        self.port = port
+
+    @abstractmethod
+    def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
+        """Looks for motors; yields each as it is found, by line speed, then by id.
+
+        Writes nothing. Speeds that the adapter cannot run at are passed over.
+
+        Args:
+            baudrates: line speeds to look at, in this order; () for all that the motors can have.
+
+        Raises:
+            PortDisconnected: the adapter was unplugged.
+        """
+
+    @abstractmethod
+    def assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
+        """Gives one motor its id and line speed, and the factory's way of working; takes torque off it.
+
+        All or nothing: every value is read back, and after a failure the former id and line speed are put
+        back as far as the motor answers. Nothing is written where another motor has the id already.
+
+        Args:
+            motor: as ``scan`` found it.
+            motor_id, baudrate: what it is to have from now on.
+
+        Returns:
+            The motor as it answers afterwards.
+
+        Raises:
+            AssignmentFailed: it did not take the values, or the id is taken.
+            PortDisconnected: the adapter was unplugged meanwhile.
+        """
