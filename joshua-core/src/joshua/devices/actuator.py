@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from joshua.devices.calibration_target import CalibrationTarget
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
 
@@ -114,6 +115,14 @@ class Actuator(ABC):
             NotImplementedError: the provision names a safe-stop action, and its driver does not prepare it.
         """
         raise NotImplementedError(f"{type(self).__name__} prepares no safe stop: override safe_stop_request")
+
+    def calibration_target(self) -> CalibrationTarget:
+        """What a calibration works on, which opens the device itself; this object stays unconnected.
+
+        Raises:
+            NotImplementedError: the device has nothing to calibrate.
+        """
+        raise NotImplementedError(f"{type(self).__name__} cannot be calibrated: override calibration_target")
 
     def require_connected(self, verb: str) -> None:
         """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""

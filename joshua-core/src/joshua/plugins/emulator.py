@@ -56,6 +56,17 @@ class DeviceEmulator(ABC):
         """The calibration that the emulated device holds; None where it has none."""
         return None
 
+    def guide(self, joint: int | None, seconds: float) -> bool:
+        """Moves the device's joints as a calibration asks a person to; returns False where it cannot.
+
+        Args:
+            joint: place of the joint that goes from where it is to one end, to the other and back to the
+                middle, while the others stay; None moves all joints to their middles.
+            seconds: that it takes; the call returns at once.
+        """
+        del joint, seconds
+        return False
+
     @abstractmethod
     def close(self) -> None:
         """Ends the process; a second call does nothing."""

@@ -85,6 +85,11 @@ class ServoBusEmulator(ProcessEmulator):
         motors = [MotorCalibration(**motor) for motor in values.pop("motors")]
         return ArmCalibration(motors=motors, **values)
 
+    def guide(self, joint: int | None, seconds: float) -> bool:
+        """Moves the joints as a person would."""
+        self._process.guide(joint, seconds)
+        return True
+
 
 class CameraEmulator(ProcessEmulator):
     """A camera that serves Motion JPEG on loopback."""

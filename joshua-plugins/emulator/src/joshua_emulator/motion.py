@@ -61,6 +61,35 @@ def sweep(values: Mapping[str, Any], ranges: Sequence[tuple[float, float]]) -> d
     return {index: make(index, low, high) for index, (low, high) in enumerate(ranges)}
 
 
+def calibrating(
+    joint: int | None, present: Sequence[float], ranges: Sequence[tuple[float, float]], seconds: float
+) -> dict[int, Trajectory]:
+    """What a calibration asks of a person, once: all joints to their middles, or one through its range.
+
+    Args:
+        joint: the one that goes to its low stop, to its high stop and to its middle while the others stay
+            where they are; None for the middles.
+        present: where the joints are now; ranges: their mechanical ranges, in radians about the same zero.
+        seconds: that it takes.
+    """
+    if not math.isfinite(seconds) or seconds <= 0:
+        raise MotionError(f"seconds is {seconds}; it must be above 0")
+    middles = [(low + high) / 2 for low, high in ranges]
+
+    def make(corners: list[tuple[float, float]]) -> Trajectory:
+        points = [(share * seconds, value) for share, value in corners]
+        return lambda time_s: interpolate(points, time_s)
+
+    if joint is None:
+        return {index: make([(0.0, present[index]), (0.8, middle)]) for index, middle in enumerate(middles)}
+    low, high = ranges[joint]
+    return {
+        joint: make(
+            [(0.0, present[joint]), (0.3, low), (0.35, low), (0.7, high), (0.75, high), (1.0, middles[joint])]
+        )
+    }
+
+
 def recorded(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Trajectory]:
     """Replays a CSV file: a header ``time_s,NAME,…``, then seconds and radians in each line.
 

@@ -16,6 +16,7 @@ from joshua.devices.stamps import StampClock
 from joshua.devices.usb_ports import Endpoint
 
 from joshua_sts3215.bus import Bus
+from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 from joshua_sts3215.connection import inspect
 from joshua_sts3215.diagnostics import DiagnosticStatus, bus_row, joint_rows
 from joshua_sts3215.feedback import Feedback, parse_feedback
@@ -258,6 +259,10 @@ class Sts3215Actuator(Actuator):
             park_ticks=park,
             timeout_s=timeout_s,
         )
+
+    def calibration_target(self) -> Sts3215CalibrationTarget:
+        """The servos as a calibration sees them: positions without torque, and their EEPROM."""
+        return Sts3215CalibrationTarget(self.settings)
 
     @property
     def _dry_run(self) -> bool:

@@ -50,14 +50,15 @@ def inspect(bus: Bus, settings: Sts3215Settings) -> tuple[list[FoundMotor], list
     """
     bus.detect_echo()
     motors = check_motors(bus, settings.motor_ids)
-    setups = [_read_setup(bus, servo_id) for servo_id in settings.motor_ids]
-    _check_working_mode(bus, setups)
+    setups = [read_setup(bus, servo_id) for servo_id in settings.motor_ids]
+    check_working_mode(bus, setups)
     _check_calibration(bus, settings, setups)
     _check_ranges(bus, settings, setups)
     return motors, setups
 
 
-def _read_setup(bus: Bus, servo_id: int) -> ServoSetup:
+def read_setup(bus: Bus, servo_id: int) -> ServoSetup:
+    """Reads the EEPROM of one servo. Raises NoReply and PortDisconnected."""
     start, length = EEPROM_SETUP
     block = bus.read_block(servo_id, start, length)
 
@@ -71,7 +72,8 @@ def _read_setup(bus: Bus, servo_id: int) -> ServoSetup:
     return ServoSetup(servo_id, low, high, value(HOMING_OFFSET), value(MODE), value(STATUS_LEVEL), health)
 
 
-def _check_working_mode(bus: Bus, setups: Sequence[ServoSetup]) -> None:
+def check_working_mode(bus: Bus, setups: Sequence[ServoSetup]) -> None:
+    """Refuses servos that are set up for something else. Raises MotorCheckFailed."""
     problems = [
         f"id {setup.servo_id} works in mode {setup.mode}, expected {POSITION_MODE} (position)"
         for setup in setups

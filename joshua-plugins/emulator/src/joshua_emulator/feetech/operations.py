@@ -52,6 +52,7 @@ class Operations:
             "lateness": lambda request: self._log.lateness(clear=bool(request.get("clear"))),
             "hand": self._hand,
             "motion": self._motion,
+            "guide": self._guide,
             "set": self._set,
             "fault": self._fault,
             "clear_faults": self._clear_faults,
@@ -196,6 +197,24 @@ class Operations:
         for slot, servo in enumerate(self._bus.servos):
             path = paths.get(slot)
             servo.joint.hand = None if path is None else _hand(servo, path, start_s)
+
+    def _guide(self, request: Request) -> None:
+        """Moves the joints as a calibration asks: ``slot`` through its range, or all to their middles."""
+        start_s = time.monotonic()
+        servos = self._bus.servos[: len(self._names)]
+        for servo in servos:
+            servo.advance(start_s)
+        if "slot" in request:
+            self._servos(request)  # refuses a slot that does not exist
+        zeros = [servo.angle_of(MIDDLE) for servo in servos]
+        present = [
+            (servo.joint.angle - zero) / TICKS_PER_RADIAN for servo, zero in zip(servos, zeros, strict=True)
+        ]
+        paths = motion.calibrating(
+            request.get("slot"), present, [self._range(s) for s in servos], float(request["seconds"])
+        )
+        for slot, servo in enumerate(servos):
+            servo.joint.hand = _hand(servo, paths[slot], start_s) if slot in paths else None
 
     def _range(self, servo: Servo) -> tuple[float, float]:
         zero = servo.angle_of(MIDDLE)

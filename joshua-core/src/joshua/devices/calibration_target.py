@@ -1,0 +1,127 @@
+"""What a calibration needs of an actuator: encoder positions without torque, and what its motors remember."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from joshua.devices.units import TICKS_PER_TURN
+
+
+@dataclass(frozen=True)
+class TargetMotor:
+    """One motor that a person moves by hand.
+
+    Attributes:
+        id: on the bus.
+        joint_name: name where no earlier calibration gives one.
+        ticks_per_turn: of the encoder; zero radians stand in the middle, at ``ticks_per_turn / 2``.
+        full_turn: the joint may go round without end, such as a wrist without stops.
+        typical_range_ticks: range of the joint in arms of this build; 0 where unknown.
+        largest_offset: largest homing offset that the motor can keep, to either side.
+    """
+
+    id: int
+    joint_name: str
+    ticks_per_turn: int = TICKS_PER_TURN
+    full_turn: bool = False
+    typical_range_ticks: int = 0
+    largest_offset: int = TICKS_PER_TURN // 2 - 1
+
+
+@dataclass(frozen=True)
+class StoredMotor:
+    """What one motor keeps of a calibration, in ticks.
+
+    Attributes:
+        homing_offset: what is subtracted from the encoder position.
+        range_min, range_max: positions that the motor allows, homing offset applied.
+    """
+
+    homing_offset: int
+    range_min: int
+    range_max: int
+
+
+class CalibrationTarget(ABC):
+    """The side of an actuator that a calibration works on; it never energises anything.
+
+    Order: ``connect`` → ``release`` → ``raw_positions``… → ``store`` for each motor → ``disconnect``.
+    ``motors`` is known without a connection. What is already in the device is touched by ``store`` alone,
+    so a calibration that ends before leaves the old one in force.
+    """
+
+    @property
+    @abstractmethod
+    def motors(self) -> tuple[TargetMotor, ...]:
+        """The motors, in joint order."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> str:
+        """Stable identity of the device, such as ``usb:5A46082345``; "" while unknown."""
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether the device is open."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Opens the device and checks its motors, whatever calibration they hold; writes nothing.
+
+        After a disconnection the same device is looked for, under whatever name it came back.
+
+        Raises:
+            DeviceError: one of its kinds, with cause and remedy.
+        """
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """Closes the device; a second call does nothing."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Takes torque off all motors, verified. Raises DeviceError."""
+
+    @abstractmethod
+    def raw_positions(self) -> tuple[int, ...]:
+        """Encoder positions in joint order, 0 to ``ticks_per_turn - 1``, no homing offset applied.
+
+        Raises:
+            DeviceDisconnected: a motor or the device does not answer.
+        """
+
+    @abstractmethod
+    def stored(self) -> tuple[StoredMotor, ...] | None:
+        """What the motors keep now, in joint order; None for a device that keeps nothing.
+
+        Raises DeviceError.
+        """
+
+    @abstractmethod
+    def store(self, motor_id: int, values: StoredMotor) -> None:
+        """Writes one motor's values and reads them back; for a device that keeps nothing it does nothing.
+
+        Called with torque off. Where it fails, the motor may hold old, new or some of each: the caller puts
+        back what ``stored`` has said.
+
+        Raises:
+            DeviceError: a value was not kept, or the device is gone.
+        """
+
+
+SO_ARM_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
+_SO_ARM_RANGE_TICKS = (2869, 2178, 2048, 2477, 0, 1434)  # of the public model; the roll has no stops
+_ROLL = "wrist_roll"
+
+
+def arm_motors(ids: Sequence[int]) -> tuple[TargetMotor, ...]:
+    """Motors of an arm of 4096 ticks a turn: six are named as those of an SO-ARM100, others by their ids."""
+    if len(ids) != len(SO_ARM_JOINTS):
+        return tuple(TargetMotor(motor_id, f"joint_{motor_id}") for motor_id in ids)
+    return tuple(
+        TargetMotor(motor_id, name, full_turn=name == _ROLL, typical_range_ticks=ticks)
+        for motor_id, name, ticks in zip(ids, SO_ARM_JOINTS, _SO_ARM_RANGE_TICKS, strict=True)
+    )

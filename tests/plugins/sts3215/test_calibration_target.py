@@ -1,0 +1,125 @@
+"""What a calibration reads from the servos and leaves in their EEPROM."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from joshua.devices.calibration_target import StoredMotor
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua_emulator import EmulatedBus
+from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
+from joshua_sts3215.settings import Sts3215Settings
+
+
+def target_of(emulator: EmulatedBus) -> Sts3215CalibrationTarget:
+    ids = [servo["id"] for servo in emulator.servos()]
+    settings = {"port": emulator.port, "device_root": str(emulator.root), "motor_ids": ids}
+    return Sts3215CalibrationTarget(Sts3215Settings.model_validate(settings))
+
+
+@pytest.fixture
+def target(arm_emulator: EmulatedBus) -> Iterator[Sts3215CalibrationTarget]:
+    target = target_of(arm_emulator)
+    target.connect()
+    yield target
+    target.disconnect()
+
+
+def test_six_servos_are_an_arm_whose_roll_goes_round(target: Sts3215CalibrationTarget) -> None:
+    names = [motor.joint_name for motor in target.motors]
+    assert names == ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
+    assert [motor.joint_name for motor in target.motors if motor.full_turn] == ["wrist_roll"]
+    assert target.identity == "usb:ARM1"
+
+
+def test_other_arms_have_numbered_joints(emulator: EmulatedBus) -> None:
+    assert [motor.joint_name for motor in target_of(emulator).motors] == ["joint_1", "joint_2", "joint_3"]
+
+
+def test_raw_positions_do_not_depend_on_the_offset(
+    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
+) -> None:
+    truth = [round(servo["angle"]) % 4096 for servo in arm_emulator.servos()]
+    assert list(target.raw_positions()) == truth
+    for servo_id in range(1, 7):
+        target.store(servo_id, StoredMotor(-900, 100, 4000))
+    assert list(target.raw_positions()) == truth
+    assert [servo["homing_offset"] for servo in arm_emulator.servos()] == [-900] * 6
+
+
+def test_what_is_stored_is_read_back_and_the_lock_is_on_again(
+    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
+) -> None:
+    target.store(3, StoredMotor(-2047, 5, 4090))
+    assert target.stored()[2] == StoredMotor(-2047, 5, 4090)
+    registers = arm_emulator.ask("registers", id=3)["registers"]
+    assert (registers["homing_offset"], registers["lock"]) == (-2047, 1)
+
+
+@pytest.mark.parametrize("offset", [2048, -2048])
+def test_an_offset_beyond_the_register_is_refused_before_anything_is_written(
+    target: Sts3215CalibrationTarget, offset: int
+) -> None:
+    before = target.stored()
+    with pytest.raises(DeviceError, match=rf"-2047 to 2047, not {offset}; repeat this joint"):
+        target.store(1, StoredMotor(offset, 0, 4095))
+    assert target.stored() == before
+
+
+def test_release_takes_torque_off_and_nothing_puts_it_on(
+    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
+) -> None:
+    arm_emulator.ask("set_register", name="torque_enable", value=1)
+    target.release()
+    target.raw_positions()
+    target.store(1, StoredMotor(7, 100, 4000))
+    assert {servo["torque_enable"] for servo in arm_emulator.servos()} == {0}
+    assert not [entry for entry in arm_emulator.log("torque") if entry["on"]]
+
+
+def test_connecting_asks_for_no_calibration_and_writes_nothing() -> None:
+    with EmulatedBus(arm="so_arm100", identity="NEW") as emulator:
+        emulator.ask("set_register", id=2, name="max_position_limit", value=10)
+        target = target_of(emulator)
+        target.connect()
+        assert [stored.homing_offset for stored in target.stored()] == [0] * 6
+        target.disconnect()
+        target.disconnect()
+
+
+def test_a_silent_servo_is_named(arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget) -> None:
+    arm_emulator.fault("silent", 4)
+    with pytest.raises(DeviceDisconnected, match=r"wrist_flex \(id 4\)"):
+        target.raw_positions()
+
+
+def test_the_same_adapter_is_found_under_another_name(
+    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
+) -> None:
+    arm_emulator.ask("fault", kind="unplug", name="ttyACM7", replug_after_s=0.2)
+    with pytest.raises(DeviceDisconnected):
+        target.raw_positions()
+    target.disconnect()
+    arm_emulator.wait_for(["plug"], since=1)
+    target.connect()
+    assert len(target.raw_positions()) == 6
+
+
+@pytest.mark.parametrize("slot", range(6))
+def test_the_emulated_hand_moves_one_joint_through_its_range(
+    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget, slot: int
+) -> None:
+    rest = [servo["angle"] for servo in arm_emulator.servos()]
+    arm_emulator.guide(slot, 0.6)
+    seen = []
+    end_s = time.monotonic() + 0.7
+    while time.monotonic() < end_s:
+        seen.append(arm_emulator.servos()[slot]["angle"])
+    half = (max(seen) - min(seen)) / 2
+    registers = arm_emulator.ask("registers", slot=slot)["registers"]
+    expected = (registers["max_position_limit"] - registers["min_position_limit"]) / 2
+    assert half == pytest.approx(expected, abs=3)
+    moved = [abs(servo["angle"] - before) for servo, before in zip(arm_emulator.servos(), rest, strict=True)]
+    assert max(moved) < 2
