@@ -16,8 +16,8 @@ import subprocess
 import sys
 import time
 
+from joshua.devices.servo.safe_stop import SafeStopRequest
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.safe_stop import SafeStopRequest
 
 ROUNDS = 12
 IDS = (1, 2, 3, 4, 5, 6)

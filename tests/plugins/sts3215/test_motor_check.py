@@ -3,19 +3,19 @@ from typing import Any
 
 import pytest
 from joshua.devices.servo.errors import MotorCheckFailed
+from joshua.devices.servo.motor_check import check_motors, find_baudrates
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.motor_check import check_motors, find_baudrates
 
 
 def refusal(bus: Any, ids: tuple[int, ...]) -> str:
     with pytest.raises(MotorCheckFailed) as caught:
-        check_motors(bus, ids)
+        check_motors(bus, dict.fromkeys(ids, "STS3215"))
     return str(caught.value)
 
 
 def test_a_complete_bus_passes(emulator: EmulatedBus, open_bus: Any) -> None:
     with open_bus(emulator) as bus:
-        motors = check_motors(bus, (1, 2, 3))
+        motors = check_motors(bus, dict.fromkeys((1, 2, 3), "STS3215"))
         assert [str(motor) for motor in motors][:1] == ["1 (STS3215, firmware 3.10)"]
 
 
@@ -25,7 +25,7 @@ def test_a_broken_chain_is_located(open_bus: Any) -> None:
         with open_bus(emulator) as bus:
             text = refusal(bus, (1, 2, 3, 4, 5))
     assert "missing ids: 4, 5\n  the chain breaks after id 3: check the cable between 3 and 4" in text
-    assert "expected: 1, 2, 3, 4, 5\n" in text
+    assert "expected: 1 (STS3215), 2 (STS3215), 3 (STS3215), 4 (STS3215), 5 (STS3215)\n" in text
     assert "found: 1 (STS3215, firmware 3.10), 2 (" in text
     assert "joshua motors setup" in text
     assert "at 1000000 bit/s" in text

@@ -2,9 +2,10 @@ import pytest
 import scservo_sdk as sdk
 from hypothesis import given
 from hypothesis import strategies as st
+from joshua.devices.servo.register import Register
 from joshua_emulator.feetech import registers as emulated
 from joshua_sts3215 import registers
-from joshua_sts3215.registers import GOAL_POSITION, HOMING_OFFSET, Register, StatusBit
+from joshua_sts3215.registers import GOAL_POSITION, HOMING_OFFSET, STATUS_BITS, StatusBit
 
 DRIVER_TABLE = [value for value in vars(registers).values() if isinstance(value, Register)]
 
@@ -41,6 +42,6 @@ def test_unsigned_registers_refuse_negative_values() -> None:
 
 
 def test_status_bits_have_names() -> None:
-    assert StatusBit.describe(0) == ""
-    assert StatusBit.describe(StatusBit.OVERLOAD | StatusBit.VOLTAGE) == "voltage out of range, overloaded"
-    assert StatusBit.describe(0x10) == "unknown bits 0x10"
+    assert STATUS_BITS.describe(0) == ""
+    assert STATUS_BITS.describe(StatusBit.OVERLOAD | StatusBit.VOLTAGE) == "voltage out of range, overloaded"
+    assert STATUS_BITS.describe(0x10) == "unknown bits 0x10"

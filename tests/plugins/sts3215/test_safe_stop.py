@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joshua.devices.servo.safe_stop import SafeStopRequest
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.safe_stop import SafeStopRequest, main, run
+from joshua_sts3215.safe_stop import main, run
 
 DRIVER = """
 import sys, json, numpy as np

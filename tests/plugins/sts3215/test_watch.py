@@ -1,17 +1,18 @@
 import re
 
 import pytest
-from joshua_sts3215.bus import BusCounters
-from joshua_sts3215.diagnostics import ERROR, OK, WARN, bus_row, joint_rows
-from joshua_sts3215.feedback import Feedback, parse_feedback
-from joshua_sts3215.registers import StatusBit
-from joshua_sts3215.watch import HealthLimits, HealthWatch
+from joshua.devices.servo.counters import BusCounters
+from joshua.devices.servo.diagnostics import ERROR, OK, WARN, bus_row, joint_rows
+from joshua.devices.servo.feedback import Feedback
+from joshua.devices.servo.watch import HealthLimits, HealthWatch
+from joshua_sts3215.feedback import parse_feedback
+from joshua_sts3215.registers import STATUS_BITS, StatusBit
 
 GOOD = Feedback(2048, 0, 0.1, 12.0, 30, 0, False, 0.2)
 
 
 def watch() -> HealthWatch:
-    return HealthWatch(["pan", "lift"], [HealthLimits(70, 9.0, 14.0)] * 2)
+    return HealthWatch(["pan", "lift"], [HealthLimits(70, 9.0, 14.0)] * 2, STATUS_BITS)
 
 
 def test_feedback_is_read_with_its_signs() -> None:

@@ -2,354 +2,49 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-import numpy as np
-from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
-from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_port import SerialPort
-from joshua.devices.servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
-from joshua.devices.stamps import StampClock
-from joshua.devices.usb_ports import Endpoint
+from joshua.devices.servo.arm import ServoArm
+from joshua.devices.servo.inspection import ServoSetup
+from joshua.devices.servo.torque import MoveValues
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
-from joshua_sts3215.connection import inspect
-from joshua_sts3215.diagnostics import DiagnosticStatus, bus_row, joint_rows
-from joshua_sts3215.feedback import Feedback, parse_feedback
-from joshua_sts3215.joint_map import JointMap, TickArray
-from joshua_sts3215.registers import FEEDBACK, GOAL_POSITION, PRESENT_POSITION
-from joshua_sts3215.safe_stop import SafeStopRequest
+from joshua_sts3215.family import STS3215
+from joshua_sts3215.inspection import inspect
+from joshua_sts3215.registers import ACCELERATION, GOAL_SPEED, GOAL_TIME
 from joshua_sts3215.settings import Sts3215Settings
-from joshua_sts3215.torque import TorqueSwitch
-from joshua_sts3215.watch import HealthLimits, HealthWatch
-
-TORQUE_CHECK_S = 0.5  # how often torque is looked at while all replies come
-MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
 
 
-class Sts3215Actuator(Actuator):
-    """An arm on one bus.
-
-    Args:
-        settings: the arm.
-        context: of the plan. ``allow_uncalibrated`` lets an arm without calibration be energised, in radians
-            about the middle of its range; ``dry_run`` does everything with torque off.
-    """
+class Sts3215Actuator(ServoArm):
+    """An arm of STS3215 servos."""
 
     settings: Sts3215Settings
-
-    def __init__(self, settings: Sts3215Settings, context: dict[str, Any] | None = None) -> None:
-        super().__init__(settings, context)
-        self._ids = settings.motor_ids
-        self._map = JointMap(settings)
-        self._watch = HealthWatch(settings.joint_names, [HealthLimits()] * len(self._ids))
-        self._port = SerialPort(
-            Endpoint(settings.port, settings.serial_number, settings.vid_pid, settings.device_root),
-            settings.baudrate,
-        )
-        self._bus = Bus(self._port)
-        self._torque = TorqueSwitch(self._bus, dict(zip(self._ids, settings.joint_names, strict=True)))
-        self._stamps = StampClock()
-        self._lock = threading.RLock()
-        self._enabled = False
-        self._tripped = ""
-        self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
-        self._written_s = 0.0
-        self._readings: list[Feedback] = []
-        self._lost_reported = 0
-        self._lost_checked = 0
-        self._torque_checked_s = 0.0
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints: the calibration's, else ``joint_<id>``."""
-        return self.settings.joint_names
-
-    @property
-    def limits(self) -> JointLimits:
-        """The tightest of configuration, calibration and, once connected, the servos' EEPROM."""
-        return self._map.limits()
-
-    @property
-    def connected(self) -> bool:
-        """Whether the port is open."""
-        return self._port.is_open
-
-    @property
-    def enabled(self) -> bool:
-        """Whether the joints were energised by this driver and still are, as far as it knows."""
-        return self._enabled
-
-    @property
-    def identity(self) -> str:
-        """Identity of the adapter, such as ``usb:5A46082345``; "" where it has none or is not known yet."""
-        return self._port.entry.identity
+    family = STS3215
+    _bus: Bus
 
     @property
     def bus(self) -> Bus:
         """The bus, for set-up and calibration."""
         return self._bus
 
-    def connect(self) -> None:
-        """Opens the port, checks the motors and takes their limits; writes nothing.
+    def make_bus(self, port: SerialPort) -> Bus:
+        """Makes the bus of the servos' protocol."""
+        return Bus(port)
 
-        After a disconnection the adapter is looked for by its identity, under whatever name it came back.
-
-        Raises:
-            DeviceError: the device is open already, or one of its kinds with cause and remedy.
-        """
-        if self.connected:
-            raise DeviceError("Sts3215Actuator.connect: the device is open already")
-        with self._lock:
-            self._port.open()
-            try:
-                _, setups = inspect(self._bus, self.settings)
-            except BaseException:
-                self._port.close()
-                raise
-            self._map = JointMap(self.settings)
-            self._map.tighten([s.min_position for s in setups], [s.max_position for s in setups])
-            self._watch = HealthWatch(self.joint_names, [setup.health for setup in setups])
-            self._enabled = False
-            self._tripped = ""
-            self._follow_identity()
-
-    def read(self) -> JointReading:
-        """Reads the state of all joints; effort is the fraction of stall torque.
-
-        Raises:
-            DeviceDisconnected: the port or a servo does not answer any more.
-            SafetyTripped: a protection has just taken the torque off; reading goes on after that.
-        """
-        self.require_connected("read")
-        with self._lock:
-            readings, stamp_ns = self._read_feedback()
-            if self._enabled:
-                self._trip_where_needed(readings)
-        return JointReading(
-            stamp_ns,
-            self._map.radians([reading.position for reading in readings]),
-            self._map.radians_per_second([reading.speed for reading in readings]),
-            self._map.directed([reading.load for reading in readings]),
-        )
-
-    def enable(self) -> None:
-        """Energises the joints where they are, verified by reading back; clears a trip that is over.
-
-        Raises:
-            NotCalibrated: there is no calibration, and the plan does not waive it.
-            SafetyTripped: a protection would trip at once.
-            DeviceError: a servo did not take it; then all joints are released.
-        """
-        self.require_connected("enable")
-        self._require_calibration()
-        with self._lock:
-            readings, _ = self._read_feedback()
-            self._watch.reset()
-            if reason := self._watch.trip_reason(readings):
-                raise SafetyTripped(
-                    f"{self._port}: torque stays off: {reason}. Put it right, then enable again."
-                )
-            present = np.array([reading.position for reading in readings], dtype=np.int64)
-            if not self._dry_run:
-                self._torque.switch_on(
-                    present.tolist(), self.settings.acceleration, self.settings.velocity_ticks_s
-                )
-            self._enabled = True
-            self._tripped = ""
-            self._remember(self._map.radians(present))
-
-    def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
-
-        Raises:
-            ValueError: a wrong shape or a value that is not finite.
-            SafetyTripped, NotEnabled: torque is off; a written goal would switch it on in the servo.
-            DeviceDisconnected: the port is gone.
-        """
-        self.require_connected("write")
-        goal = self.checked_goal(goal_rad)
-        with self._lock:
-            if self._tripped:
-                raise SafetyTripped(
-                    f"{self._port}: torque was taken off: {self._tripped}. Enable it again first."
-                )
-            if not self._enabled:
-                raise NotEnabled(f"{self._port}: the joints have no torque: call enable first")
-            elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
-            step = self._map.speed_rad_s * elapsed_s
-            goal = np.clip(goal, self._goal - step, self._goal + step)
-            ticks = self._map.ticks(goal)
-            self._send_goals(ticks)
-            self._remember(goal)
-            return self._map.radians(ticks)
-
-    def hold(self) -> None:
-        """Stops where the joints are; without torque it does nothing. Raises DeviceDisconnected."""
-        self.require_connected("hold")
-        with self._lock:
-            if not self._enabled:
-                return
-            values = self._all(
-                self._bus.sync_read(PRESENT_POSITION.address, PRESENT_POSITION.width, self._ids)
-            )
-            present = np.array([PRESENT_POSITION.decode(value) for value in values], dtype=np.int64)
-            self._send_goals(present)
-            self._remember(self._map.radians(present))
-
-    def release(self) -> None:
-        """Takes torque off all joints and verifies it; does nothing on a closed device.
-
-        Raises:
-            DeviceDisconnected: a servo does not say that it has let go.
-        """
-        with self._lock:
-            self._enabled = False
-            if self.connected:
-                self._torque.switch_off()
-
-    def disconnect(self) -> None:
-        """Closes the port, torque as it is; a second call does nothing."""
-        with self._lock:
-            self._enabled = False
-            self._port.close()
-
-    def diagnostics(self) -> list[DiagnosticStatus]:
-        """Rows for a DiagnosticArray: one for each joint as last read, and one for the bus."""
-        with self._lock:
-            hardware_id = self.identity or self._port.entry.path
-            row = bus_row(self._bus.counters, self._lost_reported, hardware_id)
-            self._lost_reported = self._lost
-            if not self._readings:
-                return [row]
-            return [*joint_rows(self.joint_names, self._ids, self._readings, self._watch, hardware_id), row]
-
-    def safe_stop_request(
-        self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
-    ) -> SafeStopRequest:
-        """What a guardian needs to bring this arm into its safe state without this driver.
-
-        Args:
-            action: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``.
-            park_pose_rad: pose of PARK_THEN_RELEASE, one angle for each joint.
-            timeout_s: by when it is to be done.
-        """
-        park: Mapping[int, int] = {}
-        if len(park_pose_rad):
-            park = dict(
-                zip(
-                    self._ids,
-                    self._map.ticks(self.checked_goal(np.array(park_pose_rad))).tolist(),
-                    strict=True,
-                )
-            )
-        endpoint = self._port.endpoint
-        return SafeStopRequest(
-            action=action,
-            ids=self._ids,
-            baudrate=self.settings.baudrate,
-            path=self._port.entry.path,
-            serial_number=endpoint.serial_number,
-            vid_pid=endpoint.vid_pid,
-            device_root=endpoint.device_root,
-            park_ticks=park,
-            timeout_s=timeout_s,
-        )
+    def inspect(self) -> list[ServoSetup]:
+        """Checks the servos on the open bus and reads what their EEPROM says, in joint order."""
+        _, setups = inspect(self._bus, self.settings)
+        return setups
 
     def calibration_target(self) -> Sts3215CalibrationTarget:
         """The servos as a calibration sees them: positions without torque, and their EEPROM."""
         return Sts3215CalibrationTarget(self.settings)
 
-    @property
-    def _dry_run(self) -> bool:
-        return bool(self.plan_context.get("dry_run"))
-
-    def _follow_identity(self) -> None:
-        """From now on looks for this very adapter, whatever name it has."""
-        entry, endpoint = self._port.entry, self._port.endpoint
-        if entry.serial_number:
-            self._port.endpoint = Endpoint(
-                endpoint.path, entry.serial_number, entry.vid_pid, endpoint.device_root
-            )
-
-    def _require_calibration(self) -> None:
-        if self.settings.calibration is None and not self.plan_context.get("allow_uncalibrated"):
-            raise NotCalibrated(
-                f"{self._port}: the arm is not calibrated, so its joints are not energised. Run a "
-                "MODE_CALIBRATION configuration (joshua presets names calibrate_so_arm100), or pass "
-                "--allow-uncalibrated to drive it about the middle of position_min and position_max."
-            )
-
-    def _read_feedback(self) -> tuple[list[Feedback], int]:
-        address, length = FEEDBACK
-        before_ns = self._stamps.now_ns()
-        values = self._all(self._bus.sync_read(address, length, self._ids))
-        stamp_ns = (before_ns + self._stamps.now_ns()) // 2
-        self._readings = [parse_feedback(value) for value in values]
-        return self._readings, stamp_ns
-
-    def _all(self, values: Mapping[int, bytes]) -> list[bytes]:
-        """Values in joint order. Raises NoReply where some are missing."""
-        missing = [servo_id for servo_id in self._ids if servo_id not in values]
-        if not missing:
-            return [values[servo_id] for servo_id in self._ids]
-        if len(missing) == len(self._ids):
-            raise NoReply(
-                f"{self._port}: no servo answers any more. Check the supply and the cable to the first servo."
-            )
-        names = ", ".join(f"{self.joint_names[self._ids.index(i)]} (id {i})" for i in missing)
-        first = self._ids.index(missing[0])
-        broken = (
-            f"; the chain breaks after id {self._ids[first - 1]}"
-            if missing == list(self._ids[first:])
-            else ""
-        )
-        raise NoReply(f"{self._port}: {names} does not answer any more{broken}. Check cable and supply.")
-
-    def _trip_where_needed(self, readings: Sequence[Feedback]) -> None:
-        reason = self._watch.trip_reason(readings) or self._lapse()
-        if not reason:
-            return
-        self._tripped = reason
-        self._enabled = False
-        try:
-            self._torque.switch_off()
-        except DeviceDisconnected as error:
-            raise SafetyTripped(
-                f"{self._port}: {reason}; taking the torque off could not be verified: {error}"
-            ) from error
-        raise SafetyTripped(
-            f"{self._port}: {reason}. The torque of this arm was taken off; look for the cause (a blocked "
-            "joint, heat, the supply), then enable it again."
-        )
-
-    def _lapse(self) -> str:
-        """Looks at the torque itself now and then, and after each lost reply: a power cut resets servos."""
-        lost, now_s = self._lost, time.monotonic()
-        if self._dry_run or (lost == self._lost_checked and now_s - self._torque_checked_s < TORQUE_CHECK_S):
-            return ""
-        self._lost_checked, self._torque_checked_s = lost, now_s
-        lapsed = self._torque.lapsed()
-        return (
-            f"{lapsed} lost torque or settings without a command: its supply was interrupted"
-            if lapsed
-            else ""
-        )
-
-    @property
-    def _lost(self) -> int:
-        return sum(self._bus.counters.lost.values())
-
-    def _send_goals(self, ticks: TickArray) -> None:
-        if self._dry_run:
-            return
-        rows = {i: GOAL_POSITION.encode(t) for i, t in zip(self._ids, ticks.tolist(), strict=True)}
-        self._bus.sync_write(GOAL_POSITION.address, GOAL_POSITION.width, rows)
-
-    def _remember(self, goal_rad: FloatArray) -> None:
-        self._goal = goal_rad
-        self._written_s = time.monotonic()
+    def move_values(self) -> list[MoveValues]:
+        """Acceleration and speed of a move, the same for all servos."""
+        values = {
+            ACCELERATION: self.settings.acceleration,
+            GOAL_TIME: 0,
+            GOAL_SPEED: self.settings.velocity_ticks_s,
+        }
+        return [values] * len(self.settings.motor_ids)

@@ -9,6 +9,7 @@ from joshua.devices.bus_tools import AssignmentFailed, BusTools, FoundMotor
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_errors import PortDisconnected, PortUnusable
 from joshua.devices.servo.errors import NoReply
+from joshua.devices.servo.register import Register
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.feedback import parse_feedback
@@ -24,11 +25,10 @@ from joshua_sts3215.registers import (
     MODEL_NUMBER,
     POSITION_MODE,
     RETURN_DELAY,
+    STATUS_BITS,
     STATUS_LEVEL,
     TORQUE_ENABLE,
     TORQUE_OFF,
-    Register,
-    StatusBit,
 )
 
 LARGEST_ID = 253
@@ -222,7 +222,7 @@ def _describe(bus: Bus, servo_id: int) -> FoundMotor | None:
         f"{version[0]}.{version[1]}",
         feedback.voltage_v,
         float(feedback.temperature_c),
-        StatusBit.describe(feedback.status),
+        STATUS_BITS.describe(feedback.status),
     )
 
 

@@ -6,21 +6,22 @@ from joshua.devices.calibration_target import CalibrationTarget, StoredMotor, Ta
 from joshua.devices.errors import DeviceError
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.errors import MotorCheckFailed, NoReply
+from joshua.devices.servo.motor_check import check_motors
+from joshua.devices.servo.register import Register
+from joshua.devices.servo.torque import TorqueSwitch
 from joshua.devices.usb_ports import Endpoint
 
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.connection import check_working_mode, read_setup
-from joshua_sts3215.motor_check import check_motors
+from joshua_sts3215.family import STS3215
+from joshua_sts3215.inspection import read_setups
 from joshua_sts3215.registers import (
     HOMING_OFFSET,
     MAX_POSITION,
     MIN_POSITION,
     PRESENT_POSITION,
     TICKS_PER_TURN,
-    Register,
 )
 from joshua_sts3215.settings import Sts3215Settings
-from joshua_sts3215.torque import TorqueSwitch
 
 
 class Sts3215CalibrationTarget(CalibrationTarget):
@@ -37,7 +38,9 @@ class Sts3215CalibrationTarget(CalibrationTarget):
             settings.baudrate,
         )
         self._bus = Bus(self._port)
-        self._torque = TorqueSwitch(self._bus, {motor.id: motor.joint_name for motor in self._motors})
+        self._torque = TorqueSwitch(
+            self._bus, STS3215, {motor.id: motor.joint_name for motor in self._motors}
+        )
         self._offsets: dict[int, int] = {}
 
     @property
@@ -60,9 +63,8 @@ class Sts3215CalibrationTarget(CalibrationTarget):
         self._port.open()
         try:
             self._bus.detect_echo()
-            check_motors(self._bus, self._ids)
-            setups = [read_setup(self._bus, servo_id) for servo_id in self._ids]
-            check_working_mode(self._bus, setups)
+            check_motors(self._bus, self._settings.models)
+            setups = read_setups(self._bus, self._ids)
         except BaseException:
             self._port.close()
             raise

@@ -3,23 +3,11 @@
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+
+from joshua.devices.servo.feedback import Feedback
 
 _LAYOUT = struct.Struct("<HHHBBBBBHH")  # from present position to present current
 CURRENT_UNIT_A = 0.0065
-
-
-class Feedback(NamedTuple):
-    """What a servo says of itself; ``load`` is a fraction of stall torque, signed like ``speed``."""
-
-    position: int  # ticks
-    speed: int  # ticks/s
-    load: float
-    voltage_v: float
-    temperature_c: int
-    status: int  # see StatusBit
-    moving: bool
-    current_a: float
 
 
 def parse_feedback(data: bytes) -> Feedback:

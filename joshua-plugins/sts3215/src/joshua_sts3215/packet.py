@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
+from joshua.devices.servo.reply import Reply
 from scservo_sdk import scservo_def
 
 PING: int = scservo_def.INST_PING
@@ -15,14 +15,6 @@ SYNC_WRITE: int = scservo_def.INST_SYNC_WRITE
 BROADCAST_ID: int = scservo_def.BROADCAST_ID
 OVERHEAD = 6  # bytes of a packet beside its parameters
 _LARGEST_ID = 253
-
-
-class Reply(NamedTuple):
-    """A status packet of one servo; ``error`` carries its status bits."""
-
-    servo_id: int
-    error: int
-    data: bytes
 
 
 def request(servo_id: int, instruction: int, parameters: bytes = b"") -> bytes:

@@ -5,44 +5,18 @@ Source: the vendor's memory table of the magnetic-encoder STS series.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from joshua.devices.servo.register import Register
+from joshua.devices.servo.status_bits import StatusBits
 
 MODEL_NUMBER = 777
 MODEL_NAMES = {777: "STS3215", 1284: "SCS0009", 2825: "STS3250", 11272: "SM8512BL"}
 TICKS_PER_TURN = 4096
-MIDDLE_TICK = 2048
+MAX_SPEED_TICKS_S = 3400  # the servo's own maximum, about 5.2 rad/s
 TORQUE_OFF, TORQUE_ON = 0, 1
 POSITION_MODE = 0
 
 # Baud rate by register code; sources agree on codes 0 to 4, and public drivers on the rest.
 BAUDRATES = {0: 1_000_000, 1: 500_000, 2: 250_000, 3: 128_000, 4: 115_200, 5: 57_600, 6: 38_400, 7: 19_200}
-
-
-@dataclass(frozen=True)
-class Register:
-    """One register; ``sign_bit`` is the bit that carries the sign of a sign-magnitude value."""
-
-    name: str
-    address: int
-    width: int  # bytes
-    sign_bit: int | None = None
-    eeprom: bool = False
-
-    def decode(self, data: bytes) -> int:
-        """Value of the register's bytes."""
-        raw = int.from_bytes(data[: self.width], "little")
-        if self.sign_bit is None or not raw >> self.sign_bit & 1:
-            return raw
-        return -(raw & ((1 << self.sign_bit) - 1))
-
-    def encode(self, value: int) -> bytes:
-        """Bytes of a value. Raises ValueError where the register cannot hold it."""
-        bits = 8 * self.width if self.sign_bit is None else self.sign_bit
-        if abs(value) >= 1 << bits or (value < 0 and self.sign_bit is None):
-            lowest = 0 if self.sign_bit is None else 1 - (1 << bits)
-            raise ValueError(f"{self.name} holds {lowest} to {(1 << bits) - 1}, not {value}")
-        raw = abs(value) | ((value < 0) << bits if self.sign_bit is not None else 0)
-        return raw.to_bytes(self.width, "little")
 
 
 FIRMWARE = Register("firmware", 0, 2)  # major, minor
@@ -80,17 +54,14 @@ class StatusBit:
     CURRENT = 1 << 3
     OVERLOAD = 1 << 5
 
-    NAMES = (
-        (VOLTAGE, "voltage out of range"),
-        (ENCODER, "encoder fault"),
-        (TEMPERATURE, "too hot"),
-        (CURRENT, "too much current"),
-        (OVERLOAD, "overloaded"),
-    )
 
-    @classmethod
-    def describe(cls, bits: int) -> str:
-        """Names of the set bits, "" where none is set."""
-        names = [name for bit, name in cls.NAMES if bits & bit]
-        unknown = bits & ~sum(bit for bit, _ in cls.NAMES)
-        return ", ".join([*names, *([f"unknown bits 0x{unknown:02x}"] if unknown else [])])
+STATUS_BITS = StatusBits(
+    {
+        StatusBit.VOLTAGE: "voltage out of range",
+        StatusBit.ENCODER: "encoder fault",
+        StatusBit.TEMPERATURE: "too hot",
+        StatusBit.CURRENT: "too much current",
+        StatusBit.OVERLOAD: "overloaded",
+    },
+    voltage=StatusBit.VOLTAGE,
+)

@@ -2,158 +2,34 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, ClassVar
 
-from google.protobuf.message import Message
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.units import ticks_to_rad
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
-from pydantic import Field, model_validator
-from typing_extensions import Self
+from joshua.devices.servo.settings import ServoSettings
+from joshua.plugins.settings import FromField
 
-from joshua_sts3215.registers import BAUDRATES, MIDDLE_TICK, TICKS_PER_TURN
-
-_VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")
+from joshua_sts3215.registers import BAUDRATES, MAX_SPEED_TICKS_S, MODEL_NAMES, MODEL_NUMBER
 
 
-class Sts3215Settings(BlockSettings):
+class Sts3215Settings(ServoSettings):
     """What the driver is set to. Ticks stay ticks here: the servo counts in them.
 
     Attributes:
-        device_root: folder that holds ``dev`` and ``sys``; an emulated device brings one of its own.
         velocity_ticks_s, acceleration: of a move; 0 leaves the servo's own maximum.
-        calibration: None where the arm is not calibrated.
     """
 
-    port: Annotated[str, FromField("comm.serial.port")] = ""
-    serial_number: Annotated[str, FromField("comm.serial.serial_number")] = ""
-    vid_pid: Annotated[str, FromField("comm.serial.vid_pid")] = ""
-    baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 1_000_000
-    motor_ids: tuple[int, ...] = Field(min_length=1)
-    position_min_ticks: Annotated[int, FromField("position_min")] = 0
-    position_max_ticks: Annotated[int, FromField("position_max")] = TICKS_PER_TURN - 1
+    servo_name: ClassVar[str] = "STS3215"
+    line_speeds: ClassVar[tuple[int, ...]] = tuple(BAUDRATES.values())
+    factory_speed: ClassVar[int] = 1_000_000
+
     velocity_ticks_s: Annotated[int, FromField("velocity")] = 0
     acceleration: int = 0
-    device_root: str = "/"
-    calibration: ArmCalibration | None = None
-
-    @classmethod
-    def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
-    ) -> dict[str, Any]:
-        """Adds the calibration and the place of emulated devices from the plan's context."""
-        result = super().si_values(values, node, context)
-        if context.get("calibration"):
-            known = ArmCalibration.model_fields
-            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
-        if context.get("device_root"):
-            result["device_root"] = context["device_root"]
-        return result
-
-    @model_validator(mode="after")
-    def _names_a_port(self) -> Self:
-        if not (self.port or self.serial_number or self.vid_pid):
-            raise FieldError(
-                "comm",
-                "an STS3215 bus needs a serial port, by its path or by its adapter's identity",
-                allowed=("serial { port: … }", "serial { serial_number: … }", "serial { vid_pid: … }"),
-                remedy="add comm { serial { … } }; joshua find-port lists the ports",
-            )
-        if self.vid_pid and not _VID_PID.fullmatch(self.vid_pid):
-            raise FieldError(
-                "comm.serial.vid_pid",
-                "a USB identity is two numbers of four hexadecimal digits",
-                allowed=('"1a86:55d3"',),
-                remedy="write vendor and product id as lsusb shows them",
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _suits_the_servo(self) -> Self:
-        if self.baudrate not in BAUDRATES.values():
-            near = sorted(BAUDRATES.values(), key=lambda rate: abs(rate - self.baudrate))
-            raise FieldError(
-                "comm.serial.baudrate",
-                f"STS3215 servos have no line speed of {self.baudrate} bit/s",
-                allowed=tuple(str(rate) for rate in near),
-                remedy="set the speed that the servos are set to; they leave the factory at 1000000",
-            )
-        if self.position_min_ticks >= self.position_max_ticks:
-            raise FieldError(
-                "position_max",
-                f"the range is empty: position_min {self.position_min_ticks} is not below it",
-                allowed=(f"{self.position_min_ticks + 1} to {TICKS_PER_TURN - 1}",),
-                remedy="swap the two values, or widen the range",
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _fits_its_calibration(self) -> Self:
-        if self.calibration is None:
-            return self
-        unknown = [servo_id for servo_id in self.motor_ids if self.calibration.motor(servo_id) is None]
-        if unknown:
-            raise FieldError(
-                "motor_ids",
-                f"the calibration of this arm has no motor {', '.join(map(str, unknown))}",
-                allowed=tuple(str(motor.id) for motor in self.calibration.motors),
-                remedy="calibrate the arm with all its motors, or correct motor_ids",
-            )
-        for servo_id, (low, high) in zip(self.motor_ids, self.ranges_ticks(), strict=True):
-            if low >= high:
-                motor = self.calibration.motor(servo_id)
-                assert motor is not None
-                raise FieldError(
-                    "position_max",
-                    f"{motor.joint_name} cannot move: position_min {self.position_min_ticks} and "
-                    f"position_max {self.position_max_ticks} leave nothing of its calibrated range, "
-                    f"{motor.range_min} to {motor.range_max}",
-                    remedy="widen position_min and position_max; the calibrated range holds anyway",
-                )
-        return self
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of motor_ids: the calibration's, else ``joint_<id>``."""
-        motors = [self.calibration.motor(i) if self.calibration else None for i in self.motor_ids]
-        return tuple(
-            motor.joint_name if motor else f"joint_{servo_id}"
-            for servo_id, motor in zip(self.motor_ids, motors, strict=True)
-        )
+    def models(self) -> dict[int, str]:
+        """Expected model of each servo by its id."""
+        return dict.fromkeys(self.motor_ids, MODEL_NAMES[MODEL_NUMBER])
 
-    @property
-    def zero_ticks(self) -> float:
-        """Position that stands for zero radians: 2048 once calibrated, else the middle of the range."""
-        if self.calibration is not None:
-            return float(MIDDLE_TICK)
-        return (self.position_min_ticks + self.position_max_ticks) / 2
-
-    def inverted(self, servo_id: int) -> bool:
-        """Whether a motor turns against its joint."""
-        motor = self.calibration.motor(servo_id) if self.calibration else None
-        return motor is not None and motor.inverted
-
-    def ranges_ticks(self) -> list[tuple[int, int]]:
-        """Range of each motor: the tightest of configuration and calibration."""
-        ranges = []
-        for servo_id in self.motor_ids:
-            low, high = self.position_min_ticks, self.position_max_ticks
-            motor = self.calibration.motor(servo_id) if self.calibration else None
-            if motor is not None:
-                low, high = max(low, motor.range_min), min(high, motor.range_max)
-            ranges.append((low, high))
-        return ranges
-
-    def joints(self) -> list[dict[str, Any]]:
-        """Names and limits in radians of all joints, for the plan."""
-        joints = []
-        for servo_id, name, (low, high) in zip(
-            self.motor_ids, self.joint_names, self.ranges_ticks(), strict=True
-        ):
-            ends = [ticks_to_rad(tick, zero_ticks=self.zero_ticks) for tick in (low, high)]
-            if self.inverted(servo_id):
-                ends = [-ends[1], -ends[0]]
-            joints.append({"name": name, "min_rad": ends[0], "max_rad": ends[1]})
-        return joints
+    def speeds_ticks_s(self) -> list[float]:
+        """Fastest move of each motor."""
+        speed = min(self.velocity_ticks_s or MAX_SPEED_TICKS_S, MAX_SPEED_TICKS_S)
+        return [float(speed)] * len(self.motor_ids)

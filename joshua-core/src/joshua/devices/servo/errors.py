@@ -27,3 +27,7 @@ class NotEnabled(DeviceError):
 
 class SafetyTripped(DeviceError):
     """A protection took the arm's torque off; it stays off until it is enabled again."""
+
+
+class ServoRefused(DeviceError):
+    """A servo answered that it does not do what it was asked for; the message says why."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from joshua_sts3215.feedback import Feedback
-from joshua_sts3215.registers import StatusBit
+from joshua.devices.servo.feedback import Feedback
+from joshua.devices.servo.status_bits import StatusBits
 
 CONSECUTIVE_SAMPLES = 3  # a voltage dips for a moment when several joints start at once
 TEMPERATURE_MARGIN_C = 10  # from here to the limit is a warning
-
-_AT_ONCE = StatusBit.TEMPERATURE | StatusBit.ENCODER | StatusBit.CURRENT | StatusBit.OVERLOAD
 
 
 @dataclass(frozen=True)
@@ -28,9 +26,11 @@ class HealthWatch:
 
     Args:
         names: joint names; limits: of each servo, in the same order.
+        status: meaning of the servos' status bits.
     """
 
-    def __init__(self, names: Sequence[str], limits: Sequence[HealthLimits]) -> None:
+    def __init__(self, names: Sequence[str], limits: Sequence[HealthLimits], status: StatusBits) -> None:
+        self.status = status
         self._names = tuple(names)
         self._limits = tuple(limits)
         self._voltage_samples = [0] * len(self._names)
@@ -43,9 +43,9 @@ class HealthWatch:
         """Why the torque must go, "" where all is well; takes one sample of all servos."""
         for index, reading in enumerate(readings):
             limits, name = self._limits[index], self._names[index]
-            if reading.status & _AT_ONCE:
+            if reading.status & self.status.at_once:
                 return (
-                    f"{name}: the servo reports: {StatusBit.describe(reading.status)} "
+                    f"{name}: the servo reports: {self.status.describe(reading.status)} "
                     f"(load {reading.load:+.0%}, {reading.temperature_c} °C, {reading.voltage_v:.1f} V)"
                 )
             if reading.temperature_c > limits.max_temperature_c:
@@ -65,7 +65,7 @@ class HealthWatch:
         """What is close to a limit at one joint, "" where nothing is."""
         limits = self._limits[index]
         if reading.status:
-            return StatusBit.describe(reading.status)
+            return self.status.describe(reading.status)
         if reading.temperature_c > limits.max_temperature_c - TEMPERATURE_MARGIN_C:
             return f"hot: {reading.temperature_c} °C of at most {limits.max_temperature_c} °C"
         if not limits.min_voltage_v <= reading.voltage_v <= limits.max_voltage_v:

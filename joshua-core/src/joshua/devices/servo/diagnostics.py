@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from joshua_sts3215.bus import BusCounters
-from joshua_sts3215.feedback import Feedback
-from joshua_sts3215.registers import StatusBit
-from joshua_sts3215.watch import HealthWatch
+from joshua.devices.servo.counters import BusCounters
+from joshua.devices.servo.feedback import Feedback
+from joshua.devices.servo.watch import HealthWatch
 
 OK, WARN, ERROR, STALE = range(4)
 
@@ -35,7 +34,7 @@ def joint_rows(
     rows = []
     for index, (name, servo_id, reading) in enumerate(zip(names, ids, readings, strict=True)):
         warning = watch.warning(index, reading)
-        fault = reading.status & ~StatusBit.VOLTAGE
+        fault = reading.status & ~watch.status.voltage
         rows.append(
             DiagnosticStatus(
                 ERROR if fault else WARN if warning else OK,
@@ -44,7 +43,7 @@ def joint_rows(
                 f"{hardware_id} id {servo_id}",
                 {
                     "position_ticks": str(reading.position),
-                    "speed_ticks_s": str(reading.speed),
+                    "speed_ticks_s": f"{reading.speed:.0f}",
                     "load": f"{reading.load:+.3f}",
                     "voltage_v": f"{reading.voltage_v:.1f}",
                     "temperature_c": str(reading.temperature_c),

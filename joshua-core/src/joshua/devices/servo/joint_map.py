@@ -7,13 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from joshua.devices.actuator import FloatArray, JointLimits
 
-from joshua_sts3215.registers import TICKS_PER_TURN
-from joshua_sts3215.settings import Sts3215Settings
+from joshua.devices.actuator import FloatArray, JointLimits
+from joshua.devices.servo.settings import ServoSettings
+from joshua.devices.units import TICKS_PER_TURN
 
 RADIANS_PER_TICK = math.tau / TICKS_PER_TURN
-MAX_SPEED_TICKS_S = 3400  # the servo's own maximum, about 5.2 rad/s
 
 TickArray = npt.NDArray[np.int64]
 
@@ -21,21 +20,32 @@ TickArray = npt.NDArray[np.int64]
 class JointMap:
     """Conversions of one arm; arrays have shape (N,) in joint order."""
 
-    def __init__(self, settings: Sts3215Settings) -> None:
-        self._zero = settings.zero_ticks
+    def __init__(self, settings: ServoSettings) -> None:
+        self._zero: FloatArray = np.full(len(settings.motor_ids), settings.zero_ticks)
         self._sign = np.array([-1.0 if settings.inverted(i) else 1.0 for i in settings.motor_ids])
         ranges = np.array(settings.ranges_ticks(), dtype=np.int64)
         self.low_ticks: TickArray = ranges[:, 0]
         self.high_ticks: TickArray = ranges[:, 1]
-        speed = settings.velocity_ticks_s or MAX_SPEED_TICKS_S
-        self.speed_rad_s: FloatArray = np.full(
-            len(settings.motor_ids), min(speed, MAX_SPEED_TICKS_S) * RADIANS_PER_TICK
-        )
+        self.speed_rad_s: FloatArray = np.array(settings.speeds_ticks_s()) * RADIANS_PER_TICK
 
-    def tighten(self, low: Sequence[int], high: Sequence[int]) -> None:
-        """Takes the servos' own limits in ticks where they are tighter."""
+    def tighten(self, low: Sequence[int], high: Sequence[int], speed: Sequence[float] = ()) -> None:
+        """Takes the servos' own limits, in ticks and ticks/s, where they are tighter."""
         self.low_ticks = np.maximum(self.low_ticks, low)
         self.high_ticks = np.minimum(self.high_ticks, high)
+        if speed:
+            self.speed_rad_s = np.minimum(self.speed_rad_s, np.array(speed) * RADIANS_PER_TICK)
+
+    def follow_turns(self, ticks: Sequence[int], counts_turns: Sequence[bool]) -> None:
+        """Takes positions for those of the nearest turn to the joint's range, where a servo counts turns.
+
+        A servo that counts turns starts anywhere after a power cut, whole turns away from its calibration.
+        """
+        middle = (self.low_ticks + self.high_ticks) / 2
+        turns = np.rint((np.asarray(ticks) - middle) / TICKS_PER_TURN).astype(np.int64)
+        shift = np.where(counts_turns, turns, 0) * TICKS_PER_TURN
+        self._zero = self._zero + shift
+        self.low_ticks = self.low_ticks + shift
+        self.high_ticks = self.high_ticks + shift
 
     def limits(self) -> JointLimits:
         """The limits in force, in radians."""

@@ -2,54 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 
 from joshua.devices.serial_errors import PortUnusable
+from joshua.devices.servo.bus import FoundMotor, ServoBus
 from joshua.devices.servo.errors import MotorCheckFailed, NoReply
-
-from joshua_sts3215.bus import Bus
-from joshua_sts3215.registers import BAUDRATES, FEEDBACK, MODEL_NAMES, MODEL_NUMBER
 
 SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on
 
 
-@dataclass(frozen=True)
-class FoundMotor:
-    """A servo that answers."""
-
-    servo_id: int
-    model: int
-    firmware: str
-
-    @property
-    def model_name(self) -> str:
-        """Name of the model, or its number where it is unknown."""
-        return MODEL_NAMES.get(self.model, f"model {self.model}")
-
-    def __str__(self) -> str:
-        return f"{self.servo_id} ({self.model_name}, firmware {self.firmware})"
-
-
-def check_motors(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
+def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
     """Looks at each servo of the configuration, in cable order.
+
+    Args:
+        models: expected model of each servo by its id.
 
     Raises:
         MotorCheckFailed: a servo is missing, shares its id or is of another model; the message names each,
             with the expected and the found list, and the place where the chain breaks.
         PortDisconnected: the port is gone.
     """
+    ids = tuple(models)
     found: list[FoundMotor] = []
     missing: list[int] = []
     shared: list[int] = []
     for servo_id in ids:
         corrupt = bus.counters.corrupt
         try:
-            found.append(identify(bus, servo_id))
+            found.append(bus.identify(servo_id))
         except NoReply:
             garbled = bus.counters.corrupt - corrupt > bus.retries
             (shared if garbled else missing).append(servo_id)
-    wrong = [motor for motor in found if motor.model != MODEL_NUMBER]
+    wrong = [motor for motor in found if motor.model != models[motor.servo_id]]
     if not (missing or shared or wrong):
         return found
     strangers = [] if len(missing) == len(ids) else _strangers(bus, ids)
@@ -60,7 +44,7 @@ def check_motors(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
             for servo_id in shared
         ),
         *(
-            f"wrong model: id {motor.servo_id} is a {motor.model_name}, expected {MODEL_NAMES[MODEL_NUMBER]}"
+            f"wrong model: id {motor.servo_id} is a {motor.model}, expected {models[motor.servo_id]}"
             for motor in wrong
         ),
     ]
@@ -69,7 +53,7 @@ def check_motors(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
             [
                 f"{bus.port}: motor check failed at {bus.port.baudrate} bit/s",
                 *problems,
-                f"expected: {_list(ids)}",
+                f"expected: {_list(f'{servo_id} ({model})' for servo_id, model in models.items())}",
                 f"found: {_list([*found, *strangers])}",
                 "joshua motors setup gives ids and baud rates; joshua doctor looks at cable and supply.",
             ]
@@ -77,20 +61,13 @@ def check_motors(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
     )
 
 
-def identify(bus: Bus, servo_id: int) -> FoundMotor:
-    """Reads model and firmware of one servo, and its feedback once. Raises NoReply and PortDisconnected."""
-    block = bus.read_block(servo_id, 0, 5)
-    bus.read_block(servo_id, *FEEDBACK)  # differs between two servos of one id, so that their replies collide
-    return FoundMotor(servo_id, int.from_bytes(block[3:5], "little"), f"{block[0]}.{block[1]}")
-
-
-def find_baudrates(bus: Bus, ids: Iterable[int]) -> dict[int, list[int]]:
+def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:
     """Finds ids that answer at other line speeds: ids by speed. The line speed is put back afterwards."""
     usual = bus.port.baudrate
     answers: dict[int, list[int]] = {}
     wanted = list(ids)
     try:
-        for baudrate in BAUDRATES.values():
+        for baudrate in bus.baudrates:
             if baudrate == usual:
                 continue
             try:
@@ -105,7 +82,7 @@ def find_baudrates(bus: Bus, ids: Iterable[int]) -> dict[int, list[int]]:
     return answers
 
 
-def _missing_text(bus: Bus, ids: Sequence[int], missing: list[int]) -> list[str]:
+def _missing_text(bus: ServoBus, ids: Sequence[int], missing: list[int]) -> list[str]:
     if not missing:
         return []
     if len(missing) == len(ids):
@@ -125,12 +102,12 @@ def _missing_text(bus: Bus, ids: Sequence[int], missing: list[int]) -> list[str]
     return texts
 
 
-def _strangers(bus: Bus, ids: Sequence[int]) -> list[FoundMotor]:
+def _strangers(bus: ServoBus, ids: Sequence[int]) -> list[FoundMotor]:
     strangers = []
     for servo_id in SCANNED_IDS:
         if servo_id not in ids and bus.ping(servo_id):
             try:
-                strangers.append(identify(bus, servo_id))
+                strangers.append(bus.identify(servo_id))
             except NoReply:
                 continue  # it answered once and then no more: not one to report as found
     return strangers

@@ -1,0 +1,20 @@
+"""What happened on a servo bus, in figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class BusCounters:
+    """What happened on the bus since it was opened; ``lost`` counts by servo id."""
+
+    requests: int = 0
+    retries: int = 0
+    corrupt: int = 0
+    stale: int = 0
+    lost: dict[int, int] = field(default_factory=dict)
+
+    def lose(self, servo_id: int) -> None:
+        """Counts a reply that did not come."""
+        self.lost[servo_id] = self.lost.get(servo_id, 0) + 1

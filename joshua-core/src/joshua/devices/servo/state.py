@@ -1,0 +1,70 @@
+"""Reads the state of all servos of an arm, and says which of them are gone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from joshua.devices.servo.bus import ServoBus
+from joshua.devices.servo.errors import NoReply
+from joshua.devices.servo.family import ServoFamily
+from joshua.devices.servo.feedback import Feedback
+from joshua.devices.stamps import StampClock
+
+
+class StateReader:
+    """The state of one arm.
+
+    Args:
+        names: joint names by servo id, in joint order.
+        parse: reads the blocks of feedback of all servos, in joint order.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        family: ServoFamily,
+        names: Mapping[int, str],
+        parse: Callable[[Sequence[bytes]], list[Feedback]],
+    ) -> None:
+        self._bus = bus
+        self._family = family
+        self._names = names
+        self._ids = tuple(names)
+        self._parse = parse
+        self._stamps = StampClock()
+
+    def feedback(self) -> tuple[list[Feedback], int]:
+        """Feedback in joint order, and its time in ns since the epoch.
+
+        Raises NoReply and PortDisconnected.
+        """
+        address, length = self._family.feedback
+        before_ns = self._stamps.now_ns()
+        values = self._all(self._bus.sync_read(address, length, self._ids))
+        stamp_ns = (before_ns + self._stamps.now_ns()) // 2
+        return self._parse(values), stamp_ns
+
+    def positions(self) -> list[int]:
+        """Positions in ticks, as the servos count. Raises NoReply and PortDisconnected."""
+        present = self._family.present_position
+        values = self._all(self._bus.sync_read(present.address, present.width, self._ids))
+        return [present.decode(value) for value in values]
+
+    def _all(self, values: Mapping[int, bytes]) -> list[bytes]:
+        """Values in joint order. Raises NoReply where some are missing."""
+        missing = [servo_id for servo_id in self._ids if servo_id not in values]
+        if not missing:
+            return [values[servo_id] for servo_id in self._ids]
+        port = self._bus.port
+        if len(missing) == len(self._ids):
+            raise NoReply(
+                f"{port}: no servo answers any more. Check the supply and the cable to the first servo."
+            )
+        names = ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in missing)
+        first = self._ids.index(missing[0])
+        broken = (
+            f"; the chain breaks after id {self._ids[first - 1]}"
+            if missing == list(self._ids[first:])
+            else ""
+        )
+        raise NoReply(f"{port}: {names} does not answer any more{broken}. Check cable and supply.")

@@ -1,0 +1,110 @@
+"""Switching the torque of all joints on and off, verified by reading it back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.servo.bus import ServoBus
+from joshua.devices.servo.errors import NoReply
+from joshua.devices.servo.family import ServoFamily
+from joshua.devices.servo.register import Register
+
+ATTEMPTS = 3
+
+#: Values of the registers of a move beside the goal.
+MoveValues = Mapping[Register, int]
+
+
+class TorqueSwitch:
+    """The torque of one arm.
+
+    Args:
+        names: joint names by servo id, in joint order.
+    """
+
+    def __init__(self, bus: ServoBus, family: ServoFamily, names: Mapping[int, str]) -> None:
+        self._bus = bus
+        self._family = family
+        self._names = names
+        self._ids = tuple(names)
+        self._start = family.moves[0].address
+        self._on = family.torque_enable.encode(1)
+        self._off = family.torque_enable.encode(0)
+        self._kept: dict[int, dict[Register, bytes]] = {}  # by servo id, as last written with torque
+
+    def switch_on(self, goals_ticks: Sequence[int], values: Sequence[MoveValues]) -> None:
+        """Seeds goal, speed and acceleration in one packet, switches torque on, and verifies all of it.
+
+        Args:
+            goals_ticks: where the joints are now, in joint order.
+            values: what the other registers of a move get, in joint order.
+
+        Raises:
+            DeviceError: a servo did not take it; then all joints were released.
+        """
+        family, torque = self._family, self._family.torque_enable
+        rows = {}
+        for servo_id, ticks, row in zip(self._ids, goals_ticks, values, strict=True):
+            move = {**row, family.goal_position: ticks}
+            rows[servo_id] = b"".join(register.encode(move[register]) for register in family.moves)
+            self._kept[servo_id] = {register: register.encode(move[register]) for register in family.kept}
+        for _ in range(ATTEMPTS):
+            self._bus.sync_write(self._start, family.moves_width, rows)
+            self._bus.sync_write(torque.address, torque.width, dict.fromkeys(rows, self._on))
+            found = self._states(self._ids)
+            rows = {
+                servo_id: row
+                for servo_id, row in rows.items()
+                if self._torque_and_moves(found.get(servo_id)) != (self._on, row)
+            }
+            if not rows:
+                return
+        self.switch_off()
+        raise DeviceError(
+            f"{self._bus.port}: {self._list(rows)} did not take goal and torque in {ATTEMPTS} attempts; "
+            "all joints were released. Check the supply voltage and run joshua doctor."
+        )
+
+    def switch_off(self) -> None:
+        """Takes torque off all joints. Raises NoReply where one does not confirm it, and PortDisconnected."""
+        self._kept = {}
+        torque = self._family.torque_enable
+        waiting = self._ids
+        for _ in range(ATTEMPTS):
+            self._bus.sync_write(torque.address, torque.width, dict.fromkeys(self._ids, self._off))
+            found = self._bus.sync_read(torque.address, torque.width, waiting)
+            waiting = tuple(servo_id for servo_id in waiting if found.get(servo_id) != self._off)
+            if not waiting:
+                return
+        raise NoReply(
+            f"{self._bus.port}: {self._list(waiting)} does not confirm that its torque is off. "
+            "Cut the arm's supply by hand if it holds."
+        )
+
+    def lapsed(self) -> str:
+        """Names joints that lost torque or speed settings by themselves, as a power cut does; "" for none.
+
+        Servos that do not answer are not judged. Raises PortDisconnected.
+        """
+        start = self._family.torque_enable.address
+        lapsed = []
+        for servo_id, block in self._states(self._ids).items():
+            kept = self._kept.get(servo_id, {})
+            found = {register: block[register.address - start :][: register.width] for register in kept}
+            if block[: len(self._on)] != self._on or found != kept:
+                lapsed.append(servo_id)
+        return self._list(lapsed)
+
+    def _states(self, ids: tuple[int, ...]) -> dict[int, bytes]:
+        """Registers from the torque to the last one of a move."""
+        start = self._family.torque_enable.address
+        return self._bus.sync_read(start, self._family.moves[-1].end - start, ids)
+
+    def _torque_and_moves(self, block: bytes | None) -> tuple[bytes, bytes]:
+        if block is None:
+            return b"", b""
+        return block[: len(self._on)], block[self._start - self._family.torque_enable.address :]
+
+    def _list(self, ids: Sequence[int] | Mapping[int, bytes]) -> str:
+        return ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in ids)

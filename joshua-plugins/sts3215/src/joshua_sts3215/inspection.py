@@ -1,0 +1,71 @@
+"""Opening an arm: motor check, and what the servos' EEPROM says against the calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from joshua.devices.servo.bus import FoundMotor
+from joshua.devices.servo.inspection import ServoSetup, check_setups, refuse_setup
+from joshua.devices.servo.motor_check import check_motors
+from joshua.devices.servo.register import Register
+from joshua.devices.servo.watch import HealthLimits
+
+from joshua_sts3215.bus import Bus
+from joshua_sts3215.registers import (
+    EEPROM_SETUP,
+    HOMING_OFFSET,
+    MAX_POSITION,
+    MAX_SPEED_TICKS_S,
+    MAX_TEMPERATURE,
+    MAX_VOLTAGE,
+    MIN_POSITION,
+    MIN_VOLTAGE,
+    MODE,
+    POSITION_MODE,
+    STATUS_LEVEL,
+    TICKS_PER_TURN,
+)
+from joshua_sts3215.settings import Sts3215Settings
+
+
+def inspect(bus: Bus, settings: Sts3215Settings) -> tuple[list[FoundMotor], list[ServoSetup]]:
+    """Checks motors, working mode and calibration of an open bus; writes nothing.
+
+    Raises:
+        MotorCheckFailed: a motor is missing, of another model, or set up for something else.
+        CalibrationMismatch: the calibration is not that of these servos.
+        DeviceDisconnected: a servo or the port went away meanwhile.
+    """
+    bus.detect_echo()
+    motors = check_motors(bus, settings.models)
+    setups = read_setups(bus, settings.motor_ids)
+    check_setups(bus, settings, setups)
+    return motors, setups
+
+
+def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
+    """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+    problems: list[str] = []
+    setups = [_read_setup(bus, servo_id, problems) for servo_id in ids]
+    refuse_setup(bus, problems)
+    return setups
+
+
+def _read_setup(bus: Bus, servo_id: int, problems: list[str]) -> ServoSetup:
+    start, length = EEPROM_SETUP
+    block = bus.read_block(servo_id, start, length)
+
+    def value(register: Register) -> int:
+        return register.decode(block[register.address - start :])
+
+    low, high = value(MIN_POSITION), value(MAX_POSITION)
+    if low == high == 0:  # the servo's way to say «no limits»
+        high = TICKS_PER_TURN - 1
+    if value(MODE) != POSITION_MODE:
+        problems.append(f"id {servo_id} works in mode {value(MODE)}, expected {POSITION_MODE} (position)")
+    if value(STATUS_LEVEL) != 1:
+        problems.append(
+            f"id {servo_id} acknowledges no writes (status level {value(STATUS_LEVEL)}), expected 1"
+        )
+    health = HealthLimits(value(MAX_TEMPERATURE), value(MIN_VOLTAGE) / 10, value(MAX_VOLTAGE) / 10)
+    return ServoSetup(servo_id, low, high, value(HOMING_OFFSET), health, MAX_SPEED_TICKS_S)
