@@ -89,7 +89,10 @@ def test_a_port_that_something_else_holds_is_named():
         other.bind(("127.0.0.1", 0))
         other.listen()
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        with pytest.raises(TransportError, match=f"neither listen on {endpoint} nor join one there"):
+        with pytest.raises(
+            TransportError,
+            match=f"another program holds {endpoint} and does not answer as a Zenoh router, .*`ss -ltnp`",
+        ):
             host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
 
 
@@ -106,3 +109,44 @@ def test_a_port_that_something_else_holds_is_named():
 def test_endpoints_that_cannot_be_used_are_refused(endpoint, text):
     with pytest.raises(TransportError, match=text):
         host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "text"),
+    [
+        ("tcp/192.0.2.1:7447", "no interface of this machine has that address"),
+        ("tcp/robot.invalid:7447", "the host is not known here"),
+    ],
+)
+def test_an_address_of_another_machine_is_refused_at_once(endpoint, text):
+    with pytest.raises(TransportError, match=f"the Zenoh router cannot listen on {endpoint}: {text}"):
+        host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
+
+
+def test_a_router_elsewhere_that_does_not_answer_is_reported_until_it_does(zenoh_spec, caplog, eventually):
+    caplog.set_level("INFO")
+    near = TransportSpec(
+        listen_endpoints=(f"tcp/localhost:{free_port()}",), connect_endpoints=zenoh_spec.listen_endpoints
+    )
+    handle = host_or_join(near)
+    (endpoint,) = zenoh_spec.listen_endpoints
+    try:
+        eventually(lambda: caplog.messages, what="the warning")
+        assert caplog.messages[0].startswith(
+            f"connect_endpoints: no router answers on {endpoint}; it is tried"
+        )
+        far = host_or_join(zenoh_spec)
+        eventually(lambda: f"linked to the router on {endpoint}" in caplog.messages, what="the link")
+        far.close()
+        lost = f"the link to the router on {endpoint} is lost; it is tried again and again"
+        eventually(lambda: lost in caplog.messages, what="the loss")
+    finally:
+        handle.close()
+
+
+def test_connect_endpoints_have_no_effect_where_another_program_hosts_the_router(zenoh_spec, router):
+    second = host_or_join(zenoh_spec.model_copy(update={"connect_endpoints": ("tcp/localhost:9",)}))
+    try:
+        assert "connect_endpoints of this file act only if that ends" in second.description
+    finally:
+        second.close()

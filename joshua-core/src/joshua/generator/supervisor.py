@@ -253,7 +253,10 @@ class Supervisor:
     def _stop_failed_start(self) -> None:
         failed = [record for record in self._records() if record.state == "failed"]
         if self._phase is Phase.STARTING and failed:
-            reasons = "; ".join(f"{record.spec.full_name}: {record.reason}" for record in failed)
+            names: dict[str, list[str]] = {}
+            for record in failed:
+                names.setdefault(record.reason, []).append(record.spec.full_name)
+            reasons = "; ".join(f"{', '.join(group)}: {reason}" for reason, group in names.items())
             self._stop(f"the start failed: {reasons}", failed[0].exit_code)
 
     def _restart_or_give_up(self, process: ManagedProcess) -> None:

@@ -42,7 +42,9 @@ def open_transport(spec: TransportSpec) -> Transport:
     """
     from joshua.messages import select_distro
     from joshua.transport.memory import keep_freed_memory
+    from joshua.transport.preconditions import require_usable
 
+    require_usable(spec)
     select_distro(spec.distro)
     keep_freed_memory()
     if spec.kind == "dds":

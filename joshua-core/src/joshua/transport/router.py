@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import threading
 from typing import Any
 
 from joshua.plan import TransportSpec
 from joshua.transport.errors import TransportError
+from joshua.transport.far_routers import FarRouters
+from joshua.transport.preconditions import require_usable
 
 _log = logging.getLogger("joshua.transport")
 _ANSWER_S = 2.0
 _LOOK_S = 0.2
+_IN_USE = f"os error {errno.EADDRINUSE}"
+_REMEDIES = {
+    f"os error {errno.EADDRNOTAVAIL}": (
+        "no interface of this machine has that address. Write localhost, 0.0.0.0 for every interface, or an "
+        "address that `ip address` lists"
+    ),
+    f"os error {errno.EACCES}": (
+        "the system allows ports below 1024 to its administrator only. Choose a higher port, such as 7447"
+    ),
+    "failed to lookup address": "the host is not known here. Write localhost, or an address of this machine",
+}
 
 
 class RouterHandle:
@@ -34,6 +48,7 @@ class RouterHandle:
         self._reach = str(own_router(spec))
         self._router: Any = None
         self._guest: Any = None
+        self._far: FarRouters | None = None
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._keeper: threading.Thread | None = None
@@ -47,11 +62,12 @@ class RouterHandle:
     def description(self) -> str:
         """What happened, for the start-up table."""
         where = ", ".join(self.endpoints)
-        return (
-            f"hosts the Zenoh router on {where}"
-            if self.hosting
-            else f"joined the Zenoh router on {self._reach}"
-        )
+        if self.hosting:
+            return f"hosts the Zenoh router on {where}"
+        joined = f"joined the Zenoh router on {self._reach}"
+        if self._spec.connect_endpoints:
+            joined += ", which another program hosts: connect_endpoints of this file act only if that ends"
+        return joined
 
     def start(self) -> None:
         """Hosts the router, or joins the one that listens already.
@@ -62,12 +78,16 @@ class RouterHandle:
         refusal = self._host()
         if self.hosting:
             return
+        if _IN_USE not in refusal:
+            raise TransportError(self._cannot_listen(refusal))
         self._join()
         if not self._router_answers(_ANSWER_S):
             self.close()
             raise TransportError(
-                f"the Zenoh router can neither listen on {', '.join(self.endpoints)} nor join one there: "
-                f"{refusal}. Stop what uses the port, or set other listen_endpoints in the transport block"
+                f"another program holds {', '.join(self.endpoints)} and does not answer as a Zenoh router"
+                f"{' with these certificates' if self._spec.tls else ''}, so this run can neither listen nor "
+                "join one there. Stop that program (`ss -ltnp` lists who listens), or set other "
+                "listen_endpoints in the transport block"
             )
         self._keeper = threading.Thread(target=self._keep, name="joshua-router-keeper", daemon=True)
         self._keeper.start()
@@ -79,6 +99,9 @@ class RouterHandle:
             self._keeper.join()
         from joshua.transport.zenoh.settings import close_session
 
+        if self._far is not None:
+            self._far.close()
+            self._far = None
         with self._lock:
             for session in (self._guest, self._router):
                 if session is not None:
@@ -87,17 +110,25 @@ class RouterHandle:
 
     def _host(self) -> str:
         """Tries to host; returns why it could not."""
-        import zenoh
-
         from joshua.transport.zenoh.settings import open_session, router_config
 
         try:
             router = open_session(router_config(self._spec))
-        except zenoh.ZError as error:
-            return str(error).split(" at /", 1)[0]
+        except TransportError as error:
+            return str(error)
         with self._lock:
             self._router = router
+            if self._spec.connect_endpoints:
+                self._far = FarRouters(router, self._spec.connect_endpoints)
         return ""
+
+    def _cannot_listen(self, refusal: str) -> str:
+        where = ", ".join(self.endpoints)
+        for mark, remedy in _REMEDIES.items():
+            if mark in refusal:
+                return f"the Zenoh router cannot listen on {where}: {remedy}"
+        remedy = "Set other listen_endpoints in the transport block"
+        return f"the Zenoh router cannot listen on {where}: {refusal}. {remedy}"
 
     def _join(self) -> None:
         from joshua.transport.zenoh.settings import guest_config, open_session
@@ -138,7 +169,9 @@ def host_or_join(spec: TransportSpec) -> RouterHandle | None:
         TransportError: the endpoints cannot be used.
     """
     if spec.kind != "zenoh" or spec.discovery_range == "OFF":
+        require_usable(spec)
         return None
+    require_usable(spec)
     handle = RouterHandle(spec)
     handle.start()
     return handle

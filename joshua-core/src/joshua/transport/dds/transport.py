@@ -129,8 +129,8 @@ def _enter_domain(spec: TransportSpec) -> None:
                     domain = Domain(spec.domain_id, config)
             except DDSException as error:
                 raise TransportError(
-                    f"DDS refuses the settings of domain {spec.domain_id}: {error} Check network_interface, "
-                    "peers and CYCLONEDDS_URI"
+                    f"DDS refuses the settings of domain {spec.domain_id} (the lines above say which): check "
+                    "CYCLONEDDS_URI, network_interface and peers"
                 ) from error
             present = (config, domain, 0)
         _domains[spec.domain_id] = (present[0], present[1], present[2] + 1)

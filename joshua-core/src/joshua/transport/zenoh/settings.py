@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import logging
 from typing import Any
 
 import zenoh
@@ -11,6 +13,8 @@ from joshua.plan import TransportSpec
 from joshua.transport.endpoints import Endpoint, read_endpoint
 from joshua.transport.errors import TransportError
 from joshua.transport.fork_guard import session_closed, session_opened
+
+_log = logging.getLogger("joshua.transport")
 
 # The router answers within milliseconds; this only bounds the wait where none runs.
 _OPEN_WAIT_MS = 200
@@ -150,19 +154,45 @@ def _common(spec: TransportSpec) -> dict[str, Any]:
     return values
 
 
-def open_session(config: zenoh.Config) -> Any:
+def open_session(config: zenoh.Config, *, warn: bool = True) -> Any:
     """Opens a session; close it with ``close_session``.
 
+    Where the system offers no shared memory, the session goes without.
+
+    Args:
+        config: of the session.
+        warn: whether a lack of shared memory is worth a warning; one process of a run is enough.
+
     Raises:
-        zenoh.ZError: Zenoh refuses the settings.
-        TransportError: this process was forked from one with an open session.
+        TransportError: Zenoh refuses the settings, or this process was forked from one with an open session.
     """
     session_opened()
     try:
         return zenoh.open(config)
-    except zenoh.ZError:
+    except zenoh.ZError as error:
+        reason = _reason(error)
+        if "shm" in reason:
+            with contextlib.suppress(zenoh.ZError):
+                return _open_without_shared_memory(config, reason, logging.WARNING if warn else logging.DEBUG)
         session_closed()
-        raise
+        raise TransportError(reason) from error
+
+
+def _open_without_shared_memory(config: zenoh.Config, reason: str, level: int) -> Any:
+    config.insert_json5("transport/shared_memory/enabled", "false")
+    session = zenoh.open(config)
+    _log.log(
+        level,
+        "no shared memory (%s): messages go through sockets, which costs large images about three times the "
+        "latency. See whether /dev/shm is there, writable and has room: df -h /dev/shm",
+        reason,
+    )
+    return session
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """What Zenoh said, without the place in its own sources."""
+    return str(error).split(" at /", 1)[0].rstrip(". ")
 
 
 def close_session(session: Any) -> None:

@@ -36,8 +36,8 @@ class ZenohTransport(Transport):
         self._closed = False
         self._process_id = os.getpid()
         try:
-            self.session: Any = open_session(session_config(spec))
-        except zenoh.ZError as error:
+            self.session: Any = open_session(session_config(spec), warn=False)
+        except TransportError as error:
             raise TransportError(f"the Zenoh session cannot be opened: {error}") from error
         self._zid = str(self.session.zid())
         self._events = Delivery("joshua-events", None, lambda event: event[0](*event[1:]))
