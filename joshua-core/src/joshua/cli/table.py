@@ -26,6 +26,11 @@ COMMANDS: tuple[Command, ...] = (
     Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
     Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
     Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
+    Command(
+        "find-port",
+        "joshua.cli.commands.find_port",
+        "list the USB serial adapters of this machine and the motors that answer there",
+    ),
     Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
     Command("topic", "joshua.cli.commands.topic", "list, watch and publish topics of a running graph"),
     Command("node", "joshua.cli.commands.node", "list the nodes of a running graph"),

@@ -13,8 +13,8 @@ import struct
 import sys
 import termios
 import time
-from pathlib import Path
 
+from joshua.devices.port_holders import describe_process, holders
 from joshua.devices.serial_errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
 from joshua.devices.usb_ports import Endpoint, PortEntry, describe_ports, resolve
 
@@ -242,33 +242,11 @@ def _forbidden(path: str) -> str:
 
 
 def _busy(path: str) -> str:
-    holders = ", ".join(_command(process) for process in _holders(path))
-    who = f"in use by {holders}" if holders else "in use by another process"
-    return f"{path}: the port is {who}. Stop that, or correct comm.serial; two programs cannot share a bus."
-
-
-def _holders(path: str) -> list[int]:
-    """Processes that have locked a device, else those that have it open, as far as Linux shows them."""
-    status = os.stat(path)  # noqa: PTH116 - follows links like open does
-    number = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
-    with contextlib.suppress(OSError, ValueError):
-        rows = [line.split() for line in Path("/proc/locks").read_text(encoding="ascii").splitlines()]
-        if locking := [int(row[4]) for row in rows if row[1] == "FLOCK" and row[5] == number]:
-            return locking
-    device = str(Path(path).resolve())
-    found = []
-    for folder in Path("/proc").glob("[0-9]*/fd"):
-        with contextlib.suppress(OSError):
-            if any(os.readlink(link) == device for link in folder.iterdir()):  # noqa: PTH115 - a link to a name
-                found.append(int(folder.parent.name))
-    return [process for process in found if process != os.getpid()]
-
-
-def _command(process: int) -> str:
-    with contextlib.suppress(OSError):
-        name = Path(f"/proc/{process}/comm").read_text(encoding="utf-8").strip()
-        return f"{name} (process {process}{', this one' if process == os.getpid() else ''})"
-    return f"process {process}"
+    who = ", ".join(map(describe_process, holders(path))) or "another process"
+    return (
+        f"{path}: the port is in use by {who}. Stop that, or correct comm.serial; "
+        "two programs cannot share a bus."
+    )
 
 
 def _reason(error: BaseException) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from joshua.devices.serial_errors import PortNotFound
@@ -17,12 +17,17 @@ class PortEntry:
         path: device path, such as ``/dev/ttyACM0``.
         serial_number, vid_pid: of the USB adapter, "" where it has none or is no USB device.
         by_id: path by the adapter's identity below ``/dev/serial/by-id``, "" where there is none.
+        product: what the adapter calls itself; driver: of the kernel, such as ``cdc_acm``.
+        place: where it is plugged in, such as ``1-2.3``: bus, then socket by socket; "" where unknown.
     """
 
     path: str
     serial_number: str = ""
     vid_pid: str = ""
     by_id: str = ""
+    product: str = ""
+    driver: str = ""
+    place: str = ""
 
     @property
     def identity(self) -> str:
@@ -74,9 +79,17 @@ def list_ports(device_root: str = "/") -> list[PortEntry]:
         path = root / "dev" / node.name
         usb = _usb_device(node)
         if usb is not None and path.exists():
-            serial_number = _read(usb / "serial")
-            vid_pid = f"{_read(usb / 'idVendor')}:{_read(usb / 'idProduct')}"
-            entries.append(PortEntry(str(path), serial_number, vid_pid, by_id.get(path.resolve(), "")))
+            entries.append(
+                PortEntry(
+                    str(path),
+                    _read(usb / "serial"),
+                    f"{_read(usb / 'idVendor')}:{_read(usb / 'idProduct')}",
+                    by_id.get(path.resolve(), ""),
+                    _read(usb / "product"),
+                    _driver(node),
+                    usb.name,
+                )
+            )
     return entries
 
 
@@ -107,7 +120,7 @@ def _by_path(path: str, ports: Iterable[PortEntry]) -> PortEntry:
     real = Path(path).resolve()
     for port in ports:
         if Path(port.path).resolve() == real:
-            return PortEntry(path, port.serial_number, port.vid_pid, port.by_id)
+            return replace(port, path=path)
     return PortEntry(path)
 
 
@@ -138,6 +151,15 @@ def _usb_device(node: Path) -> Path | None:
     return None
 
 
+def _driver(node: Path) -> str:
+    """Name of the kernel's driver of a tty; the tty of a USB-serial converter is a device of its own."""
+    device = (node / "device").resolve()
+    for folder in (device, device.parent):
+        if (folder / "driver").exists():
+            return (folder / "driver").resolve().name
+    return ""
+
+
 def _by_id_links(folder: Path) -> dict[Path, str]:
     if not folder.is_dir():
         return {}
@@ -152,7 +174,13 @@ def _list_by_pyserial() -> list[PortEntry]:
     from serial.tools import list_ports as tools
 
     return [
-        PortEntry(port.device, port.serial_number or "", f"{port.vid:04x}:{port.pid:04x}")
+        PortEntry(
+            port.device,
+            port.serial_number or "",
+            f"{port.vid:04x}:{port.pid:04x}",
+            product=port.product or "",
+            place=port.location or "",
+        )
         for port in sorted(tools.comports())
         if port.vid is not None
     ]

@@ -37,7 +37,7 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
         ),
         ("RANDOM_NOISE", "ACTION_MOCK"),
     ),
-    KnownPlugin("joshua-sts3215", ("sts3215_config",), (), ("find-port",)),
+    KnownPlugin("joshua-sts3215", ("sts3215_config",)),
     KnownPlugin("joshua-dynamixel", ("dynamixel_config",)),
     KnownPlugin("joshua-spike", ("spike_motor_config",), ("ACTION_SPIKE",)),
     KnownPlugin("joshua-camera", ("camera_config",), ("PERCEPTION_CAMERA",), ("find-cameras",)),

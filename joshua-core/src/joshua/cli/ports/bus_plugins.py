@@ -1,0 +1,35 @@
+"""The bus tools of the installed plugins."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from joshua.plugins import load_registry
+from joshua.plugins.targets import TargetError, load_target
+
+if TYPE_CHECKING:
+    from joshua.devices.bus_tools import BusTools
+    from joshua.plugins import Registry
+
+
+def installed_bus_tools(registry: Registry | None = None) -> dict[str, type[BusTools]]:
+    """Bus tools by the configuration block whose driver brings them, such as ``sts3215_config``.
+
+    One that cannot be imported is named on standard error and left out.
+    """
+    found: dict[str, type[BusTools]] = {}
+    for row in (registry or load_registry()).rows():
+        for provision in row.provisions:
+            if not provision.bus_tools or provision.block in found:
+                continue
+            try:
+                found[provision.block] = load_target(provision.bus_tools)
+            except TargetError as error:
+                sys.stderr.write(f"{row.distribution}: {error}\n")
+    return found
+
+
+def short_name(block: str) -> str:
+    """What a user calls a family on the command line: ``sts3215`` for ``sts3215_config``."""
+    return block.removesuffix("_config").rpartition(".")[2]

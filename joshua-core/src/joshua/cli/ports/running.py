@@ -1,0 +1,28 @@
+"""Which node of a running system holds a port."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+
+
+def node_that_holds(processes: Iterable[int]) -> str:
+    """Says which node of a running system is among some processes, and what to do; "" where none is."""
+    wanted = set(processes)
+    if not wanted:
+        return ""
+    from joshua.generator.control_server import ask
+    from joshua.generator.run_directory import SOCKET_NAME, base_directory, running_systems
+
+    for path, info in running_systems(base_directory(os.environ)):
+        try:
+            nodes = ask(path / SOCKET_NAME, {"request": "status"})["status"]["nodes"]
+        except (OSError, ValueError, KeyError):
+            continue  # it ends just now, or does not answer; the process is named all the same
+        for node in nodes:
+            if node["process_id"] in wanted:
+                return (
+                    f"in use by {node['full_name']} of {info.source}, which runs now: "
+                    f"`joshua stop` ends it (process {info.process_id})"
+                )
+    return ""

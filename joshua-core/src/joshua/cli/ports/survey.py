@@ -1,0 +1,72 @@
+"""Looks at serial ports one by one: can they be opened, who holds them, which motors answer there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from joshua.cli.ports.running import node_that_holds
+from joshua.devices.bus_tools import BusTools, FoundMotor
+from joshua.devices.errors import DeviceError
+from joshua.devices.port_holders import holders
+from joshua.devices.serial_errors import PortBusy
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint, PortEntry, list_ports, resolve
+
+Families = Mapping[str, type[BusTools]]
+
+
+@dataclass(frozen=True)
+class PortSurvey:
+    """What is known about one port.
+
+    Attributes:
+        problem: why it cannot be used, with what to do; "" where it can.
+        is_scanned: whether motors were looked for.
+        motors: those that answer, with the configuration block of their family.
+    """
+
+    entry: PortEntry
+    problem: str = ""
+    is_scanned: bool = False
+    motors: tuple[tuple[str, FoundMotor], ...] = ()
+
+
+def chosen_ports(paths: Iterable[str], device_root: str) -> list[PortEntry]:
+    """The ports that are named, else all USB serial ports. Raises nothing: a path may lead nowhere."""
+    named = [resolve(Endpoint(path, device_root=device_root)) for path in paths]
+    return named or list_ports(device_root)
+
+
+def survey(entries: Iterable[PortEntry], families: Families, device_root: str) -> Iterator[PortSurvey]:
+    """Looks at ports; with ``families`` every motor that answers is named, without them nothing is sent."""
+    for entry in entries:
+        yield _scan(entry, families, device_root) if families else PortSurvey(entry, access_problem(entry))
+
+
+def access_problem(entry: PortEntry) -> str:
+    """Why a port cannot be used, found without opening it."""
+    path = Path(entry.path)
+    if not path.exists():
+        return f"{path}: no such serial port"
+    if not os.access(path, os.R_OK | os.W_OK):
+        return f"{path}: this user may not open the port; joshua doctor says how to get that right"
+    return node_that_holds(holders(entry.path))
+
+
+def _scan(entry: PortEntry, families: Families, device_root: str) -> PortSurvey:
+    motors: list[tuple[str, FoundMotor]] = []
+    for block, tools_type in families.items():
+        port = SerialPort(Endpoint(entry.path, device_root=device_root), tools_type.baudrates[0])
+        try:
+            port.open()
+            motors += [(block, motor) for motor in tools_type(port).scan()]
+        except PortBusy as error:
+            return PortSurvey(entry, node_that_holds(holders(entry.path)) or str(error))
+        except DeviceError as error:
+            return PortSurvey(entry, str(error))
+        finally:
+            port.close()
+    return PortSurvey(entry, is_scanned=True, motors=tuple(motors))

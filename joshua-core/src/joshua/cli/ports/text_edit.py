@@ -1,0 +1,97 @@
+"""Changes scalar fields in the text of configuration files: comments and layout stay as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from joshua.config.lexer import tokenize
+from joshua.config.parser import Parser
+from joshua.config.problems import Problems
+from joshua.config.source import Source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from joshua.config.positions import Entry, Positions
+
+
+class EditError(Exception):
+    """A field cannot be written into the text; the message says where and why."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One change of one file's text: characters from ``start`` to ``end`` become ``text``."""
+
+    file: str
+    start: int
+    end: int
+    text: str
+
+
+def set_strings(positions: Positions, block_path: str, values: dict[str, str]) -> list[Edit]:
+    """Plans the edits that give string fields of a written block their values.
+
+    A field that is there keeps its place; a new one stands behind a neighbour, on a line of its own where
+    the neighbour has one.
+
+    Raises:
+        EditError: the block is not written in a file, or nothing is written in it.
+    """
+    edits: list[Edit] = []
+    anchor = _anchor(positions, block_path)
+    added: list[str] = []
+    for name, value in values.items():
+        entry = positions.entry(f"{block_path}.{name}")
+        if entry is None:
+            added.append(f"{name}: {_quoted(value)}")
+        else:
+            span = entry.value
+            edits.append(Edit(span.source.name, span.start, span.end, _quoted(value)))
+    if added:
+        edits.append(_addition(anchor, added))
+    return edits
+
+
+def apply_edits(text: str, edits: Iterable[Edit]) -> str:
+    """The text after the edits of one file. Raises EditError where it would no longer parse."""
+    name = ""
+    for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
+        text = text[: edit.start] + edit.text + text[edit.end :]
+        name = edit.file
+    source, problems = Source(name, text), Problems()
+    Parser(source, tokenize(source), problems).document()
+    if len(problems):
+        raise EditError(
+            f"{name}: the change would make the file unreadable: {problems.diagnostics()[0].message}"
+        )
+    return text
+
+
+def _anchor(positions: Positions, block_path: str) -> Entry:
+    for name in ("port", "serial_number", "vid_pid", "baudrate"):
+        entry = positions.entry(f"{block_path}.{name}")
+        if entry is not None:
+            return entry
+    raise EditError(f"{block_path} stands in no file: add comm {{ serial {{ port: … baudrate: … }} }} first")
+
+
+def _addition(anchor: Entry, fields: list[str]) -> Edit:
+    name, value = anchor.name, anchor.value
+    text = value.source.text
+    line_end = text.find("\n", value.end)
+    line_end = len(text) if line_end < 0 else line_end
+    rest = text[value.end : line_end].lstrip(" \t,;")
+    if value.source.is_first_on_line(name.start) and (not rest or rest.startswith("#")):
+        indentation = text[name.start - name.source.column(name.start) + 1 : name.start]
+        added = "".join(f"\n{indentation}{field}" for field in fields)
+        return Edit(value.source.name, line_end, line_end, added)
+    return Edit(value.source.name, value.end, value.end, "".join(f" {field}" for field in fields))
+
+
+def _quoted(value: str) -> str:
+    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+    if not escaped.isprintable():
+        raise EditError(f"{value!r} holds characters that a configuration does not take")
+    return f'"{escaped}"'

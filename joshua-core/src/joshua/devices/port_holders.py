@@ -1,0 +1,36 @@
+"""Which processes have a device open, as far as Linux shows them to this user."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+
+def holders(path: str, proc: Path = Path("/proc")) -> list[int]:
+    """Processes that have locked a device, else the others that have it open.
+
+    Args:
+        proc: where the processes are shown.
+    """
+    status = os.stat(path)  # noqa: PTH116 - follows links like open does
+    number = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+    with contextlib.suppress(OSError, ValueError):
+        rows = [line.split() for line in (proc / "locks").read_text(encoding="ascii").splitlines()]
+        if locking := [int(row[4]) for row in rows if row[1] == "FLOCK" and row[5] == number]:
+            return locking
+    device = str(Path(path).resolve())
+    found = []
+    for folder in proc.glob("[0-9]*/fd"):
+        with contextlib.suppress(OSError):
+            if any(os.readlink(link) == device for link in folder.iterdir()):  # noqa: PTH115 - a link to a name
+                found.append(int(folder.parent.name))
+    return [process for process in found if process != os.getpid()]
+
+
+def describe_process(process: int, proc: Path = Path("/proc")) -> str:
+    """Names a process for people, such as ``minicom (process 4711)``."""
+    with contextlib.suppress(OSError):
+        name = (proc / str(process) / "comm").read_text(encoding="utf-8").strip()
+        return f"{name} (process {process}{', this one' if process == os.getpid() else ''})"
+    return f"process {process}"

@@ -1,1 +1,0 @@
-"""Commands of ``joshua`` that this plugin brings."""
