@@ -24,10 +24,11 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     # The process beside an actuator, and the driver's link to it.
     "guardian": (),
     "devices": ("node", "guardian"),
+    "calibration": ("devices", "config"),
     "models": ("node",),
     "modes": ("config", "plugins"),
     "generator": ("modes", "config", "plugins", "transport", "ipc"),
-    "cli": ("generator", "devices", "models"),
+    "cli": ("generator", "calibration", "models"),
     "testing": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.
     "builtin_plugin": ("plugins",),

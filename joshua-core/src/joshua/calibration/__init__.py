@@ -1,0 +1,1 @@
+"""Calibrating arms by hand: the procedure, what shows it, and how its result is written."""
