@@ -182,7 +182,7 @@ def test_a_file_whose_nodes_all_name_hosts_asks_for_one(tmp_path):
         text = text.replace(f'node_name: "{name}"', f'node_name: "{name}" host: "jetson"')
     Path(path).write_text(text)
     (finding,) = [item for item in examine(Request(path)).diagnostics if item.code == "host-needed"]
-    assert finding.remedy == "add --host jetson"
+    assert finding.remedy == "Add --host jetson."
 
 
 def test_the_environment_chooses_the_transport(tmp_path, monkeypatch):
@@ -256,5 +256,5 @@ def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path
     found = examine(Request(path, purpose=Purpose.LAUNCH)).diagnostics
     (finding,) = [item for item in found if item.code == "native-missing"]
     assert finding.message == (
-        "joshua-core has no native implementation for follower, leader: the Python implementation runs"
+        "joshua-core has no native implementation for follower, leader: the Python implementation runs."
     )

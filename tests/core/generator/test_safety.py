@@ -75,7 +75,7 @@ def test_virtual_motors_have_no_guardian(tmp_path: Path) -> None:
 
 def test_virtual_motors_cannot_park(tmp_path: Path) -> None:
     item = finding(planned(tmp_path, f"{PARK} park_pose_rad: [0, 0]", block=MOCK), "safe-state-unfit")
-    assert item.message == "arm: the plugin of mock_motor_config cannot park"
+    assert item.message == "arm: the plugin of mock_motor_config cannot park."
     assert item.allowed == ("HOLD", "RELEASE")
     assert item.position is not None
 

@@ -142,7 +142,7 @@ def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: Provisio
     assert problem.field_path == f"{path}.position_max"
     assert problem.position == where
     assert problem.found == "1000"
-    assert problem.message == "position_max must be above position_min"
+    assert problem.message == "position_max must be above position_min."
     assert problem.allowed == ("more than position_min",)
     assert problem.remedy == "swap the two limits"
 
@@ -155,7 +155,7 @@ def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors
     )
     (problem,) = problems
     assert problem.field_path == "robot.actions[0].x.position_max"
-    assert problem.message == "position_max: Input should be less than or equal to 3"
+    assert problem.message == "position_max: Input should be less than or equal to 3."
     assert problem.allowed == ("at most 3.0",)
     assert problem.found == "4095"
     assert problem.position == around, "the innermost block that has a position"
@@ -166,7 +166,7 @@ def test_an_absent_inner_field_is_named_by_its_path(motors: Provision) -> None:
     block = config_pb2.STS3215Config(motor_ids=[1])
     _, problems = make_settings(provision("acme_settings_for_test:SerialSettings"), block, field_path="b")
     assert [(p.field_path, p.message) for p in problems] == [
-        ("b.comm.serial.port", "comm.serial.port: Field required")
+        ("b.comm.serial.port", "comm.serial.port: Field required.")
     ]
 
 

@@ -58,10 +58,10 @@ class EmulatedRig:
                 "emulator-missing",
                 Severity.ERROR,
                 f"{want.entry.node.node_name}: no installed plugin emulates {want.block_name}, "
-                "and --emulate never opens a real device",
+                "and --emulate never opens a real device.",
                 positions.name(want.block_path),
                 want.block_path,
-                remedy="pip install joshua-emulator, or leave the device out of the file",
+                remedy="pip install joshua-emulator, or leave the device out of the file.",
             )
             for want in self._wanted
             if self._provision(want) is None
@@ -71,10 +71,10 @@ class EmulatedRig:
             Diagnostic(
                 "fault-node-unknown",
                 Severity.ERROR,
-                f"--fault names {name!r}, which is no emulated device of the file",
+                f"--fault names {name!r}, which is no emulated device of the file.",
                 found=name,
                 allowed=tuple(names),
-                remedy="name one of the devices: --fault NODE:FAULT",
+                remedy="Name one of the devices: --fault NODE:FAULT.",
             )
             for name in self._faults
             if name not in names

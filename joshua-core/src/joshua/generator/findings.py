@@ -7,6 +7,7 @@ from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
 from joshua.plan import Diagnostic, Position, Related, Severity
+from joshua.plan.diagnostic import as_instruction, as_sentence
 
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
@@ -36,7 +37,17 @@ class Findings:
     ) -> None:
         """Adds one finding at a field path; the position is that of the value, else of its name."""
         self.items.append(
-            Diagnostic(code, severity, message, self._position(path), path, found, allowed, remedy, related)
+            Diagnostic(
+                code,
+                severity,
+                as_sentence(message),
+                self._position(path),
+                path,
+                found,
+                allowed,
+                as_instruction(remedy),
+                related,
+            )
         )
 
     def _position(self, path: str) -> Position | None:
@@ -101,7 +112,7 @@ class Findings:
             self.add(
                 "unknown-host",
                 Severity.ERROR,
-                f"no node of the file runs on the host {host!r}",
+                f"No node of the file runs on the host {host!r}",
                 found=host,
                 allowed=tuple(nearest_first(host, hosts)),
                 remedy="name a host of the file with --host, or set `host` in its nodes",
@@ -110,7 +121,7 @@ class Findings:
         self.add(
             "host-needed",
             Severity.ERROR,
-            "every node of the file names a host, so this machine's share is not known",
+            "Every node of the file names a host, so this machine's share is not known",
             allowed=tuple(hosts),
             remedy=f"add --host {hosts[0]}",
         )

@@ -24,7 +24,7 @@ def transport_spec(config: pb.Config, source: str, findings: Findings) -> Transp
         findings.add(
             "transport-environment",
             Severity.ERROR,
-            f"the environment variable {error.variable} has a value that ROS 2 does not know",
+            f"The environment variable {error.variable} has a value that ROS 2 does not know",
             found=f"{error.variable}={error.found}",
             allowed=error.allowed,
             remedy=error.remedy,

@@ -63,3 +63,19 @@ class Diagnostic:
     allowed: tuple[str, ...] = ()
     remedy: str = ""
     related: tuple[Related, ...] = ()
+
+
+# Programs that a remedy may begin with: they keep their lower case.
+_PROGRAMS = ("joshua", "pip", "sudo")
+
+
+def as_sentence(text: str) -> str:
+    """Ends a message with a full stop, unless it ends as a sentence already."""
+    return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
+def as_instruction(text: str) -> str:
+    """Begins a remedy with a capital letter, unless with a program's or a field's name, and ends it."""
+    first = text.split(maxsplit=1)[0] if text else ""
+    plain = first.rstrip(",;:").isalpha() and first not in _PROGRAMS
+    return as_sentence(text[0].upper() + text[1:] if plain else text) if text else ""

@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 from typing_extensions import Self
 
 from joshua.plan import Diagnostic, Position, Severity
+from joshua.plan.diagnostic import as_instruction, as_sentence
 from joshua.plugins.provision import Provision
 from joshua.plugins.targets import TargetError, load_target
 
@@ -143,10 +144,10 @@ def make_settings(
             Diagnostic(
                 code="broken-plugin",
                 severity=Severity.ERROR,
-                message=f"the plugin that provides {provision.block} is broken: {error}",
+                message=as_sentence(f"The plugin that provides {provision.block} is broken: {error}"),
                 position=_nearest_position(positions, field_path),
                 field_path=field_path,
-                remedy="install the plugin anew, or block it; joshua plugins --check lists the reasons",
+                remedy="Install the plugin anew, or block it; joshua plugins --check lists the reasons.",
             )
         ]
     try:
@@ -184,12 +185,14 @@ def settings_diagnostics(
             Diagnostic(
                 code="invalid-setting",
                 severity=Severity.ERROR,
-                message=message,
+                message=as_sentence(message),
                 position=_nearest_position(positions, path),
                 field_path=path,
                 found="" if found is None else _as_text(found),
                 allowed=allowed,
-                remedy=remedy or "change the value; joshua explain shows what the field means",
+                remedy=as_instruction(
+                    remedy or "Change the value; joshua explain shows what the field means"
+                ),
             )
         )
     return diagnostics

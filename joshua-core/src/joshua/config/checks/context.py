@@ -12,6 +12,7 @@ from joshua.config.field_facts import number_text
 from joshua.config.names import NameFault, topic_fault
 from joshua.config.topics import Endpoint, NodeEntry, endpoints, node_entries
 from joshua.plan import Diagnostic, Position, Related, Severity
+from joshua.plan.diagnostic import as_instruction, as_sentence
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 
@@ -209,9 +210,9 @@ class Context:
         if "position" not in details:
             details["position"] = self.position(path)
         if "remedy" in details:
-            details["remedy"] = _sentence(details["remedy"])
+            details["remedy"] = as_instruction(details["remedy"])
         return Diagnostic(
-            code=code, severity=severity, message=_sentence(message), field_path=path, **details
+            code=code, severity=severity, message=as_sentence(message), field_path=path, **details
         )
 
     def _enclosing(self, path: str) -> Position | None:
@@ -223,10 +224,6 @@ class Context:
         for file in self.loaded.sources:
             return Position(file=file, line=1, column=1)
         return None
-
-
-def _sentence(text: str) -> str:
-    return text if text.endswith((".", "?", "!")) else f"{text}."
 
 
 def is_command(item: Endpoint) -> bool:
