@@ -59,7 +59,7 @@ def test_an_unknown_scheme_names_the_nearest() -> None:
     assert found.message == "htp:// is no address of a camera that can be read."
     assert found.allowed[0] == "http://"
     assert found.found == '"htp://phone/video"'
-    assert "copy the stream's address" in found.remedy
+    assert "Copy the stream's address" in found.remedy
 
 
 @pytest.mark.parametrize("source", ["http:///video", "http://phone:70000/video", "http://phone:x/video"])
