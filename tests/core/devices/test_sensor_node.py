@@ -241,3 +241,32 @@ def test_a_mock_camera_runs_at_its_rate_without_losing_a_frame() -> None:
     rows = {check: passed for check, passed, _ in node.test_results()}
     assert rows["readings in order"]
     assert rows["readings plausible"]
+
+
+def diagnosis(context: RecordingContext) -> tuple[int, str, dict[str, str]]:
+    context.tick("diagnostics")
+    status = context.publishers["/diagnostics"].messages[-1].status[0]
+    return status.level, status.message, {pair.key: pair.value for pair in status.values}
+
+
+def test_diagnostics_tell_a_lost_sensor_from_a_good_one(scripted: Any) -> None:
+    context, node = start(scripted_spec())
+    scripted.script.put((10**9, 0, 10))
+    wait_until(lambda: values(context) == [10])
+    assert diagnosis(context) == (
+        0, "in order", {"readings": "1", "lost": "0", "repeated": "0", "reconnections": "0"},
+    )  # fmt: skip
+    scripted.refusals = 10**6
+    scripted.script.put(DeviceDisconnected("the cable is gone"))
+    wait_until(lambda: diagnosis(context)[0] == 2)
+    assert diagnosis(context)[1] == "connection lost: the cable is gone"
+    scripted.refusals = 0
+    wait_until(lambda: diagnosis(context)[:2] == (0, "in order"))
+    end(context, node)
+
+
+def test_diagnostics_tell_a_silent_sensor(scripted: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sensor_node, "SILENCE_S", 0.05)
+    context, node = start(scripted_spec())
+    wait_until(lambda: diagnosis(context)[:2] == (3, "delivers nothing: check its cable and power"))
+    end(context, node)

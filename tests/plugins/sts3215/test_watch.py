@@ -1,8 +1,10 @@
 import re
 
+import numpy as np
 import pytest
+from joshua.devices.diagnostics import ERROR, OK, WARN
 from joshua.devices.servo.counters import BusCounters
-from joshua.devices.servo.diagnostics import ERROR, OK, WARN, bus_row, joint_rows
+from joshua.devices.servo.diagnostics import bus_row, joint_rows
 from joshua.devices.servo.feedback import Feedback
 from joshua.devices.servo.watch import HealthLimits, HealthWatch
 from joshua_sts3215.feedback import parse_feedback
@@ -50,12 +52,15 @@ def test_a_voltage_must_be_wrong_for_a_while() -> None:
 
 def test_rows_tell_levels_and_values() -> None:
     hot, overloaded = GOOD._replace(temperature_c=65), GOOD._replace(status=StatusBit.OVERLOAD)
-    rows = joint_rows(["pan", "lift"], [1, 2], [hot, overloaded], watch(), "usb:SN1")
+    motion = (np.array([0.5, -0.25]), np.array([0.0, 1.5]))
+    rows = joint_rows(["pan", "lift"], [1, 2], [hot, overloaded], motion, watch(), "usb:SN1")
     assert [row.level for row in rows] == [WARN, ERROR]
     assert [row.message for row in rows] == ["hot: 65 °C of at most 70 °C", "overloaded"]
     assert rows[1].hardware_id == "usb:SN1 id 2"
     assert rows[0].values["temperature_c"] == "65"
-    assert joint_rows(["pan"], [1], [GOOD], watch(), "")[0].level == OK
+    assert [row.values["position_rad"] for row in rows] == ["0.5000", "-0.2500"]
+    assert rows[1].values["velocity_rad_s"] == "1.500"
+    assert joint_rows(["pan"], [1], [GOOD], motion, watch(), "")[0].level == OK
 
 
 def test_the_bus_row_counts_what_was_lost_since_the_last() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from joshua.devices.calibration_target import CalibrationTarget
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
 
@@ -115,6 +116,14 @@ class Actuator(ABC):
             NotImplementedError: the provision names a safe-stop action, and its driver does not prepare it.
         """
         raise NotImplementedError(f"{type(self).__name__} prepares no safe stop: override safe_stop_request")
+
+    def diagnostics(self) -> Sequence[DiagnosticStatus]:
+        """What ``/diagnostics`` says of the device once a second: one row for each part, as last read.
+
+        Called between two control cycles: no input or output here. None by default; the node adds a row for
+        the whole actuator, and one for each joint where there are none.
+        """
+        return ()
 
     def calibration_target(self) -> CalibrationTarget:
         """What a calibration works on, which opens the device itself; this object stays unconnected.

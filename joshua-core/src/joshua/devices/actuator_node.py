@@ -7,8 +7,10 @@ from typing import Any
 
 from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_safety import ActuatorSafety
+from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
 from joshua.devices.command_intake import CommandIntake, leader_mappings
+from joshua.devices.diagnostics import DiagnosticsPublisher
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
@@ -57,6 +59,8 @@ class ActuatorNode(NodeBehaviour):
         self._last_state = GoalState.WAITING
         self._test = ActuatorTest(spec)
         self._safety = ActuatorSafety(context)
+        self._status = ActuatorStatus(spec)
+        self._diagnostics: DiagnosticsPublisher | None = None
 
     def configure(self) -> None:
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
@@ -83,6 +87,7 @@ class ActuatorNode(NodeBehaviour):
             self._written = self.context.publisher(
                 TopicSpec(name="~/command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
             )
+        self._diagnostics = DiagnosticsPublisher(self.context, lambda: self._status.rows(actuator))
         if not self._is_leader:
             overriding = [other["node"] for other in spec.context.get("take_over", ())]
             take_over = TakeOver(overriding, self.context.log) if overriding else None
@@ -104,6 +109,8 @@ class ActuatorNode(NodeBehaviour):
             self._timer_runs = True
             self.context.create_timer(1 / self._rate_hz, self._control, name="control")
             self._safety.create_timer()
+            if self._diagnostics is not None:
+                self._diagnostics.start()
 
     def energise(self) -> None:
         """Gives torque to the joints where they are; from then on they follow commands."""
@@ -176,7 +183,7 @@ class ActuatorNode(NodeBehaviour):
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever the device raises fails the node."""
         actuator, goals = self._device()
-        reading = actuator.read()
+        reading = self._status.reading = actuator.read()
         for publisher, limit, meter in self._states:
             if limit is None or limit.passes(reading.stamp_ns):
                 publisher.publish(self._message(reading))
@@ -188,6 +195,7 @@ class ActuatorNode(NodeBehaviour):
         written = actuator.write(goals.step(now_ns))
         self._publish_written(written)
         self._test.written(written, following=goals.state is GoalState.FOLLOWING and not goals.ramping)
+        self._status.doing = goals.state.value
         self._report_state(goals.state)
 
     def _message(self, reading: JointReading) -> Any:

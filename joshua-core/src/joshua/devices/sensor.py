@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceError
 
 
@@ -68,6 +70,13 @@ class Sensor(ABC):
         """What cannot be true about a reading, one sentence for MODE_TEST; "" where all is well."""
         del reading
         return ""
+
+    def diagnostics(self) -> Sequence[DiagnosticStatus]:
+        """Rows for ``/diagnostics`` beside the one that the node makes; called while ``read`` runs.
+
+        No input or output here.
+        """
+        return ()
 
     def require_connected(self, verb: str) -> None:
         """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""

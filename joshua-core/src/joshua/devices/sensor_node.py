@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from joshua.devices.diagnostics import ERROR, OK, STALE, DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
@@ -38,6 +39,8 @@ class SensorNode(NodeBehaviour):
         self._repeated = 0
         self._reconnections = 0
         self._implausible: list[str] = []
+        self._trouble: tuple[int, str] = (OK, "")
+        self._diagnostics: DiagnosticsPublisher | None = None
 
     def configure(self) -> None:
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
@@ -59,12 +62,15 @@ class SensorNode(NodeBehaviour):
             (self.context.publisher(topic), RateLimit(topic.rate_hz), RateMeter())
             for topic in spec.publishers
         ]
+        self._diagnostics = DiagnosticsPublisher(self.context, self._diagnostic_rows)
 
     def activate(self) -> None:
         """Starts the reader."""
         if not self._reader_runs:
             self._reader_runs = True
             self.context.spawn_thread(self._read, name="sensor")
+            if self._diagnostics is not None:
+                self._diagnostics.start()
 
     def cleanup(self) -> None:
         """Closes the device."""
@@ -88,6 +94,20 @@ class SensorNode(NodeBehaviour):
             rows.append(("connection", False, f"lost {self._reconnections} times"))
         return rows
 
+    def _diagnostic_rows(self) -> list[DiagnosticStatus]:
+        """One row of the sensor as the node sees it, and those of its driver."""
+        assert self._sensor is not None
+        level, trouble = self._trouble
+        spec = self.context.spec
+        values = {
+            "readings": str(self._readings),
+            "lost": str(self._lost),
+            "repeated": str(self._repeated),
+            "reconnections": str(self._reconnections),
+        }
+        row = DiagnosticStatus(level, "", trouble or "in order", f"{spec.plugin} {spec.block}", values)
+        return [row, *self._sensor.diagnostics()]
+
     def _read(self) -> None:
         """Reads until the stop."""
         sensor = self._sensor
@@ -103,10 +123,11 @@ class SensorNode(NodeBehaviour):
             if reading is not None:
                 if silent:
                     self.context.log.info("the sensor delivers again")
-                quiet_since, silent = time.monotonic(), False
+                quiet_since, silent, self._trouble = time.monotonic(), False, (OK, "")
                 self._take(sensor, reading)
             elif not silent and time.monotonic() - quiet_since > SILENCE_S:
                 silent = True
+                self._trouble = (STALE, "delivers nothing: check its cable and power")
                 self.context.log.warning(
                     "the sensor has delivered nothing for %g s: check its cable and power", SILENCE_S
                 )
@@ -137,6 +158,7 @@ class SensorNode(NodeBehaviour):
     def _reconnect(self, sensor: Sensor, reason: DeviceDisconnected) -> None:
         """Closes and opens the device until that works or the node stops; waits longer each time."""
         self._reconnections += 1
+        self._trouble = (ERROR, f"connection lost: {reason}")
         self._last = None  # the device may count from 0 again
         wait_s = RECONNECT_FIRST_S
         self.context.log.warning("connection lost: %s; trying again until it is back", reason)
@@ -150,6 +172,7 @@ class SensorNode(NodeBehaviour):
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
                 self.context.log.warning("not back yet: %s; next attempt in %g s", error, wait_s)
             else:
+                self._trouble = (OK, "")
                 self.context.log.info("the connection is back")
                 return
 

@@ -11,10 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.diagnostics import DiagnosticStatus, bus_row, joint_rows
+from joshua.devices.servo.diagnostics import bus_row, joint_rows
 from joshua.devices.servo.errors import NotCalibrated, NotEnabled, SafetyTripped
 from joshua.devices.servo.family import ServoFamily
 from joshua.devices.servo.feedback import Feedback
@@ -260,14 +261,19 @@ class ServoArm(Actuator):
             self._port.close()
 
     def diagnostics(self) -> list[DiagnosticStatus]:
-        """Rows for a DiagnosticArray: one for each joint as last read, and one for the bus."""
+        """One row for each joint as last read, and one for the bus."""
         with self._lock:
             hardware_id = self.identity or self._port.entry.path
             row = bus_row(self._bus.counters, self._lost_reported, hardware_id)
             self._lost_reported = self._lost
             if not self._readings:
                 return [row]
-            return [*joint_rows(self.joint_names, self._ids, self._readings, self._watch, hardware_id), row]
+            motion = (
+                self._map.radians([reading.position for reading in self._readings]),
+                self._map.radians_per_second([reading.speed for reading in self._readings]),
+            )
+            names, ids = self.joint_names, self._ids
+            return [*joint_rows(names, ids, self._readings, motion, self._watch, hardware_id), row]
 
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0

@@ -1,36 +1,29 @@
-"""The state of an arm as data of ``diagnostic_msgs/msg/DiagnosticArray``."""
+"""The state of an arm and its bus as rows of diagnostics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
+from joshua.devices.actuator import FloatArray
+from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
 from joshua.devices.servo.counters import BusCounters
 from joshua.devices.servo.feedback import Feedback
 from joshua.devices.servo.watch import HealthWatch
-
-OK, WARN, ERROR, STALE = range(4)
-
-
-@dataclass(frozen=True)
-class DiagnosticStatus:
-    """One row; the fields are those of ``diagnostic_msgs/msg/DiagnosticStatus``."""
-
-    level: int
-    name: str
-    message: str
-    hardware_id: str
-    values: Mapping[str, str] = field(default_factory=dict)
 
 
 def joint_rows(
     names: Sequence[str],
     ids: Sequence[int],
     readings: Sequence[Feedback],
+    motion: tuple[FloatArray, FloatArray],
     watch: HealthWatch,
     hardware_id: str,
 ) -> list[DiagnosticStatus]:
-    """One row for each joint: temperature, voltage, current, load and the servo's status bits."""
+    """One row for each joint: temperature, voltage, current, load and the servo's status bits.
+
+    Args:
+        motion: positions in rad and velocities in rad/s of the readings, shape (N,).
+    """
     rows = []
     for index, (name, servo_id, reading) in enumerate(zip(names, ids, readings, strict=True)):
         warning = watch.warning(index, reading)
@@ -42,8 +35,8 @@ def joint_rows(
                 warning or "in order",
                 f"{hardware_id} id {servo_id}",
                 {
-                    "position_ticks": str(reading.position),
-                    "speed_ticks_s": f"{reading.speed:.0f}",
+                    "position_rad": f"{motion[0][index]:.4f}",
+                    "velocity_rad_s": f"{motion[1][index]:.3f}",
                     "load": f"{reading.load:+.3f}",
                     "voltage_v": f"{reading.voltage_v:.1f}",
                     "temperature_c": str(reading.temperature_c),

@@ -1,0 +1,75 @@
+"""The state of a device as rows of ``diagnostic_msgs/msg/DiagnosticArray``, once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from joshua.messages.make import header
+from joshua.messages.typestore import message_class
+from joshua.node.behaviour import NodeContext
+from joshua.plan import TopicSpec
+
+OK, WARN, ERROR, STALE = range(4)
+
+#: Where ROS 2 tools look for the state of every device of a graph.
+TOPIC = TopicSpec(name="/diagnostics", type_name="diagnostic_msgs/msg/DiagnosticArray", rate_hz=1.0)
+
+
+@dataclass(frozen=True)
+class DiagnosticStatus:
+    """One row; the fields are those of ``diagnostic_msgs/msg/DiagnosticStatus``.
+
+    Attributes:
+        name: part of the device, such as a joint; "" for the whole of it.
+        message: one sentence for a person; hardware_id: identity of the device.
+        values: what was measured, the unit in the name: ``temperature_c``.
+    """
+
+    level: int
+    name: str
+    message: str
+    hardware_id: str
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+class DiagnosticsPublisher:
+    """Publishes the rows of one node on ``/diagnostics`` at 1 Hz, on the node's thread.
+
+    Args:
+        context: of the node.
+        rows: says what was read last; no input or output, so that the control loop never waits for it.
+    """
+
+    def __init__(self, context: NodeContext, rows: Callable[[], Sequence[DiagnosticStatus]]) -> None:
+        self._context = context
+        self._rows = rows
+        self._publisher = context.publisher(TOPIC)
+
+    def start(self) -> None:
+        """Creates the timer."""
+        self._context.create_timer(1 / TOPIC.rate_hz, self.publish, name="diagnostics")
+
+    def publish(self) -> None:
+        """Publishes the rows of now; none, where there are none."""
+        rows = self._rows()
+        if rows:
+            self._publisher.publish(diagnostic_array(self._context.spec.full_name, rows))
+
+
+def diagnostic_array(node: str, rows: Sequence[DiagnosticStatus]) -> Any:
+    """Makes the message; the names of the rows begin with that of the node, as is the custom of ROS 2."""
+    status = message_class("diagnostic_msgs/msg/DiagnosticStatus")
+    pair = message_class("diagnostic_msgs/msg/KeyValue")
+    messages = [
+        status(
+            row.level,
+            f"{node.lstrip('/')}: {row.name}" if row.name else node.lstrip("/"),
+            row.message,
+            row.hardware_id,
+            [pair(key, value) for key, value in row.values.items()],
+        )
+        for row in rows
+    ]
+    return message_class("diagnostic_msgs/msg/DiagnosticArray")(header(), messages)
