@@ -64,7 +64,9 @@ def check_file(request: Request) -> Checked:
     registry = load_registry(blocked=tuple(request.blocked_plugins))
     loaded = load(request.path, overrides=request.overrides, message_types=registry.message_modules())
     diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded)]
-    diagnostics += check_paths(loaded, launch=request.launch, host=request.host)
+    diagnostics += check_paths(
+        loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged
+    )
     return Checked(request, registry, loaded, diagnostics)
 
 

@@ -10,6 +10,7 @@ from joshua.generator.devices import Wanted
 from joshua.generator.findings import Findings
 from joshua.generator.resolution import Resolved
 from joshua.generator.safety import safety_context
+from joshua.generator.services import PHYSICS_BLOCKS, PHYSICS_GROUP
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plugins import ProvisionKind, Registry
 from joshua.plugins.targets import behaviour_of
@@ -77,7 +78,7 @@ class NodePlanner:
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),
-            process_group=node.process_group,
+            process_group=node.process_group or (PHYSICS_GROUP if want.block_name in PHYSICS_BLOCKS else ""),
             interpreter=node.python,
             host=node.host,
             restart=RESTART.get(node.restart, "on-failure"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from joshua.generator.devices import wanted_nodes
 from joshua.generator.findings import Findings
 from joshua.generator.resolution import Resolved, Resolver
-from joshua.generator.services import ResolvedService, resolve_services
+from joshua.generator.services import ResolvedService, physics_of, resolve_services
 from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic, Severity
 from joshua.schema import config_pb2 as pb
@@ -45,9 +45,9 @@ class Planning:
     def resolve(self) -> None:
         """Finds the implementations and checks the settings, which is all that validation needs."""
         config, share = self._config, mode_share(self._config)
+        self._services = resolve_services(config, self._registry, share, self._findings, self._request.path)
         wanted = wanted_nodes(config, devices=share.devices, models=share.models)
-        self._nodes = self._resolver.resolve(wanted)
-        self._services = resolve_services(config, self._registry, share, self._findings)
+        self._nodes = self._resolver.resolve(wanted, physics_of(self._services))
 
     def plan(self) -> Plan | None:
         """Makes the plan of what was resolved; None where the transport cannot be chosen."""

@@ -9,6 +9,7 @@ from typing import Any
 from joshua.generator.devices import Wanted, joints_of
 from joshua.generator.findings import Findings
 from joshua.generator.safety import check_safety
+from joshua.generator.services import PHYSICS_BLOCKS
 from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
 from joshua.schema import calibration_pb2, data_type_pb2, data_types
@@ -56,8 +57,12 @@ class Resolver:
         self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
         self.joints: dict[str, list[dict[str, Any]]] = {}
 
-    def resolve(self, wanted: list[Wanted]) -> list[Resolved]:
-        """Resolves all nodes whose plugin is installed; the others become findings."""
+    def resolve(self, wanted: list[Wanted], physics: Mapping[str, Any]) -> list[Resolved]:
+        """Resolves all nodes whose plugin is installed; the others become findings.
+
+        Args:
+            physics: what simulated devices must know of the simulation; empty where there is none.
+        """
         resolved = []
         missing: dict[tuple[ProvisionKind, str], list[Wanted]] = {}
         for want in wanted:
@@ -67,6 +72,8 @@ class Resolver:
                 missing.setdefault(key, []).append(want)
             calibration = self._calibrations.get(want.entry.node.node_name)
             context = self._context(want, calibration)
+            if want.block_name in PHYSICS_BLOCKS:
+                context |= physics
             settings = None
             if provision is not None:
                 settings, problems = self._settings(want, provision, context)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from joshua.generator.findings import Findings
@@ -13,6 +14,13 @@ from joshua.schema import simulation_pb2
 
 if TYPE_CHECKING:
     from joshua.plan import NodeSpec
+
+
+#: The process in which one physics stands for any number of devices.
+PHYSICS_GROUP = "simulation"
+
+#: Blocks of devices that are part of the simulated model.
+PHYSICS_BLOCKS = ("sim_config", "sim_camera_config")
 
 
 @dataclass(frozen=True)
@@ -32,16 +40,27 @@ class Service:
 
 @dataclass(frozen=True)
 class ResolvedService:
-    """A service block with the provision that runs it."""
+    """A service block with the provision that runs it.
+
+    Attributes:
+        settings: the checked settings model; None where the provision has none.
+        context: further facts for the service, such as the folder at which relative paths start.
+    """
 
     service: Service
     provision: Provision
+    settings: Any
+    context: dict[str, Any]
 
 
 def resolve_services(
-    config: pb.Config, registry: Registry, share: ModeShare, findings: Findings
+    config: pb.Config, registry: Registry, share: ModeShare, findings: Findings, source: str
 ) -> list[ResolvedService]:
-    """Finds what runs the service blocks of a mode; a missing plugin becomes a finding."""
+    """Finds what runs the service blocks of a mode, and checks their settings; problems become findings.
+
+    Args:
+        source: the configuration file, at whose folder relative paths start.
+    """
     resolved = []
     for service in _present(config, share):
         provision = registry.find(service.kind, service.name, service.enum_value)
@@ -51,8 +70,41 @@ def resolve_services(
                 service.path, service.kind, service.enum_value, registry, required=required
             )
         else:
-            resolved.append(ResolvedService(service, provision))
+            context = {"folder": _folder(service, findings, source)}
+            settings = _settings(service, provision, context, findings)
+            resolved.append(ResolvedService(service, provision, settings, context))
     return resolved
+
+
+def _settings(service: Service, provision: Provision, context: dict[str, Any], findings: Findings) -> Any:
+    if not provision.settings:
+        return None
+    from joshua.plugins.settings import make_settings
+
+    settings, problems = make_settings(
+        provision,
+        service.block,
+        context=context,
+        field_path=service.path,
+        positions=findings.positions,
+    )
+    findings.items += problems
+    return settings
+
+
+def _folder(service: Service, findings: Findings, source: str) -> str:
+    """Folder of the file that holds a block."""
+    position = findings.positions.value(service.path)
+    named_in = position.file if position is not None and Path(position.file).is_file() else source
+    return str(Path(named_in).absolute().parent)
+
+
+def physics_of(services: list[ResolvedService]) -> dict[str, Any]:
+    """What simulated devices must know of the simulation that they are part of; empty where there is none."""
+    for resolved in services:
+        if resolved.service.kind is ProvisionKind.SIMULATOR and resolved.settings is not None:
+            return {"simulation": resolved.settings.model_dump(mode="json")}
+    return {}
 
 
 def service_spec(resolved: ResolvedService, registry: Registry) -> NodeSpec:
@@ -61,7 +113,8 @@ def service_spec(resolved: ResolvedService, registry: Registry) -> NodeSpec:
 
     from joshua.plan import NodeKind, NodeSpec
 
-    service, provision = resolved.service, resolved.provision
+    service, provision, settings = resolved.service, resolved.provision, resolved.settings
+    values = json_format.MessageToDict(service.block, preserving_proto_field_name=True)
     return NodeSpec(
         name=service.name,
         kind=NodeKind.SERVICE,
@@ -71,7 +124,9 @@ def service_spec(resolved: ResolvedService, registry: Registry) -> NodeSpec:
         behaviour=provision.behaviour or provision.implementation,
         implementation=provision.implementation,
         settings_type=provision.settings,
-        settings=json_format.MessageToDict(service.block, preserving_proto_field_name=True),
+        settings=values if settings is None else settings.model_dump(mode="json"),
+        context=resolved.context,
+        process_group=PHYSICS_GROUP if service.kind is ProvisionKind.SIMULATOR else "",
     )
 
 

@@ -42,6 +42,8 @@ class Provision:
             state without the driver, and returns a report with ``complete`` and ``joints``; "" if none.
         bus_tools: import string of the ``BusTools`` of an actuator on a bus of motors, with which `joshua
             find-port`, `joshua motors` and `joshua doctor` work outside a run; "" where there is no such bus.
+        packaged_files: import string of a light function that takes a name, such as a ``model_path``, and
+            returns the path of the file of that name which ships with the plugin, or None; "" if none.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
     """
 
@@ -57,4 +59,5 @@ class Provision:
     summary: str = ""
     safe_stop: str = ""
     bus_tools: str = ""
+    packaged_files: str = ""
     virtual: bool = False

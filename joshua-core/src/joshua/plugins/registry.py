@@ -8,6 +8,7 @@ from enum import Enum
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION
 from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins.targets import TargetError, load_target
 
 
 class PluginStatus(str, Enum):
@@ -101,6 +102,18 @@ class Registry:
             if mine is provision:
                 return row
         raise KeyError(f"{provision.implementation} is not a provision of this registry")
+
+    def is_packaged(self, name: str) -> bool:
+        """Whether a file of this name ships with a plugin, such as the model ``so_arm100/scene.xml``."""
+        for provision, _ in self._usable:
+            if provision.packaged_files:
+                try:
+                    found = load_target(provision.packaged_files)(name)
+                except TargetError:
+                    continue  # `joshua plugins --check` says what is wrong with it
+                if found is not None:
+                    return True
+        return False
 
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""

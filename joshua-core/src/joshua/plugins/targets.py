@@ -66,6 +66,7 @@ def check_targets(provision: Provision) -> list[str]:
         ("native", provision.native, _base_class(provision)),
         ("safe_stop", provision.safe_stop, ""),
         ("bus_tools", provision.bus_tools, _BUS_TOOLS_BASE),
+        ("packaged_files", provision.packaged_files, ""),
     ]
     problems: list[str] = []
     for role, import_string, base_string in wanted:

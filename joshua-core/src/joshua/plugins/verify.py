@@ -163,6 +163,7 @@ def _import_string_problems(provision: Provision) -> list[str]:
         "native": provision.native,
         "safe_stop": provision.safe_stop,
         "bus_tools": provision.bus_tools,
+        "packaged_files": provision.packaged_files,
     }
     return [
         f"{name} is {text!r}, not an import string such as acme.gripper:Gripper"

@@ -319,10 +319,18 @@ class MockMotorConfig(_message.Message):
     def __init__(self, num_motors: _Optional[int] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., time_constant_s: _Optional[float] = ...) -> None: ...
 
 class SimActuatorConfig(_message.Message):
-    __slots__ = ("actuators",)
+    __slots__ = ("actuators", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file")
     ACTUATORS_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    MOTION_AMPLITUDE_RAD_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FREQUENCY_HZ_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FILE_FIELD_NUMBER: _ClassVar[int]
     actuators: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, actuators: _Optional[_Iterable[str]] = ...) -> None: ...
+    motion: MockMotion
+    motion_amplitude_rad: float
+    motion_frequency_hz: float
+    motion_file: str
+    def __init__(self, actuators: _Optional[_Iterable[str]] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ...) -> None: ...
 
 class SpikeMotorConfig(_message.Message):
     __slots__ = ("comm", "port_names")

@@ -16,28 +16,49 @@ class SimulationMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     PASSIVE: _ClassVar[SimulationMode]
     MIRROR: _ClassVar[SimulationMode]
     OFFSCREEN: _ClassVar[SimulationMode]
+
+class DivergencePolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    DIVERGENCE_RESET: _ClassVar[DivergencePolicy]
+    DIVERGENCE_STOP_RUN: _ClassVar[DivergencePolicy]
 SIMULATION_MODE_UNSPECIFIED: SimulationMode
 INTERACTIVE: SimulationMode
 PASSIVE: SimulationMode
 MIRROR: SimulationMode
 OFFSCREEN: SimulationMode
+DIVERGENCE_RESET: DivergencePolicy
+DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    REAL_TIME_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    ON_DIVERGENCE_FIELD_NUMBER: _ClassVar[int]
+    JOINT_STATE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     mode: SimulationMode
     model_path: str
     mirror_topic_mappings: _containers.RepeatedCompositeFieldContainer[MirrorTopicMapping]
     plugin_config: _any_pb2.Any
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
+    real_time_factor: float
+    keyframe: str
+    on_divergence: DivergencePolicy
+    joint_state_rate_hz: float
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ...) -> None: ...
 
 class MirrorTopicMapping(_message.Message):
-    __slots__ = ("ros_topic", "mujoco_actuator")
+    __slots__ = ("ros_topic", "mujoco_actuator", "offset", "scale", "joint")
     ROS_TOPIC_FIELD_NUMBER: _ClassVar[int]
     MUJOCO_ACTUATOR_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
+    JOINT_FIELD_NUMBER: _ClassVar[int]
     ros_topic: str
     mujoco_actuator: str
-    def __init__(self, ros_topic: _Optional[str] = ..., mujoco_actuator: _Optional[str] = ...) -> None: ...
+    offset: float
+    scale: float
+    joint: str
+    def __init__(self, ros_topic: _Optional[str] = ..., mujoco_actuator: _Optional[str] = ..., offset: _Optional[float] = ..., scale: _Optional[float] = ..., joint: _Optional[str] = ...) -> None: ...

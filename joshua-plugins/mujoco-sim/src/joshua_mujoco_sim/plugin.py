@@ -3,10 +3,39 @@
 from __future__ import annotations
 
 from joshua.plugins.hooks import hookimpl
-from joshua.plugins.provision import Provision
+from joshua.plugins.provision import Provision, ProvisionKind
 
 
 @hookimpl
 def joshua_provisions() -> list[Provision]:
-    """Names what simulates; models are listed by ``joshua models``."""
-    return []
+    """Names the simulator and the devices that are part of it."""
+    return [
+        Provision(
+            kind=ProvisionKind.SIMULATOR,
+            block="simulation",
+            enum_values=("MIRROR", "OFFSCREEN"),
+            implementation="joshua_mujoco_sim.node:SimulatorNode",
+            behaviour="joshua_mujoco_sim.node:SimulatorNode",
+            settings="joshua_mujoco_sim.settings:SimulationSettings",
+            packaged_files="joshua_mujoco_sim.catalog:find_packaged",
+            summary="MuJoCo physics: digital twin, and rendering without a window",
+        ),
+        Provision(
+            kind=ProvisionKind.ACTUATOR,
+            block="sim_config",
+            enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
+            implementation="joshua_mujoco_sim.actuator:SimActuator",
+            settings="joshua_mujoco_sim.settings:SimActuatorSettings",
+            summary="actuators of the simulated model",
+            virtual=True,
+        ),
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="sim_camera_config",
+            enum_values=("PERCEPTION_CAMERA",),
+            implementation="joshua_mujoco_sim.camera:SimCamera",
+            settings="joshua_mujoco_sim.settings:SimCameraSettings",
+            summary="camera of the simulated model",
+            virtual=True,
+        ),
+    ]

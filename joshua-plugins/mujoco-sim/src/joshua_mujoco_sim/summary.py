@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import mujoco
@@ -31,3 +32,15 @@ def summarise(model: mujoco.MjModel) -> dict[str, Any]:
         "cameras": [model.camera(index).name for index in range(model.ncam)],
         "keyframes": [model.key(index).name for index in range(model.nkey)],
     }
+
+
+def actuated_joints(model: mujoco.MjModel) -> dict[str, tuple[str, float, float]]:
+    """Joint and its limits in radians by actuator; without limits one turn to both sides."""
+    found = {}
+    for index in range(model.nu):
+        if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        joint = int(model.actuator_trnid[index, 0])
+        low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-math.tau, math.tau)
+        found[model.actuator(index).name] = (model.joint(joint).name, float(low), float(high))
+    return found

@@ -1,0 +1,198 @@
+"""Actuators of the model as a device: the same interface as a servo bus, with physics behind it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.devices.mock_motion import FileMotion, Motion, SineMotion
+from joshua.devices.stamps import StampClock
+
+from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
+from joshua_mujoco_sim.world import World, leave_world, shared_world
+
+#: No-load speed of a small serial bus servo at 12 V, which the models stand for.
+VELOCITY_MAX_RAD_S = 4.7
+
+#: Gain of the position loop around actuators that are driven by speed, such as wheels.
+WHEEL_GAIN_PER_S = 10.0
+
+
+class SimActuator(Actuator):
+    """Some actuators of the simulated model.
+
+    With torque a position actuator goes to its goal as the model's drive does; a velocity actuator (a
+    wheel) turns until it has reached the goal angle. Without torque the drive only brakes, so that the
+    joint sinks and can be pushed, or it follows the configured motion of its own. Effort is the actuator's
+    force, N·m.
+
+    Args:
+        settings: which actuators.
+        context: the plan's facts; ``simulation`` holds the settings of the simulation.
+    """
+
+    settings: SimActuatorSettings
+
+    def __init__(self, settings: SimActuatorSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        joints = settings.joints()
+        self._names = tuple(joint["name"] for joint in joints)
+        self._limits = JointLimits(
+            position_min_rad=np.array([joint["min_rad"] for joint in joints]),
+            position_max_rad=np.array([joint["max_rad"] for joint in joints]),
+            velocity_max_rad_s=np.full(len(joints), VELOCITY_MAX_RAD_S),
+        )
+        self._world: World | None = None
+        self._group: ActuatorGroup | None = None
+        self._wheels = np.zeros(len(joints), dtype=bool)
+        self._speed_max = np.zeros(len(joints))
+        self._goal: FloatArray | None = None
+        self._motion: Motion | None = None
+        self._motion_start_s = 0.0
+        self._stamps = StampClock()
+        self._unhook: Any = None
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the model's joints."""
+        return self._names
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits of the model's joints."""
+        return self._limits
+
+    @property
+    def connected(self) -> bool:
+        """Whether this is part of a running simulation."""
+        return self._world is not None
+
+    def connect(self) -> None:
+        """Joins the simulation of this process, without torque. Raises DeviceError."""
+        if self.connected:
+            raise DeviceError("SimActuator.connect: the device is open already")
+        simulation = self.plan_context.get("simulation")
+        if not simulation:
+            raise DeviceError("SimActuator.connect: the file has no simulation block: add one")
+        motion = self._make_motion()
+        try:
+            world = shared_world(SimulationSettings.model_validate(simulation).world())
+        except ModelError as error:
+            raise DeviceError(str(error)) from error
+        try:
+            with world.lock:
+                self._join(world, motion)
+        except ModelError as error:
+            leave_world(world)
+            raise DeviceError(str(error)) from error
+        world.start()
+
+    def read(self) -> JointReading:
+        """Reads position, speed and force of all joints."""
+        world, group = self._joined("read")
+        if world.failure:
+            raise DeviceError(world.failure)
+        with world.lock:
+            position, velocity, force = group.position_rad, group.velocity_rad_s, group.torque
+        return JointReading(self._stamps.now_ns(), position, velocity, force)
+
+    def enable(self) -> None:
+        """Gives torque to all joints, where they are."""
+        world, group = self._joined("enable")
+        with world.lock:
+            self._goal = group.position_rad
+
+    def write(self, goal_rad: FloatArray) -> FloatArray:
+        """Commands positions in radians, shape (N,); returns the goal after the clamp.
+
+        Raises ValueError for a wrong shape or a value that is not finite, DeviceError without torque.
+        """
+        world, _ = self._joined("write")
+        goal = self.checked_goal(goal_rad)
+        if self._goal is None:
+            raise DeviceError("SimActuator.write: the joints have no torque: call enable first")
+        goal = np.clip(goal, self._limits.position_min_rad, self._limits.position_max_rad)
+        with world.lock:
+            self._goal = goal
+        return goal.copy()
+
+    def hold(self) -> None:
+        """Stops where the joints are, torque as it is."""
+        world, group = self._joined("hold")
+        with world.lock:
+            if self._goal is not None:
+                self._goal = group.position_rad
+
+    def release(self) -> None:
+        """Takes torque off; does nothing on a closed device."""
+        if self._world is not None:
+            with self._world.lock:
+                self._goal = None
+
+    def disconnect(self) -> None:
+        """Leaves the simulation, with the drives as they are; a second call does nothing."""
+        world, self._world = self._world, None
+        if world is None:
+            return
+        if self._unhook is not None:
+            self._unhook()
+        self._group = self._goal = self._motion = self._unhook = None
+        leave_world(world)
+
+    def _join(self, world: World, motion: Motion | None) -> None:
+        group = world.physics.group(self.settings.actuators)
+        model = world.physics.model
+        ids = [model.actuator(name).id for name in group.names]
+        bias = model.actuator_biasprm[ids]
+        position = (model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE) & (bias[:, 1] < 0)
+        wheel = (model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE) & (bias[:, 1] == 0)
+        if not (position | wheel).all():
+            names = ", ".join(n for n, fits in zip(group.names, position | wheel, strict=True) if not fits)
+            raise ModelError(
+                f"{names}: only position and velocity actuators can be commanded to an angle: "
+                "use <position> or <velocity> in the model"
+            )
+        limited = model.actuator_ctrllimited[ids].astype(bool)
+        self._speed_max = np.where(limited, np.abs(model.actuator_ctrlrange[ids]).max(axis=1), np.inf)
+        self._wheels = wheel
+        self._group, self._motion, self._goal = group, motion, None
+        self._motion_start_s = world.physics.time_s
+        self._world = world
+        self._unhook = world.before_step(self._drive)
+
+    def _drive(self, physics: Physics) -> None:
+        """Tells the drives where to go, before each step and under the lock."""
+        group = self._group
+        if group is None:
+            return
+        position = group.position_rad
+        goal = self._goal
+        if goal is None:
+            goal = position if self._motion is None else self._own_motion(physics)
+        if self._wheels.any():
+            speed = np.clip(WHEEL_GAIN_PER_S * (goal - position), -self._speed_max, self._speed_max)
+            goal = np.where(self._wheels, speed, goal)
+        group.set_command(goal)
+
+    def _own_motion(self, physics: Physics) -> FloatArray:
+        assert self._motion is not None
+        goal, _ = self._motion.at(physics.time_s - self._motion_start_s)
+        return np.clip(goal, self._limits.position_min_rad, self._limits.position_max_rad)
+
+    def _make_motion(self) -> Motion | None:
+        settings = self.settings
+        if settings.motion == "sine":
+            return SineMotion(self._limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
+        if settings.motion == "file":
+            return FileMotion(settings.motion_file, self._names)
+        return None
+
+    def _joined(self, verb: str) -> tuple[World, ActuatorGroup]:
+        self.require_connected(verb)
+        assert self._world is not None
+        assert self._group is not None
+        return self._world, self._group

@@ -1,0 +1,188 @@
+"""A camera of the model as a sensor, at a rate of simulated time."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+from joshua.devices.errors import DeviceError
+from joshua.devices.png import encode_png
+from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.stamps import StampClock
+from joshua.messages import message_class
+from joshua.messages.make import header, image
+
+from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
+from joshua_mujoco_sim.settings import SimCameraSettings, SimulationSettings
+from joshua_mujoco_sim.world import World, leave_world, shared_world
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+
+#: How often the drawing thread looks whether it is to end.
+LEAVING_CHECK_S = 0.1
+
+
+class SimCamera(Sensor):
+    """A camera of the simulated model.
+
+    ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files. Its
+    CameraInfo is that of a pinhole with the camera's vertical field of view.
+
+    Args:
+        settings: camera, size and rate.
+        context: the plan's facts; ``simulation`` holds the settings of the simulation.
+    """
+
+    settings: SimCameraSettings
+
+    def __init__(self, settings: SimCameraSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self._world: World | None = None
+        self._thread: threading.Thread | None = None
+        self._due = threading.Event()
+        self._ready = threading.Event()
+        self._leaving = threading.Event()
+        self._drawn = threading.Condition()
+        self._newest: Reading | None = None
+        self._error = ""
+        self._next_s = 0.0
+        self._frame = 0
+        self._last_time_s = 0.0
+        self._stamps = StampClock()
+        self._unhook: Any = None
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """Raw and compressed pictures, and the camera's geometry."""
+        return (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
+
+    @property
+    def connected(self) -> bool:
+        """Whether this is part of a running simulation."""
+        return self._world is not None
+
+    def connect(self) -> None:
+        """Joins the simulation of this process. Raises DeviceError."""
+        if self.connected:
+            raise DeviceError("SimCamera.connect: the device is open already")
+        simulation = self.plan_context.get("simulation")
+        if not simulation:
+            raise DeviceError("SimCamera.connect: the file has no simulation block: add one")
+        try:
+            world = shared_world(SimulationSettings.model_validate(simulation).world())
+        except ModelError as error:
+            raise DeviceError(str(error)) from error
+        with world.lock:
+            self._next_s = self._last_time_s = world.physics.time_s
+        self._world, self._frame, self._newest, self._error = world, 0, None, ""
+        self._leaving.clear()
+        self._thread = threading.Thread(target=self._draw_all, args=(world,), name="render", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._error:
+            self.disconnect()
+            raise DeviceError(self._error)
+        self._unhook = world.after_step(self._watch)
+        world.start()
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next frame; None when none came in time. Raises DeviceError."""
+        self.require_connected("read")
+        assert self._world is not None
+        if failure := self._world.failure or self._error:
+            raise DeviceError(failure)
+        with self._drawn:
+            self._drawn.wait_for(lambda: self._newest is not None, timeout_s)
+            reading, self._newest = self._newest, None
+        return reading
+
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
+        if type_name == CAMERA_INFO:
+            return self._camera_info(reading, frame_id)
+        if type_name == COMPRESSED_IMAGE:
+            data = np.frombuffer(encode_png(reading.data), np.uint8)
+            return message_class(COMPRESSED_IMAGE)(header(frame_id, reading.stamp_ns), "rgb8; png", data)
+        return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
+
+    def disconnect(self) -> None:
+        """Leaves the simulation; a second call does nothing."""
+        world, self._world = self._world, None
+        if world is None:
+            return
+        if self._unhook is not None:
+            self._unhook()
+            self._unhook = None
+        self._leaving.set()
+        self._due.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self._ready.clear()
+        self._due.clear()
+        leave_world(world)
+
+    def _draw_all(self, world: World) -> None:
+        """Draws each frame that is due: on a thread of its own, because OpenGL binds its context to one."""
+        size = self.settings
+        try:
+            with world.lock:
+                renderer = CameraRenderer(world.physics.model, size.camera, size.width, size.height)
+        except RenderingError as error:
+            self._error = str(error)
+            self._ready.set()
+            return
+        self._ready.set()
+        try:
+            while not self._leaving.is_set():
+                if not self._due.wait(LEAVING_CHECK_S):
+                    continue
+                with world.lock:
+                    self._due.clear()
+                    renderer.look(world.physics.data)
+                    stamp_ns, sequence = self._stamps.now_ns(), self._frame
+                picture = renderer.draw()
+                with self._drawn:
+                    self._newest = Reading(stamp_ns, sequence, picture)
+                    self._drawn.notify()
+        finally:
+            renderer.close()
+
+    def _watch(self, physics: Physics) -> None:
+        """Calls for a frame when its simulated time has come; a reset of the time starts anew."""
+        now_s = physics.time_s
+        if now_s < self._last_time_s:
+            self._next_s = now_s
+        self._last_time_s = now_s
+        if now_s + 1e-9 >= self._next_s:
+            period_s = 1 / self.settings.fps
+            frames = max(1, int((now_s - self._next_s) / period_s + 1e-9) + 1)
+            self._next_s += period_s * frames
+            self._frame += frames
+            self._due.set()
+
+    def _camera_info(self, reading: Reading, frame_id: str) -> Any:
+        assert self._world is not None
+        width, height = self.settings.width, self.settings.height
+        field_rad = np.deg2rad(float(self._world.physics.model.camera(self.settings.camera).fovy[0]))
+        focal = height / 2 / np.tan(field_rad / 2)
+        camera = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]], np.float64)
+        return message_class(CAMERA_INFO)(
+            header=header(frame_id, reading.stamp_ns),
+            height=height,
+            width=width,
+            distortion_model="plumb_bob",
+            d=np.zeros(5),
+            k=camera.reshape(-1),
+            r=np.eye(3).reshape(-1),
+            p=np.hstack((camera, np.zeros((3, 1)))).reshape(-1),
+            binning_x=0,
+            binning_y=0,
+            roi=message_class("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False),
+        )

@@ -1,0 +1,114 @@
+"""MIRROR: the model follows the topics of a robot, each actuator one joint of a message."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from joshua.node.behaviour import NodeContext
+from joshua.plan import TopicSpec
+
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.settings import TopicMapping
+from joshua_mujoco_sim.world import World
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+#: Number of lags that are kept for the report.
+LAGS_KEPT = 100_000
+
+
+class Mirror:
+    """Puts joints of messages into the model.
+
+    The joints are placed, not driven: the twin shows where the robot is, whatever the gains of the model.
+    Everything else in the model, such as an object on the table, moves by physics.
+
+    Args:
+        world: the physics; mappings: which joint of which topic moves which actuator.
+        context: of the node, for subscriptions and the log.
+    """
+
+    def __init__(self, world: World, mappings: Sequence[TopicMapping], context: NodeContext) -> None:
+        self._world = world
+        self._context = context
+        self._mappings = tuple(mappings)
+        with world.lock:
+            self._group = world.physics.group([mapping.mujoco_actuator for mapping in self._mappings])
+        self._goal = np.full(len(self._mappings), np.nan)
+        self._arrived_ns = 0
+        self._lags_s: list[float] = []
+        self._warned: set[str] = set()
+        self._unhook = world.before_step(self._place)
+
+    def subscribe(self) -> None:
+        """Subscribes to each topic once."""
+        for topic in dict.fromkeys(mapping.ros_topic for mapping in self._mappings):
+            name = topic if topic.startswith(("/", "~")) else f"/{topic}"
+            rows = [
+                (index, mapping) for index, mapping in enumerate(self._mappings) if mapping.ros_topic == topic
+            ]
+            spec = TopicSpec(name=name, type_name=JOINT_STATE)
+            self._context.subscribe(spec, self._handler(rows))
+
+    def report(self) -> str:
+        """How long it took from a message to the state, in one sentence."""
+        if not self._lags_s:
+            return "mirror: no message came; start the robot's own file, and look at joshua topic list"
+        lags_ms = 1000 * np.array(self._lags_s)
+        return (
+            f"mirror: {len(lags_ms)} messages, from arrival to state "
+            f"p50 {np.percentile(lags_ms, 50):.2f} ms, p99 {np.percentile(lags_ms, 99):.2f} ms"
+        )
+
+    def close(self) -> None:
+        """Lets the model go."""
+        self._unhook()
+
+    def _handler(self, rows: list[tuple[int, TopicMapping]]) -> Callable[[Any, int], None]:
+        def take(message: Any, received_ns: int) -> None:
+            del received_ns  # the lag is taken on the monotonic clock
+            self._take(message, rows)
+
+        return take
+
+    def _take(self, message: Any, rows: list[tuple[int, TopicMapping]]) -> None:
+        """Reads the joints of a message (transport thread)."""
+        names = list(message.name)
+        values = self._goal.copy()
+        for index, mapping in rows:
+            wanted = mapping.joint or mapping.mujoco_actuator
+            try:
+                value = float(message.position[names.index(wanted)])
+            except (ValueError, IndexError):
+                self._warn(mapping.ros_topic, f"has no joint {wanted!r}; it has {', '.join(names) or 'none'}")
+                continue
+            if not np.isfinite(value):
+                self._warn(mapping.ros_topic, f"says {value} for {wanted!r}; the joint stays where it is")
+                continue
+            values[index] = mapping.scale * value + mapping.offset
+        with self._world.lock:
+            self._goal = values
+            self._arrived_ns = self._arrived_ns or time.monotonic_ns()
+            if self._world.paused:
+                self._place(self._world.physics)
+
+    def _place(self, physics: Physics) -> None:
+        """Puts the joints where the last messages say, before each step and under the lock."""
+        known = np.isfinite(self._goal)
+        if not known.any():
+            return
+        position = np.where(known, self._goal, self._group.position_rad)
+        self._group.set_position(position)
+        self._group.set_command(position)
+        if self._arrived_ns:
+            if len(self._lags_s) < LAGS_KEPT:
+                self._lags_s.append((time.monotonic_ns() - self._arrived_ns) * 1e-9)
+            self._arrived_ns = 0
+
+    def _warn(self, topic: str, text: str) -> None:
+        if f"{topic}{text}" not in self._warned:
+            self._warned.add(f"{topic}{text}")
+            self._context.log.warning("%s %s; name the right one in mirror_topic_mappings.joint", topic, text)

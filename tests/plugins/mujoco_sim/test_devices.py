@@ -1,0 +1,184 @@
+"""Simulated actuators and cameras keep the contracts, and share one physics."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.actuator import DeviceError
+from joshua.testing import check_actuator, check_sensor
+from joshua_mujoco_sim.actuator import SimActuator
+from joshua_mujoco_sim.camera import SimCamera
+from joshua_mujoco_sim.rendering import RenderingError, choose_gl
+from joshua_mujoco_sim.settings import SimActuatorSettings, SimCameraSettings, SimulationSettings
+from joshua_mujoco_sim.world import leave_world, shared_world
+
+
+def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> dict[str, Any]:
+    simulation = {
+        "mode": "OFFSCREEN",
+        "model_path": model_path,
+        "folder": "",
+        "mirror_topic_mappings": (),
+        "real_time_factor": 1.0,
+        "keyframe": "",
+        "on_divergence": "DIVERGENCE_RESET",
+        "joint_state_rate_hz": 50.0,
+    }
+    return {"simulation": simulation | more}
+
+
+def actuator(facts: dict[str, Any], *names: str, motion: str = "none") -> SimActuator:
+    values = {
+        "actuators": list(names),
+        "motion": motion,
+        "motion_amplitude_rad": 0.3,
+        "motion_frequency_hz": 1.0,
+        "motion_file": "",
+    }
+    return SimActuator(
+        SimActuatorSettings.model_validate(SimActuatorSettings.si_values(values, None, facts)), facts
+    )
+
+
+def camera(facts: dict[str, Any], name: str = "top") -> SimCamera:
+    values = {"camera": name, "width": 160, "height": 120, "fps": 20}
+    return SimCamera(
+        SimCameraSettings.model_validate(SimCameraSettings.si_values(values, None, facts)), facts
+    )
+
+
+@pytest.fixture
+def rendering() -> None:
+    try:
+        choose_gl()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be drawn here: {error}")
+
+
+def test_arm_keeps_the_contract_of_actuators() -> None:
+    facts = context()
+    check_actuator(lambda: actuator(facts, "shoulder_pan", "wrist_flex"), timeout_s=30)
+
+
+def test_camera_keeps_the_contract_of_sensors(rendering) -> None:
+    facts = context()
+    check_sensor(lambda: camera(facts), timeout_s=30)
+
+
+def test_camera_sees_the_arm_move(rendering) -> None:
+    facts = context()
+    arm, eye = actuator(facts, "shoulder_pan"), camera(facts)
+    arm.connect()
+    eye.connect()
+    try:
+        arm.enable()
+        before = eye.read(5)
+        arm.write(np.array([1.0]))
+        end = time.monotonic() + 10
+        while abs(arm.read().position_rad[0] - 1.0) > 0.05:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        eye.read(5)
+        after = eye.read(5)
+        assert before is not None
+        assert after is not None
+        assert after.sequence > before.sequence
+        changed = np.abs(after.data.astype(int) - before.data).max(axis=2) > 40
+        assert changed.mean() > 0.005
+        message = eye.message(after, "sensor_msgs/msg/CameraInfo", "top")
+        assert message.k[0] == pytest.approx(60 / np.tan(np.deg2rad(58 / 2)))
+    finally:
+        eye.disconnect()
+        arm.disconnect()
+
+
+def test_devices_of_one_file_share_one_physics() -> None:
+    facts = context()
+    first, second = actuator(facts, "shoulder_pan"), actuator(facts, "gripper")
+    first.connect()
+    second.connect()
+    world = shared_world(SimulationSettings.model_validate(facts["simulation"]).world())
+    try:
+        second.enable()
+        second.write(np.array([0.8]))
+        time.sleep(0.6)
+        with world.lock:
+            assert world.physics.data.joint("gripper").qpos[0] == pytest.approx(0.8, abs=0.05)
+    finally:
+        first.disconnect()
+        second.disconnect()
+        leave_world(world)
+
+
+def test_released_leader_follows_its_own_motion() -> None:
+    arm = actuator(context(), "shoulder_pan", motion="sine")
+    arm.connect()
+    try:
+        seen = []
+        for _ in range(60):
+            seen.append(arm.read().position_rad[0])
+            time.sleep(0.02)
+        assert max(seen) - min(seen) > 0.3
+    finally:
+        arm.disconnect()
+
+
+def test_released_arm_sinks_and_an_energised_one_stays() -> None:
+    arm = actuator(context(keyframe="home"), "shoulder_lift")
+    arm.connect()
+    try:
+        arm.enable()
+        time.sleep(0.3)
+        start = arm.read().position_rad[0]
+        time.sleep(0.3)
+        assert arm.read().position_rad[0] == pytest.approx(start, abs=0.02)
+        with pytest.raises(ValueError, match="shoulder_lift is nan"):
+            arm.write(np.array([np.nan]))
+    finally:
+        arm.disconnect()
+
+
+def test_wheels_turn_to_their_angle() -> None:
+    wheels = actuator(context("lekoch/scene.xml"), "wheel_left", "wheel_right", "wheel_back")
+    wheels.connect()
+    try:
+        wheels.enable()
+        start = wheels.read().position_rad
+        wheels.write(start + 1.0)
+        time.sleep(1.5)
+        assert wheels.read().position_rad == pytest.approx(start + 1.0, abs=0.1)
+    finally:
+        wheels.disconnect()
+
+
+def test_motor_actuators_cannot_be_commanded_to_an_angle() -> None:
+    with pytest.raises(DeviceError, match=r"hip_1.*use <position> or <velocity>"):
+        actuator(context("ant/ant.xml"), "hip_1").connect()
+
+
+def test_without_a_simulation_nothing_connects() -> None:
+    arm = actuator(context(), "gripper")
+    arm.plan_context = {}
+    with pytest.raises(DeviceError, match="no simulation block"):
+        arm.connect()
+
+
+def test_unknown_gl_is_refused(monkeypatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "elg")
+    with pytest.raises(RenderingError, match=r"'elg' is unknown: set it to egl, osmesa"):
+        choose_gl()
+
+
+def test_missing_gl_names_the_packages(monkeypatch) -> None:
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr("joshua_mujoco_sim.rendering.sys.platform", "linux")
+
+    def nothing(name: str) -> None:
+        raise OSError(name)
+
+    monkeypatch.setattr("joshua_mujoco_sim.rendering.ctypes.CDLL", nothing)
+    with pytest.raises(RenderingError, match=r"sudo apt install libegl1 libgl1-mesa-dri or libosmesa6"):
+        choose_gl()

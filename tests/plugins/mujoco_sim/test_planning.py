@@ -1,0 +1,92 @@
+"""What a file with a simulation is checked for, and what its plan says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from joshua.generator.examination import Examination, examine
+from joshua.generator.request import Purpose, Request
+from joshua.plan import Severity
+from sim_configs import simulation_file
+
+
+def examination(folder: Path, text: str, purpose: Purpose = Purpose.LAUNCH) -> Examination:
+    path = folder / "robot.pbtxt"
+    path.write_text(text)
+    return examine(Request(str(path), purpose=purpose))
+
+
+def error(folder: Path, text: str, purpose: Purpose = Purpose.VALIDATE):
+    errors = examination(folder, text, purpose).errors
+    assert len(errors) == 1, errors
+    return errors[0]
+
+
+def test_simulated_devices_share_the_process_of_the_simulation(tmp_path) -> None:
+    plan = examination(tmp_path, simulation_file()).plan
+    groups = {node.name: node.process_group for node in plan.nodes}
+    assert groups == {"arm": "simulation", "camera": "simulation", "simulation": "simulation"}
+    arm = next(node for node in plan.nodes if node.name == "arm")
+    assert arm.context["simulation"]["model_path"] == "so_arm100/scene.xml"
+    assert [joint["name"] for joint in arm.context["joints"]][:2] == ["shoulder_pan", "shoulder_lift"]
+    assert arm.context["joints"][5]["max_rad"] == pytest.approx(2.0)
+
+
+def test_without_names_all_actuators_are_taken(tmp_path) -> None:
+    plan = examination(tmp_path, simulation_file(arm="")).plan
+    arm = next(node for node in plan.nodes if node.name == "arm")
+    assert len(arm.context["joints"]) == 6
+
+
+def test_unknown_actuator_is_found_with_the_nearest_name(tmp_path) -> None:
+    found = error(tmp_path, simulation_file(arm='actuators: ["shoulder_pan", "elbow_flx"]'))
+    assert found.code == "invalid-setting"
+    assert found.field_path == "robot.actions[0].sim_config.actuators[1]"
+    assert found.position.line == 15
+    assert "no actuator named 'elbow_flx'" in found.message
+    assert found.allowed[0] == "elbow_flex"
+    assert found.remedy == "did you mean elbow_flex?"
+
+
+def test_unknown_actuator_of_a_mapping_is_found(tmp_path) -> None:
+    mapping = 'mirror_topic_mappings { ros_topic: "/arm/joint_states" mujoco_actuator: "griper" }'
+    found = error(tmp_path, simulation_file(mode="MIRROR", simulation=mapping))
+    assert found.field_path == "simulation.mirror_topic_mappings[0].mujoco_actuator"
+    assert found.allowed[0] == "gripper"
+
+
+def test_unknown_camera_is_found(tmp_path) -> None:
+    found = error(tmp_path, simulation_file(camera="tap"))
+    assert found.field_path == "robot.perceptions[0].sim_camera_config.camera"
+    assert found.allowed == ("top", "front", "wrist")
+
+
+def test_unknown_keyframe_is_found(tmp_path) -> None:
+    found = error(tmp_path, simulation_file(simulation='keyframe: "hom"'))
+    assert found.field_path == "simulation.keyframe"
+    assert found.allowed[0] == "home"
+
+
+def test_malformed_model_is_found_with_its_line(tmp_path) -> None:
+    (tmp_path / "bad.xml").write_text("<mujoco>\n<worldbody>\n<gem/>\n</worldbody></mujoco>")
+    text = simulation_file().replace("so_arm100/scene.xml", "bad.xml")
+    errors = examination(tmp_path, text, Purpose.VALIDATE).errors
+    assert errors[0].field_path == "simulation.model_path"
+    assert "line 3" in errors[0].message
+    assert "gem" in errors[0].message
+
+
+def test_missing_model_is_an_error_at_launch(tmp_path) -> None:
+    text = simulation_file().replace("so_arm100/scene.xml", "mine.xml")
+    errors = examination(tmp_path, text).errors
+    assert "input-file-missing" in [item.code for item in errors]
+
+
+def test_own_model_is_found_beside_the_file(tmp_path) -> None:
+    (tmp_path / "mine.xml").write_text(
+        "<mujoco><worldbody><camera name='top'/><body><geom size='1'/><joint name='hinge'/></body>"
+        "</worldbody><actuator><position name='drive' joint='hinge'/></actuator></mujoco>"
+    )
+    text = simulation_file(arm='actuators: "drive"').replace("so_arm100/scene.xml", "mine.xml")
+    assert [i for i in examination(tmp_path, text).diagnostics if i.severity is Severity.ERROR] == []
