@@ -6,8 +6,9 @@ from joshua_emulator.event_log import EventLog
 from joshua_emulator.faults import Faults
 from joshua_emulator.feetech.bus import FeetechBus
 from joshua_emulator.feetech.packets import HEADER, checksum
-from joshua_emulator.feetech.servo import Servo, Supply
+from joshua_emulator.feetech.servo import Servo
 from joshua_emulator.joint import Joint
+from joshua_emulator.servo_bus.servo import Supply
 
 instructions = st.tuples(
     st.sampled_from([1, 2, 254, 7]),

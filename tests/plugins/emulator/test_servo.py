@@ -1,7 +1,9 @@
 import pytest
-from joshua_emulator.feetech.registers import BY_NAME, TABLE, Area, Status
-from joshua_emulator.feetech.servo import Servo, Supply
+from joshua_emulator.feetech.registers import BY_NAME, TABLE, Status
+from joshua_emulator.feetech.servo import Servo
 from joshua_emulator.joint import Joint
+from joshua_emulator.servo_bus.registers import Area
+from joshua_emulator.servo_bus.servo import Supply
 
 LOCK, GOAL, TORQUE = 55, 42, 40
 

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from joshua.devices.servo.register import Register
 from joshua_emulator.feetech import registers as emulated
+from joshua_emulator.servo_bus.registers import Area
 from joshua_sts3215 import registers
 from joshua_sts3215.registers import GOAL_POSITION, HOMING_OFFSET, STATUS_BITS, StatusBit
 
@@ -16,7 +17,7 @@ def test_driver_and_emulator_agree_though_they_share_no_code() -> None:
             continue  # two registers there
         other = emulated.BY_ADDRESS[register.address]
         assert (register.width, register.sign_bit) == (other.width, other.sign_bit), register.name
-        assert register.eeprom == (other.area is emulated.Area.EEPROM), register.name
+        assert register.eeprom == (other.area is Area.EEPROM), register.name
     assert registers.BAUDRATES == emulated.BAUDRATES
     assert registers.MODEL_NUMBER == emulated.MODEL_NUMBER
 

@@ -1,7 +1,8 @@
 """Arms that can be emulated: joints with their names and mechanical ranges, as data.
 
 Ranges in radians about the middle of the model's joint axis (SO-ARM100: the public MuJoCo model; its wrist
-roll is taken as just short of a turn so that it has stops to find).
+roll is taken as just short of a turn so that it has stops to find; Koch: chosen to differ from it, so that
+a mapping between both shows).
 """
 
 from __future__ import annotations
@@ -37,6 +38,14 @@ ARMS = {
         ArmJoint("wrist_flex", -2.0, 1.8),
         ArmJoint("wrist_roll", -2.9, 2.9),
         ArmJoint("gripper", -0.2, 2.0),
+    ),
+    "koch": (
+        ArmJoint("shoulder_pan", -1.9, 1.9),
+        ArmJoint("shoulder_lift", -1.6, 1.8),
+        ArmJoint("elbow_flex", -1.5, 1.7),
+        ArmJoint("wrist_flex", -1.8, 1.8),
+        ArmJoint("wrist_roll", -2.8, 2.8),
+        ArmJoint("gripper", -0.6, 0.6),
     ),
 }
 

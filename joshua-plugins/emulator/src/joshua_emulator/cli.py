@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,16 @@ from typing import Any
 from joshua_emulator.arms import ARMS
 from joshua_emulator.camera import cli as camera_cli
 from joshua_emulator.control import ControlError
+from joshua_emulator.dynamixel import registers as dynamixel
+from joshua_emulator.dynamixel.assembly import DynamixelAssembly
+from joshua_emulator.dynamixel.models import MODELS
 from joshua_emulator.eeprom_store import EepromStoreError
-from joshua_emulator.feetech.assembly import FeetechAssembly, FeetechSpec
-from joshua_emulator.feetech.registers import BAUDRATES
+from joshua_emulator.feetech import registers as feetech
+from joshua_emulator.feetech.assembly import FeetechAssembly
 from joshua_emulator.motion import MotionError
+from joshua_emulator.servo_bus.assembly import BusAssembly, BusSpec, SpecError
+
+_BUSES: dict[str, type[BusAssembly[Any]]] = {"feetech": FeetechAssembly, "dynamixel": DynamixelAssembly}
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         machine = _camera(options, root) if options.protocol == "camera" else _bus(options, root)
         for text in options.fault:
             machine.handle({"op": "fault", **parse_fault(text)})
-    except (EepromStoreError, ControlError, MotionError, OSError) as error:
+    except (EepromStoreError, ControlError, MotionError, SpecError, OSError) as error:
         print(f"joshua-emulator: {error}", file=sys.stderr)  # noqa: T201 - the output of this program
         return 2
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -84,7 +90,7 @@ def parse_fault(text: str) -> dict[str, Any]:
 
 
 def _bus(options: argparse.Namespace, root: Path) -> Machine:
-    assembly = FeetechAssembly(_spec(options, root))
+    assembly = _BUSES[options.protocol](_spec(options, root))
     assembly.station.replug(options.name)
     if options.motion:
         assembly.operations.start_motion(*_parse_settings(options.motion))
@@ -109,8 +115,8 @@ def _camera(options: argparse.Namespace, root: Path) -> Machine:
     )
 
 
-def _spec(options: argparse.Namespace, root: Path) -> FeetechSpec:
-    return FeetechSpec(
+def _spec(options: argparse.Namespace, root: Path) -> BusSpec:
+    return BusSpec(
         ids=options.ids,
         root=root,
         control=options.control or root / "control.sock",
@@ -132,7 +138,15 @@ def _spec(options: argparse.Namespace, root: Path) -> FeetechSpec:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="joshua-emulator", description="Emulated robot hardware.")
     protocols = parser.add_subparsers(dest="protocol", required=True)
-    bus = protocols.add_parser("feetech", help="a bus of STS3215 servos")
+    _add_bus(protocols, "feetech", "a bus of STS3215 servos", feetech.BAUDRATES.values(), "model numbers")
+    speeds = dynamixel.BAUDRATES.values()
+    _add_bus(protocols, "dynamixel", "a bus of X-series servos", speeds, f"models, of {', '.join(MODELS)}")
+    camera_cli.add_parser(protocols)
+    return parser
+
+
+def _add_bus(protocols: Any, name: str, summary: str, baudrates: Iterable[int], models: str) -> None:
+    bus = protocols.add_parser(name, help=summary)
     bus.add_argument(
         "--ids", type=_ids, default=(1, 2, 3, 4, 5, 6), help="bus ids in cable order: 1-6 or 1,2,5"
     )
@@ -147,12 +161,12 @@ def _parser() -> argparse.ArgumentParser:
         "--arm", choices=sorted(ARMS), default="", help="arm whose stops and joint names the servos have"
     )
     bus.add_argument("--calibrated", action="store_true", help="start with calibrated EEPROM contents")
-    bus.add_argument("--baudrate", type=int, choices=sorted(BAUDRATES.values()), default=1_000_000)
+    bus.add_argument("--baudrate", type=int, choices=sorted(baudrates), default=1_000_000)
     bus.add_argument(
         "--return-delay-s", type=float, default=0.0, help="return delay of the servos, at most 508e-6"
     )
-    bus.add_argument("--models", type=_ids, default=(), help="model numbers in cable order")
-    bus.add_argument("--volts", type=float, default=12.0, help="voltage of the supply")
+    bus.add_argument("--models", type=_names, default=(), help=f"{models}, in cable order")
+    bus.add_argument("--volts", type=float, help="voltage of the supply")
     bus.add_argument("--seed", type=int, default=0, help="seed of the line faults")
     bus.add_argument("--echo", action="store_true", help="the adapter returns what the host sends")
     bus.add_argument(
@@ -163,8 +177,10 @@ def _parser() -> argparse.ArgumentParser:
     bus.add_argument(
         "--until-stdin-closes", action="store_true", help="end with the process that started this one"
     )
-    camera_cli.add_parser(protocols)
-    return parser
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(text.split(","))
 
 
 def _ids(text: str) -> tuple[int, ...]:

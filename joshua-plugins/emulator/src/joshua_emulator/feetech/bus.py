@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Sequence
 
 from joshua_emulator.event_log import EventLog
@@ -15,61 +14,37 @@ from joshua_emulator.feetech.packets import (
     status_packet,
 )
 from joshua_emulator.feetech.servo import MIDDLE, Servo
-from joshua_emulator.wire import TimedReply, WireClock
+from joshua_emulator.servo_bus.bus import EmulatedServoBus
+from joshua_emulator.wire import TimedReply
 
 LARGEST_READ = 250  # bytes of a reply; the length byte of a packet holds no more
-SPEED_TOLERANCE = 0.03  # a UART still reads bytes whose speed is off by this share
 
+_READS = (Instruction.READ, Instruction.SYNC_READ, Instruction.PING)
 _NAMES = {instruction.value: instruction.name.lower() for instruction in Instruction}
 
 
-class FeetechBus:
+class FeetechBus(EmulatedServoBus[Servo]):
     """Servos on one cable, nearest to the adapter first."""
 
     def __init__(self, servos: Sequence[Servo], log: EventLog, faults: Faults, *, echo: bool = False) -> None:
-        self.servos = list(servos)
-        self.connected = len(self.servos)  # servos before the place where the cable is broken
-        self._log = log
-        self._faults = faults
-        self._echo = echo
+        super().__init__(servos, log, faults, echo=echo)
         self._parser = InstructionParser()
-        self._wire = WireClock()
-        self._sequence = itertools.count()
-
-    def attach(self, servo: Servo) -> None:
-        """Adds a servo at the far end of the cable."""
-        intact = self.connected == len(self.servos)
-        self.servos.append(servo)
-        if intact:
-            self.connected += 1
 
     def reset_line(self) -> None:
         """Forgets an unfinished packet, as a fresh connection does."""
         self._parser.clear()
 
-    def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host, sent at ``line_speed`` bit/s; returns what the bus answers and when."""
-        listening = [
-            servo for servo in self.servos[: self.connected] if self._hears(servo, line_speed, now_s)
-        ]
-        replies = [self._timed(data, now_s)] if self._echo else []
-        if not listening:
-            self._parser.clear()
-            return replies
+    def hear(
+        self, data: bytes, listening: list[Servo], line_speed: int, now_s: float
+    ) -> Iterable[TimedReply]:
+        """Takes bytes that some servos hear; returns what these answer and when."""
         for packet in self._parser.feed(data):
             end_s = self._wire.request(packet.size, line_speed, now_s)
-            self._record(packet, now_s, end_s)
-            if self._faults.loses_request():
-                continue
-            replies += self._answer(packet, listening, line_speed, end_s)
-        return replies
-
-    def _hears(self, servo: Servo, line_speed: int, now_s: float) -> bool:
-        return (
-            abs(servo.baudrate - line_speed) <= SPEED_TOLERANCE * servo.baudrate
-            and now_s >= servo.silent_until_s
-            and not servo.silent
-        )
+            name = _NAMES.get(packet.instruction, f"0x{packet.instruction:02x}")
+            is_read = packet.instruction in _READS
+            self._record(name, packet.servo_id, packet.parameters, now_s, end_s, read=is_read)
+            if not self._faults.loses_request():
+                yield from self._answer(packet, listening, line_speed, end_s)
 
     def _answer(
         self, packet: InstructionPacket, listening: list[Servo], line_speed: int, end_s: float
@@ -140,35 +115,3 @@ class FeetechBus:
             for servo in listening:
                 if servo.servo_id == rows[start]:
                     servo.write(address, rows[start + 1 : start + 1 + length], end_s)
-
-    def _transmit(self, answers: list[tuple[Servo, bytes]], line_speed: int) -> Iterable[TimedReply]:
-        """Puts replies on the line; several at once collide: a 0 bit wins over a 1."""
-        if not answers:
-            return
-        size = max(len(data) for _, data in answers)
-        merged = bytearray(b"\xff" * size)
-        for _, data in answers:
-            for index, byte in enumerate(data):
-                merged[index] &= byte
-        delay_s = min(servo.return_delay_s for servo, _ in answers)
-        due_s = self._wire.reply(size, line_speed, delay_s)
-        disturbed = self._faults.disturb(bytes(merged))
-        if disturbed is not None:
-            data, late_s = disturbed
-            yield self._timed(data, due_s + late_s)
-
-    def _timed(self, data: bytes, due_s: float) -> TimedReply:
-        return TimedReply(due_s, next(self._sequence), data)
-
-    def _record(self, packet: InstructionPacket, now_s: float, end_s: float) -> None:
-        name = _NAMES.get(packet.instruction, f"0x{packet.instruction:02x}")
-        if packet.instruction in (Instruction.READ, Instruction.SYNC_READ, Instruction.PING):
-            self._log.reads += 1
-            return
-        self._log.add(
-            name,
-            now_s,
-            wire_end_ns=round(end_s * 1e9),
-            id=packet.servo_id,
-            parameters=packet.parameters.hex(),
-        )

@@ -7,8 +7,7 @@ return delay is honoured at 2 µs a unit, although some firmware is said to igno
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
+from joshua_emulator.servo_bus.registers import Area, Register
 
 MODEL_NUMBER = 777
 MEMORY_SIZE = 96
@@ -16,42 +15,6 @@ EEPROM_START = 5
 EEPROM_END = 40  # first address after the EEPROM
 
 BAUDRATES = {0: 1_000_000, 1: 500_000, 2: 250_000, 3: 128_000, 4: 115_200, 5: 57_600, 6: 38_400, 7: 19_200}
-
-
-class Area(Enum):
-    """Where a register lives, which decides who may write it and what a power cut leaves."""
-
-    VERSION = "version"  # read-only
-    EEPROM = "eeprom"  # kept without power; writable while the lock is 0
-    RAM = "ram"  # back to its default at power-on
-    FEEDBACK = "feedback"  # read-only, measured
-    FACTORY = "factory"  # read-only constants
-
-
-@dataclass(frozen=True)
-class Register:
-    """One register; ``sign_bit`` names the bit of a sign-magnitude value, None where it is unsigned."""
-
-    name: str
-    address: int
-    width: int
-    area: Area
-    default: int = 0
-    minimum: int = 0
-    maximum: int = 0xFFFF
-    sign_bit: int | None = None
-
-    def decode(self, raw: int) -> int:
-        """The signed value behind raw register bits."""
-        if self.sign_bit is None or not raw >> self.sign_bit & 1:
-            return raw
-        return -(raw & ((1 << self.sign_bit) - 1))
-
-    def encode(self, value: int) -> int:
-        """Raw register bits of a signed value."""
-        if self.sign_bit is None:
-            return value
-        return abs(value) | ((value < 0) << self.sign_bit)
 
 
 _V, _E, _R, _F, _X = Area.VERSION, Area.EEPROM, Area.RAM, Area.FEEDBACK, Area.FACTORY

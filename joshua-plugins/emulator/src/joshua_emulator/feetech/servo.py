@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from typing import Any
 
 from joshua_emulator.feetech.registers import (
     BAUDRATES,
@@ -13,12 +13,12 @@ from joshua_emulator.feetech.registers import (
     EEPROM_END,
     EEPROM_START,
     MEMORY_SIZE,
-    Area,
-    Register,
     Status,
     factory_memory,
 )
 from joshua_emulator.joint import TICKS_PER_TURN, Drive, Joint
+from joshua_emulator.servo_bus.registers import Area, Register
+from joshua_emulator.servo_bus.servo import EmulatedServo, Supply
 
 MIDDLE = 2048
 CALIBRATE_MIDDLE = 128  # value of torque_enable
@@ -40,14 +40,7 @@ _MOVES_TARGET = {
 }
 
 
-@dataclass
-class Supply:
-    """The power supply that the servos of a bus share."""
-
-    volts: float = 12.0
-
-
-class Servo:
+class Servo(EmulatedServo):
     """One servo of a bus.
 
     Args:
@@ -58,6 +51,12 @@ class Servo:
         on_torque: called with (servo, energised, time in s) when the motor gets or loses power.
     """
 
+    registers = BY_NAME
+    state_names = (
+        "present_position", "goal_position", "present_speed", "present_load", "present_voltage",
+        "present_temperature", "present_current", "torque_enable", "lock", "status", "homing_offset",
+    )  # fmt: skip
+
     def __init__(
         self,
         joint: Joint,
@@ -66,12 +65,8 @@ class Servo:
         on_eeprom: Callable[[bytes], None] = lambda _: None,
         on_torque: Callable[[Servo, bool, float], None] = lambda *_: None,
     ) -> None:
-        self.joint = joint
-        self.supply = supply
-        self.memory = factory_memory()
+        super().__init__(joint, supply, factory_memory())
         self.pending: tuple[int, bytes] | None = None
-        self.silent = False
-        self.silent_until_s = 0.0
         self._on_eeprom = on_eeprom
         self._on_torque = on_torque
         self._drive = Drive()
@@ -83,18 +78,6 @@ class Servo:
         if eeprom is not None:
             self.memory[EEPROM_START:EEPROM_END] = eeprom[: EEPROM_END - EEPROM_START]
         self.power_on()
-
-    def get(self, name: str) -> int:
-        """Value of a register by name, sign applied; feedback as of the last ``advance``."""
-        register = BY_NAME[name]
-        raw = int.from_bytes(self.memory[register.address : register.address + register.width], "little")
-        return register.decode(raw)
-
-    def put(self, name: str, value: int) -> None:
-        """Sets a register from inside the servo: no lock, no range, no side effect."""
-        register = BY_NAME[name]
-        raw = register.encode(value).to_bytes(register.width, "little")
-        self.memory[register.address : register.address + register.width] = raw
 
     @property
     def servo_id(self) -> int:
@@ -121,13 +104,14 @@ class Servo:
         """Status bits as replies carry them."""
         return self.memory[65]
 
+    @property
+    def low_volts(self) -> float:
+        """Supply voltage that the servo is too weak at."""
+        return self.get("min_voltage") / 10 - 0.5
+
     def present(self) -> int:
         """Present position in ticks, 0 to 4095, homing offset applied."""
         return (round(self.joint.angle) - self.get("homing_offset")) % TICKS_PER_TURN
-
-    def angle_of(self, position: float) -> float:
-        """Shaft angle nearest to the present one that shows as a position in ticks."""
-        return self.joint.angle + (position - self.present())
 
     def advance(self, now_s: float) -> None:
         """Brings joint, protections and feedback registers to a time of the monotonic clock."""
@@ -219,6 +203,18 @@ class Servo:
         self._faults |= bits
         self._update_drive(now_s)
         self._measure()
+
+    def overload(self, now_s: float) -> None:
+        """Trips the overload protection."""
+        self.trip(Status.OVERLOAD, now_s)
+
+    def calibration(self) -> dict[str, Any]:
+        """``homing_offset``, ``range_min`` and ``range_max`` as a calibration block has them."""
+        return {
+            "homing_offset": self.get("homing_offset"),
+            "range_min": self.get("min_position_limit"),
+            "range_max": self.get("max_position_limit"),
+        }
 
     def _writable(self, register: Register, value: int) -> bool:
         if register.area is Area.EEPROM:

@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated Feetech bus."""
+"""What the control channel can ask of an emulated servo bus."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from joshua_emulator.arms import TICKS_PER_RADIAN
 from joshua_emulator.control import ControlError
 from joshua_emulator.event_log import EventLog
 from joshua_emulator.faults import FaultError, Faults
-from joshua_emulator.feetech.bus import FeetechBus
-from joshua_emulator.feetech.registers import BY_NAME, Status
-from joshua_emulator.feetech.servo import MIDDLE, Servo, Supply
+from joshua_emulator.motion import MIDDLE
+from joshua_emulator.servo_bus.bus import EmulatedServoBus
+from joshua_emulator.servo_bus.servo import EmulatedServo
 from joshua_emulator.station import Station
 
 Request = dict[str, Any]
@@ -29,16 +29,14 @@ class Operations:
 
     def __init__(
         self,
-        bus: FeetechBus,
-        supply: Supply,
+        bus: EmulatedServoBus[Any],
         faults: Faults,
         log: EventLog,
         names: list[str],
-        add_servo: Callable[[int], Servo],
+        add_servo: Callable[[int], EmulatedServo],
     ) -> None:
         self.station: Station | None = None
         self._bus = bus
-        self._supply = supply
         self._faults = faults
         self._log = log
         self._names = names
@@ -78,7 +76,7 @@ class Operations:
         except (TypeError, ValueError) as error:
             raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
 
-    def _servos(self, request: Request) -> list[Servo]:
+    def _servos(self, request: Request) -> list[EmulatedServo]:
         """Servos that a request names by ``slot`` (cable order from 0), by ``id``, or all of them."""
         if "slot" in request:
             slot = request["slot"]
@@ -101,20 +99,16 @@ class Operations:
             "plugged": line.plugged,
             "port": str(line.port) if line.plugged else "",
             "by_id": str(line.by_id),
-            "volts": self._supply.volts,
+            "volts": self._bus.servos[0].supply.volts,
             "line_faults": self._faults.describe(),
             "fault_counts": dict(self._faults.counts),
             "reads": self._log.reads,
             "servos": [self._servo_state(servo, now_s) for servo in self._servos(request)],
         }
 
-    def _servo_state(self, servo: Servo, now_s: float) -> dict[str, Any]:
+    def _servo_state(self, servo: EmulatedServo, now_s: float) -> dict[str, Any]:
         servo.advance(now_s)
         slot = self._bus.servos.index(servo)
-        names = (
-            "present_position", "goal_position", "present_speed", "present_load", "present_voltage",
-            "present_temperature", "present_current", "torque_enable", "lock", "status", "homing_offset",
-        )  # fmt: skip
         return {
             "slot": slot,
             "id": servo.servo_id,
@@ -122,18 +116,17 @@ class Operations:
             "angle": servo.joint.angle,
             "energised": servo.energised,
             "baudrate": servo.baudrate,
-            **{name: servo.get(name) for name in names},
+            **{name: servo.get(name) for name in servo.state_names},
         }
 
     def _registers(self, request: Request) -> dict[str, Any]:
         (servo, *_) = self._servos({"slot": 0, **request} if "id" not in request else request)
         servo.advance(time.monotonic())
-        return {"registers": {name: servo.get(name) for name in BY_NAME}}
+        return {"registers": {name: servo.get(name) for name in servo.registers}}
 
     def _set_register(self, request: Request) -> None:
-        register = BY_NAME[request["name"]]
         for servo in self._servos(request):
-            servo.put(register.name, int(request["value"]))
+            servo.put(request["name"], int(request["value"]))
 
     def _calibration(self, request: Request) -> dict[str, Any]:
         """Calibration of the arm as its EEPROM holds it, in the fields of a calibration block."""
@@ -141,9 +134,7 @@ class Operations:
             {
                 "id": servo.servo_id,
                 "joint_name": name,
-                "homing_offset": servo.get("homing_offset"),
-                "range_min": servo.get("min_position_limit"),
-                "range_max": servo.get("max_position_limit"),
+                **servo.calibration(),
                 "inverted": False,
             }
             for servo, name in zip(self._servos(request), self._names, strict=False)
@@ -216,17 +207,17 @@ class Operations:
         for slot, servo in enumerate(servos):
             servo.joint.hand = _hand(servo, paths[slot], start_s) if slot in paths else None
 
-    def _range(self, servo: Servo) -> tuple[float, float]:
+    def _range(self, servo: EmulatedServo) -> tuple[float, float]:
         zero = servo.angle_of(MIDDLE)
         return (servo.joint.low - zero) / TICKS_PER_RADIAN, (servo.joint.high - zero) / TICKS_PER_RADIAN
 
     def _set(self, request: Request) -> None:
         """Sets physical values: volts of the supply; temperature_c, external_load, blocked of joints."""
-        if "volts" in request:
-            self._supply.volts = float(request["volts"])
         for servo in self._servos(request):
             joint = servo.joint
             servo.advance(time.monotonic())
+            if "volts" in request:
+                servo.supply.volts = float(request["volts"])
             if "temperature_c" in request:
                 joint.temperature_c = joint.ambient_c = float(request["temperature_c"])
             if "external_load" in request:
@@ -258,9 +249,9 @@ class Operations:
             "unplug": lambda: self._unplug(request),
             "replug": lambda: self._station.replug(request.get("name") or self._station.line.name),
             "brown_out": lambda: self._each(self._servos(servo_id), self._brown_out),
-            "overload": lambda: self._each(self._servos(servo_id), _trip(Status.OVERLOAD)),
+            "overload": lambda: self._each(self._servos(servo_id), _overload),
             "over_temperature": lambda: self._set({**servo_id, "temperature_c": 85}),
-            "under_voltage": lambda: self._set({"volts": 3.5}),
+            "under_voltage": lambda: self._each(self._servos(servo_id), _starve),
         }
         if servo_id:
             self._servos(servo_id)  # refuse an unknown id now, not when its time has come
@@ -274,7 +265,7 @@ class Operations:
         for servo in self._bus.servos:
             servo.silent = False
 
-    def _each(self, servos: Iterable[Servo], action: Callable[[Servo], None]) -> None:
+    def _each(self, servos: Iterable[EmulatedServo], action: Callable[[EmulatedServo], None]) -> None:
         for servo in servos:
             action(servo)
 
@@ -295,22 +286,26 @@ class Operations:
         if "replug_after_s" in request:
             station.at(float(request["replug_after_s"]), lambda: station.replug(name))
 
-    def _brown_out(self, servo: Servo) -> None:
+    def _brown_out(self, servo: EmulatedServo) -> None:
         now_s = time.monotonic()
         servo.advance(now_s)
         servo.power_on(now_s)
         self._log.add("brown_out", now_s, id=servo.servo_id)
 
 
-def _silence(servo: Servo) -> None:
+def _silence(servo: EmulatedServo) -> None:
     servo.silent = True
 
 
-def _trip(bits: int) -> Callable[[Servo], None]:
-    return lambda servo: servo.trip(bits, time.monotonic())
+def _starve(servo: EmulatedServo) -> None:
+    servo.supply.volts = servo.low_volts
 
 
-def _hand(servo: Servo, path: motion.Trajectory, start_s: float) -> Callable[[float], float]:
+def _overload(servo: EmulatedServo) -> None:
+    servo.overload(time.monotonic())
+
+
+def _hand(servo: EmulatedServo, path: motion.Trajectory, start_s: float) -> Callable[[float], float]:
     zero = servo.angle_of(MIDDLE)
     return lambda now_s: zero + path(max(0.0, now_s - start_s)) * TICKS_PER_RADIAN
 

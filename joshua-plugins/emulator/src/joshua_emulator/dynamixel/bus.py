@@ -1,0 +1,168 @@
+"""A bus of X-series servos: hears instructions of protocol 2.0, answers with timed replies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from joshua_emulator.dynamixel.packets import (
+    BROADCAST_ID,
+    Instruction,
+    InstructionPacket,
+    InstructionParser,
+    ProtocolError,
+    status_packet,
+)
+from joshua_emulator.dynamixel.servo import Servo
+from joshua_emulator.event_log import EventLog
+from joshua_emulator.faults import Faults
+from joshua_emulator.servo_bus.bus import EmulatedServoBus
+from joshua_emulator.wire import TimedReply
+
+PING_SLOT_S = 0.001  # replies to a broadcast ping come by id, this far apart
+MULTI_TURN_KEY = b"\x01\x44\x58\x4c\x22"  # parameters of CLEAR
+
+# What FACTORY_RESET leaves of id and baud rate, by its parameter.
+_KEPT_BY_RESET = {b"\xff": 0, b"\x01": 1, b"\x02": 2}
+_READS = (Instruction.READ, Instruction.SYNC_READ, Instruction.BULK_READ, Instruction.PING)
+_NAMES = {instruction.value: instruction.name.lower() for instruction in Instruction}
+
+
+class DynamixelBus(EmulatedServoBus[Servo]):
+    """Servos on one cable, nearest to the adapter first."""
+
+    def __init__(self, servos: Sequence[Servo], log: EventLog, faults: Faults, *, echo: bool = False) -> None:
+        super().__init__(servos, log, faults, echo=echo)
+        self._parser = InstructionParser()
+
+    def reset_line(self) -> None:
+        """Forgets an unfinished packet, as a fresh connection does."""
+        self._parser.clear()
+
+    def hear(
+        self, data: bytes, listening: list[Servo], line_speed: int, now_s: float
+    ) -> Iterable[TimedReply]:
+        """Takes bytes that some servos hear; returns what these answer and when."""
+        for packet in self._parser.feed(data):
+            end_s = self._wire.request(packet.size, line_speed, now_s)
+            name = _NAMES.get(packet.instruction, f"0x{packet.instruction:02x}")
+            is_read = packet.instruction in _READS
+            self._record(name, packet.servo_id, packet.parameters, now_s, end_s, read=is_read)
+            if not self._faults.loses_request():
+                yield from self._answer(packet, listening, line_speed, end_s)
+
+    def _answer(
+        self, packet: InstructionPacket, listening: list[Servo], line_speed: int, end_s: float
+    ) -> Iterable[TimedReply]:
+        instruction = packet.instruction
+        if instruction in (Instruction.SYNC_READ, Instruction.BULK_READ):
+            return self._read_several(_reads(packet), listening, line_speed, end_s)
+        if instruction in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
+            for servo_id, address, data in _writes(packet):
+                for servo in listening:
+                    if servo.servo_id == servo_id:
+                        servo.write(address, data, end_s)
+            return ()
+        if packet.servo_id == BROADCAST_ID and instruction == Instruction.PING:
+            return self._ping_all(listening, line_speed, end_s)
+        addressed = [servo for servo in listening if packet.servo_id in (servo.servo_id, BROADCAST_ID)]
+        answers = [(servo, self._execute(servo, packet, end_s)) for servo in addressed]
+        return self._transmit([(s, answer) for s, answer in answers if answer is not None], line_speed)
+
+    def _execute(self, servo: Servo, packet: InstructionPacket, end_s: float) -> bytes | None:
+        """Carries out an instruction for one servo; returns its reply, None where it stays silent."""
+        servo_id, parameters = servo.servo_id, packet.parameters
+        level = servo.get("status_level")
+        answers = packet.servo_id != BROADCAST_ID and level == 2
+        if packet.instruction == Instruction.PING:
+            servo.advance(end_s)
+            return _pong(servo)
+        if packet.instruction == Instruction.READ:
+            if len(parameters) != 4 or packet.servo_id == BROADCAST_ID or level == 0:
+                return None
+            error, data = servo.read(_word(parameters), _word(parameters[2:]), end_s)
+            return status_packet(servo_id, error | servo.alert, data)
+        error = _change(servo, packet, end_s)
+        return status_packet(servo_id, error | servo.alert) if answers else None
+
+    def _read_several(
+        self, reads: Iterable[tuple[int, int, int]], listening: list[Servo], line_speed: int, end_s: float
+    ) -> Iterable[TimedReply]:
+        for servo_id, address, length in reads:
+            group = []
+            for servo in listening:
+                if servo.servo_id == servo_id and servo.get("status_level"):
+                    error, data = servo.read(address, length, end_s)
+                    group.append((servo, status_packet(servo_id, error | servo.alert, data)))
+            if group:
+                yield from self._transmit(group, line_speed)
+            else:
+                self._wire.reply(length + 11, line_speed, 0.0)  # its slot stays empty
+
+    def _ping_all(self, listening: list[Servo], line_speed: int, end_s: float) -> Iterable[TimedReply]:
+        free_id = 0
+        for servo_id in sorted({servo.servo_id for servo in listening}):
+            self._wire.reply(0, line_speed, (servo_id - free_id) * PING_SLOT_S)
+            free_id = servo_id
+            group = [servo for servo in listening if servo.servo_id == servo_id]
+            for servo in group:
+                servo.advance(end_s)
+            yield from self._transmit([(servo, _pong(servo)) for servo in group], line_speed)
+
+
+def _pong(servo: Servo) -> bytes:
+    return status_packet(servo.servo_id, servo.alert, bytes((*servo.memory[:2], servo.memory[6])))
+
+
+def _change(servo: Servo, packet: InstructionPacket, end_s: float) -> ProtocolError:
+    """Carries out an instruction that changes something."""
+    parameters = packet.parameters
+    if packet.instruction == Instruction.WRITE:
+        return servo.write(_word(parameters), parameters[2:], end_s)
+    if packet.instruction == Instruction.REG_WRITE:
+        servo.pending = (_word(parameters), parameters[2:])
+    elif packet.instruction == Instruction.ACTION:
+        pending, servo.pending = servo.pending, None
+        return servo.write(*pending, end_s) if pending is not None else ProtocolError.RESULT_FAIL
+    elif packet.instruction == Instruction.FACTORY_RESET:
+        if servo.energised or packet.servo_id == BROADCAST_ID:
+            return ProtocolError.RESULT_FAIL
+        servo.restore_factory_settings(keep=_KEPT_BY_RESET.get(parameters[:1], 2))
+        servo.power_on(end_s)
+    elif packet.instruction == Instruction.REBOOT:
+        servo.power_on(end_s)
+    elif packet.instruction == Instruction.CLEAR and parameters == MULTI_TURN_KEY:
+        return servo.clear_turns(end_s)
+    else:
+        return ProtocolError.INSTRUCTION
+    return ProtocolError.NONE
+
+
+def _reads(packet: InstructionPacket) -> Iterator[tuple[int, int, int]]:
+    """Id, address and length of each read that an instruction asks for."""
+    parameters = packet.parameters
+    if packet.instruction == Instruction.SYNC_READ:
+        for servo_id in parameters[4:]:
+            yield servo_id, _word(parameters), _word(parameters[2:])
+        return
+    for start in range(0, len(parameters) - 4, 5):
+        yield parameters[start], _word(parameters[start + 1 :]), _word(parameters[start + 3 :])
+
+
+def _writes(packet: InstructionPacket) -> Iterator[tuple[int, int, bytes]]:
+    """Id, address and data of each write that an instruction asks for."""
+    rows = packet.parameters
+    if packet.instruction == Instruction.SYNC_WRITE:
+        if len(rows) < 4:
+            return
+        address, length = _word(rows), _word(rows[2:])
+        for start in range(4, len(rows) - length, length + 1):
+            yield rows[start], address, rows[start + 1 : start + 1 + length]
+        return
+    while len(rows) > 5:
+        length = _word(rows[3:])
+        yield rows[0], _word(rows[1:]), rows[5 : 5 + length]
+        rows = rows[5 + length :]
+
+
+def _word(data: bytes) -> int:
+    return int.from_bytes(data[:2], "little")

@@ -1,0 +1,282 @@
+"""One servo of the X series: its control table, its protections and the joint that it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from joshua_emulator.dynamixel.control import make_drive, written_registers
+from joshua_emulator.dynamixel.models import Model
+from joshua_emulator.dynamixel.packets import ALERT, ProtocolError
+from joshua_emulator.dynamixel.registers import (
+    BAUDRATES,
+    BY_NAME,
+    EEPROM_END,
+    EEPROM_START,
+    MEMORY_SIZE,
+    TABLE,
+    Hardware,
+    OperatingMode,
+)
+from joshua_emulator.dynamixel.units import VELOCITY_TICKS_S
+from joshua_emulator.joint import TICKS_PER_TURN, Drive, Joint
+from joshua_emulator.servo_bus.registers import Area
+from joshua_emulator.servo_bus.servo import EmulatedServo, Supply
+
+RETURN_DELAY_UNIT_S = 2e-6
+BOOT_TIME_S = 0.05  # a servo is silent for this long after power-on
+OVERLOAD_SHARE = 0.8  # of stall torque
+OVERLOAD_TIME_S = 1.0
+LARGEST_JOINT_OFFSET = 1024  # in position mode larger homing offsets are ignored
+_FEEDBACK = (BY_NAME["hardware_error"].address, BY_NAME["realtime_tick"].address)
+
+
+class Servo(EmulatedServo):
+    """One servo of a bus.
+
+    Args:
+        joint: what it moves.
+        supply: what feeds it.
+        eeprom: contents of addresses 7 to 63; None for factory settings.
+        on_eeprom: called with the new contents after each change.
+        on_torque: called with (servo, energised, time in s) when the motor gets or loses power.
+    """
+
+    registers = BY_NAME
+    state_names = (
+        "present_position", "goal_position", "present_speed", "present_load", "present_voltage",
+        "present_temperature", "torque_enable", "hardware_error", "homing_offset", "operating_mode",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        model: Model,
+        joint: Joint,
+        supply: Supply,
+        eeprom: bytes | None = None,
+        on_eeprom: Callable[[bytes], None] = lambda _: None,
+        on_torque: Callable[[Servo, bool, float], None] = lambda *_: None,
+    ) -> None:
+        super().__init__(joint, supply, bytearray(MEMORY_SIZE))
+        self.model = model
+        self.pending: tuple[int, bytes] | None = None
+        self._on_eeprom = on_eeprom
+        self._on_torque = on_torque
+        self._drive = Drive()
+        self._latched = 0  # hardware errors that stay until a reboot
+        self._overload_s = 0.0
+        self._time_s: float | None = None
+        self._energised = False
+        self._turn = 0  # shaft angle from which positions count
+        self.restore_factory_settings()
+        if eeprom is not None:
+            self.memory[EEPROM_START:EEPROM_END] = eeprom[: EEPROM_END - EEPROM_START]
+        self.power_on()
+
+    @property
+    def low_volts(self) -> float:
+        """Supply voltage that the servo is too weak at."""
+        return self.get("min_voltage") / 10 - 1.0
+
+    @property
+    def servo_id(self) -> int:
+        """Id on the bus."""
+        return self.memory[7]
+
+    @property
+    def baudrate(self) -> int:
+        """Line speed that the servo listens at, bit/s."""
+        return BAUDRATES[self.memory[8]]
+
+    @property
+    def return_delay_s(self) -> float:
+        """Time between the end of a request and the start of the reply."""
+        return self.memory[9] * RETURN_DELAY_UNIT_S
+
+    @property
+    def energised(self) -> bool:
+        """Whether the motor has power."""
+        return self._energised
+
+    @property
+    def status(self) -> int:
+        """Bits of hardware_error."""
+        return self.memory[70]
+
+    @property
+    def alert(self) -> int:
+        """Bit of the error byte that replies carry while there is a hardware error."""
+        return ALERT if self.memory[70] else 0
+
+    @property
+    def direction(self) -> int:
+        """-1 where the drive mode reverses the servo."""
+        return -1 if self.memory[10] & 1 else 1
+
+    def present(self) -> int:
+        """Present position in ticks: the encoder's, counted on over turns, plus the homing offset."""
+        return self.direction * (round(self.joint.angle) - self._turn) + self._offset()
+
+    def angle_at(self, position: float) -> float:
+        """Shaft angle of a position in ticks."""
+        return self.direction * (position - self._offset()) + self._turn
+
+    def angle_of(self, position: float) -> float:
+        """Shaft angle nearest to the present one that shows as a position in ticks."""
+        return self.joint.angle + self.direction * (position - self.present())
+
+    def advance(self, now_s: float) -> None:
+        """Brings joint, protections and feedback registers to a time of the monotonic clock."""
+        if self._time_s is None:
+            self._time_s = now_s
+        elapsed_s = max(0.0, now_s - self._time_s)
+        self._time_s = max(self._time_s, now_s)
+        self.joint.advance(now_s, self._drive)
+        self._protect(elapsed_s)
+        self._measure()
+
+    def read(self, address: int, length: int, now_s: float) -> tuple[ProtocolError, bytes]:
+        """Reads memory; there is nothing beyond the table."""
+        if not length or address + length > MEMORY_SIZE:
+            return ProtocolError.ACCESS, b""
+        if address + length > _FEEDBACK[0]:
+            self.advance(now_s)
+        return ProtocolError.NONE, bytes(self.memory[address : address + length])
+
+    def write(self, address: int, data: bytes, now_s: float) -> ProtocolError:
+        """Writes registers as a host does, all or none of them."""
+        self.advance(now_s)
+        error, written = written_registers(self, address, data)
+        if error:
+            return error
+        eeprom = bytes(self.memory[EEPROM_START:EEPROM_END])
+        for register, value in written.items():
+            self.put(register.name, value)
+        self._react({register.name for register in written})
+        changed = bytes(self.memory[EEPROM_START:EEPROM_END])
+        if changed != eeprom:
+            self._on_eeprom(changed)
+        self._update_drive(now_s)
+        self._measure()
+        return ProtocolError.NONE
+
+    def power_on(self, now_s: float | None = None) -> None:
+        """Starts as after a power cut or a reboot: the EEPROM stays, torque is off, turns are forgotten."""
+        for register in TABLE:
+            if register.area is Area.RAM:
+                self.put(register.name, register.default)
+        self.put("goal_current", self.get("current_limit"))
+        self.pending = None
+        self._latched = 0
+        self._overload_s = 0.0
+        self.silent_until_s = 0.0 if now_s is None else now_s + BOOT_TIME_S
+        self.memory[70] = 0
+        self._count_from_here()
+        self._update_drive(now_s or 0.0)
+        self._measure()
+
+    def restore_factory_settings(self, *, keep: int = 0) -> None:
+        """Takes factory settings into the EEPROM, except the first ``keep`` of id and baud rate."""
+        kept = bytes(self.memory[EEPROM_START : EEPROM_START + keep])
+        for register in TABLE:
+            self.put(register.name, self.model.defaults.get(register.name, register.default))
+        self.put("model_number", self.model.number)
+        self.memory[EEPROM_START : EEPROM_START + keep] = kept
+        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+
+    def clear_turns(self, now_s: float) -> ProtocolError:
+        """Counts positions from the present turn again; refused while torque is on."""
+        if self._energised:
+            return ProtocolError.RESULT_FAIL
+        self.advance(now_s)
+        self._count_from_here()
+        self._measure()
+        return ProtocolError.NONE
+
+    def overload(self, now_s: float) -> None:
+        """Trips the overload protection."""
+        self.advance(now_s)
+        self._latched |= Hardware.OVERLOAD
+        self._shut_down()
+        self._measure()
+
+    def calibration(self) -> dict[str, Any]:
+        """``homing_offset``, ``range_min`` and ``range_max`` as a calibration block has them."""
+        return {
+            "homing_offset": -self.get("homing_offset"),  # there it is subtracted
+            "range_min": self.get("min_position_limit"),
+            "range_max": self.get("max_position_limit"),
+        }
+
+    @property
+    def shut_down(self) -> bool:
+        """Whether a hardware error keeps the torque off until a reboot."""
+        return bool(self.memory[70] & self.memory[63])
+
+    def _offset(self) -> int:
+        offset = self.get("homing_offset")
+        if self.memory[11] == OperatingMode.POSITION and abs(offset) > LARGEST_JOINT_OFFSET:
+            return 0
+        return offset
+
+    def _count_from_here(self) -> None:
+        """Positions are within one turn again, as after power-on; the goal is where the joint is."""
+        self._turn = round(self.joint.angle) // TICKS_PER_TURN * TICKS_PER_TURN
+        self.put("goal_position", self.present())
+
+    def _react(self, written: set[str]) -> None:
+        if "operating_mode" in written:
+            self._count_from_here()
+            self.put("profile_velocity", 0)
+            self.put("profile_acceleration", 0)
+        if "goal_position" in written and self.memory[10] & 8 and not self.shut_down:
+            self.put("torque_enable", 1)  # drive mode «torque on by goal update»
+        if "torque_enable" in written and self.memory[64] and self.memory[11] == OperatingMode.POSITION:
+            goal = self.get("goal_position")
+            self._count_from_here()
+            self.put("goal_position", goal)
+
+    def _protect(self, elapsed_s: float) -> None:
+        if self.joint.temperature_c > self.get("max_temperature"):
+            self._latched |= Hardware.TEMPERATURE
+        if self._energised and abs(self.joint.load) >= OVERLOAD_SHARE:
+            self._overload_s += elapsed_s
+            if self._overload_s >= OVERLOAD_TIME_S:
+                self._latched |= Hardware.OVERLOAD
+        else:
+            self._overload_s = 0.0
+        self._shut_down()
+
+    def _shut_down(self) -> None:
+        volts = self._volts() * 10
+        out_of_range = not self.get("min_voltage") <= volts <= self.get("max_voltage")
+        errors = self._latched | (Hardware.VOLTAGE if out_of_range else 0)
+        self.memory[70] = errors
+        if errors & self.memory[63]:
+            self._latched |= errors
+            self.put("torque_enable", 0)
+            self._update_drive(self._time_s or 0.0)
+
+    def _volts(self) -> float:
+        return self.supply.volts * (1.0 - 0.0125 * abs(self.joint.load))
+
+    def _measure(self) -> None:
+        joint, model = self.joint, self.model
+        amperes = joint.load * model.stall_a
+        load = amperes / model.current_unit_a if model.current_unit_a else joint.load * 1000
+        self.put("moving", int(joint.velocity != 0.0))
+        self.put("realtime_tick", round((self._time_s or 0.0) * 1000) % 32768)
+        self.put("present_load", max(-32767, min(32767, round(self.direction * load))))
+        self.put("present_speed", round(self.direction * joint.velocity / VELOCITY_TICKS_S))
+        self.put("present_position", self.present())
+        self.put("position_trajectory", self.present())
+        self.put("present_voltage", max(0, round(self._volts() * 10)))
+        self.put("present_temperature", max(0, min(255, round(joint.temperature_c))))
+        self.put("pending_write", int(self.pending is not None))
+
+    def _update_drive(self, now_s: float) -> None:
+        energised = bool(self.memory[64])
+        self._drive = make_drive(self) if energised else Drive()
+        if energised != self._energised:
+            self._energised = energised
+            self._on_torque(self, energised, now_s)

@@ -1,0 +1,1 @@
+"""What the emulated servo buses of all families have in common."""
