@@ -102,7 +102,7 @@ def test_status_shows_the_run_and_stop_ends_it(environment, running):
     stopped = joshua(environment, "stop")
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout == f"stopped {path} (process {process.pid})\n"
-    assert process.wait(60) == 0
+    assert process.wait(60) == 1, "a test that was not finished has not passed"
 
 
 def test_stop_asks_which_when_several_run(environment, running, tmp_path):
@@ -119,7 +119,7 @@ def test_stop_asks_which_when_several_run(environment, running, tmp_path):
 
         chosen = joshua(environment, "stop", str(second.pid))
         assert chosen.returncode == 0, chosen.stderr
-        assert second.wait(60) == 0
+        assert second.wait(60) == 1
         assert running[0].poll() is None
     finally:
         if second.poll() is None:

@@ -27,14 +27,14 @@ def test_a_node_that_ran_to_the_end_passes_with_its_own_checks():
         ("/camera", "rate", True),
     ]
     assert passed(rows)
-    assert verdict_text(rows).splitlines()[-1] == "test passed: 2 checks"
+    assert verdict_text(rows, report_of()).splitlines()[-1] == "test passed: 2 checks"
 
 
 def test_a_failed_node_fails_the_test_with_its_reason():
     node = NodeReport(full_name="/camera", state="failed", reason="the cable is unplugged")
     rows = verdict(plan_of("camera"), report_of(node))
     assert not passed(rows)
-    text = verdict_text(rows)
+    text = verdict_text(rows, report_of())
     assert text.startswith("FAIL  /camera  runs to the end  the cable is unplugged\n")
     assert text.endswith("test failed: 1 of 1 checks\n")
 
@@ -43,7 +43,7 @@ def test_a_node_that_restarted_fails():
     node = NodeReport(full_name="/camera", state="stopped", restarts=2)
     rows = verdict(plan_of("camera"), report_of(node))
     assert not passed(rows)
-    assert "stopped, 2 restarts" in verdict_text(rows)
+    assert "stopped, 2 restarts" in verdict_text(rows, report_of())
 
 
 def test_a_node_without_a_report_fails():
@@ -53,4 +53,17 @@ def test_a_node_without_a_report_fails():
 
 def test_a_test_without_checks_has_not_passed():
     assert not passed([])
-    assert verdict_text([]) == "\ntest failed: no checks\n".lstrip()
+    assert verdict_text([], report_of()) == "\ntest failed: no checks\n".lstrip()
+
+
+def test_a_test_that_was_stopped_early_has_not_passed():
+    good = CheckResult(check="rate", passed=True, measured="30 Hz")
+    node = NodeReport(full_name="/camera", state="stopped", checks=(good,))
+    report = RunReport(exit_code=0, nodes=(node,), reason="stopped by SIGINT", interrupted=True)
+    rows = verdict(plan_of("camera"), report)
+    assert not passed(rows)
+    assert verdict_text(rows, report).splitlines() == [
+        "FAIL  /camera  runs to the end  stopped by SIGINT",
+        "PASS  /camera  rate             30 Hz",
+        "test not finished: stopped by SIGINT before its time was over",
+    ]

@@ -51,6 +51,19 @@ def test_a_run_that_takes_too_long_is_stopped_and_shows_what_it_said(
     assert "robot.pbtxt" in str(caught.value.output) + str(caught.value.stderr)
 
 
+def test_a_test_that_is_stopped_early_has_not_passed(joshua_run: JoshuaProgram, robot: str) -> None:
+    process = joshua_run.start("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "600")
+    assert process.stdout is not None
+    shown = ""
+    while "ready after" not in shown:
+        line = process.stdout.readline()
+        assert line, shown
+        shown += line
+    output, errors = joshua_run.stop(process)
+    assert process.returncode == 1, output + errors
+    assert output.endswith("test not finished: stopped by SIGINT before its time was over\n")
+
+
 def test_what_still_runs_is_stopped_at_the_end(tmp_path: Path, joshua_domain_id: int, robot: str) -> None:
     program = JoshuaProgram(tmp_path, joshua_domain_id)
     process = program.start("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "600")

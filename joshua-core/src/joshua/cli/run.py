@@ -85,5 +85,5 @@ def conclude(plan: Plan, report: RunReport) -> int:
     from joshua.modes.verdict import passed, verdict, verdict_text
 
     rows = verdict(plan, report)
-    sys.stdout.write(verdict_text(rows))
+    sys.stdout.write(verdict_text(rows, report))
     return report.exit_code or (ExitCode.OK if passed(rows) else ExitCode.FAILED)

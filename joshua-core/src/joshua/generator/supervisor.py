@@ -78,6 +78,7 @@ class Supervisor:
         self._phase = Phase.STARTING
         self._reason = ""
         self._exit_code = EXIT_OK
+        self._interrupted = False
         self._began_s = 0.0
         self._ready_s: float | None = None
         self._first_message_s: float | None = None
@@ -305,13 +306,13 @@ class Supervisor:
                 process.kill()
             return
         code = EXIT_OK if self._phase is Phase.RUNNING else EXIT_INTERRUPTED
-        self._stop(f"stopped by {name}", code)
+        self._stop(f"stopped by {name}", code, interrupted=True)
 
-    def _stop(self, reason: str, exit_code: int) -> None:
+    def _stop(self, reason: str, exit_code: int, *, interrupted: bool = False) -> None:
         if self._phase in (Phase.STOPPING, Phase.ENDED):
             return
         self._phase = Phase.STOPPING
-        self._reason, self._exit_code = reason, exit_code
+        self._reason, self._exit_code, self._interrupted = reason, exit_code, interrupted
         self._stop_began_s = time.monotonic()
         in_order = exit_code in (EXIT_OK, EXIT_INTERRUPTED)
         self._logbook.write(logging.INFO if in_order else logging.ERROR, f"stopping: {reason}")
@@ -337,6 +338,7 @@ class Supervisor:
         return RunReport(
             exit_code=self._exit_code,
             reason=self._reason,
+            interrupted=self._interrupted,
             nodes=tuple(record.final_report() for record in records),
             ready_s=self._ready_s,
             first_message_s=self._first_message_s,
@@ -370,7 +372,7 @@ class Supervisor:
         return {"status": self._status().as_dict()}
 
     def _answer_stop(self, _request: object) -> dict[str, Any]:
-        self._reactor.call_later(0, lambda: self._stop("stopped by `joshua stop`", EXIT_OK))
+        self._reactor.call_later(0, lambda: self._stop("stopped by `joshua stop`", EXIT_OK, interrupted=True))
         return {"stopping": True}
 
     def _answer_guardian(self, request: Mapping[str, Any]) -> dict[str, Any]:

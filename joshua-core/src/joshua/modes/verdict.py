@@ -19,14 +19,14 @@ def verdict(plan: Plan, report: RunReport) -> list[tuple[str, CheckResult]]:
         if node is None:
             rows.append((spec.full_name, CheckResult(check="starts", passed=False, measured="never started")))
             continue
-        rows.append((spec.full_name, _ran(node)))
+        rows.append((spec.full_name, _ran(node, report)))
         rows += [(spec.full_name, check) for check in node.checks]
     return rows
 
 
-def _ran(node: NodeReport) -> CheckResult:
-    good = node.state == "stopped" and node.restarts == 0
-    measured = node.reason or node.state
+def _ran(node: NodeReport, report: RunReport) -> CheckResult:
+    good = node.state == "stopped" and node.restarts == 0 and not report.interrupted
+    measured = node.reason or (report.reason if report.interrupted else node.state)
     if node.restarts:
         measured += f", {node.restarts} restarts"
     return CheckResult(check="runs to the end", passed=good, measured=measured)
@@ -37,18 +37,21 @@ def passed(rows: list[tuple[str, CheckResult]]) -> bool:
     return bool(rows) and all(check.passed for _, check in rows)
 
 
-def verdict_text(rows: list[tuple[str, CheckResult]]) -> str:
-    """Prints the table: result, node, check and what was measured."""
+def verdict_text(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
+    """Prints the table: result, node, check and what was measured; then whether the test passed."""
     node_width = max((len(name) for name, _ in rows), default=0)
     check_width = max((len(check.check) for _, check in rows), default=0)
     lines = []
     for name, check in rows:
         result = "PASS" if check.passed else "FAIL"
         lines.append(f"{result}  {name:<{node_width}}  {check.check:<{check_width}}  {check.measured}")
+    return "\n".join([*(line.rstrip() for line in lines), _summary(rows, report)]) + "\n"
+
+
+def _summary(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
+    if report.interrupted:
+        return f"test not finished: {report.reason} before its time was over"
     failed = sum(not check.passed for _, check in rows)
-    summary = (
-        f"test passed: {len(rows)} checks" if not failed else f"test failed: {failed} of {len(rows)} checks"
-    )
-    return (
-        "\n".join([*(line.rstrip() for line in lines), summary if rows else "test failed: no checks"]) + "\n"
-    )
+    if not rows:
+        return "test failed: no checks"
+    return f"test failed: {failed} of {len(rows)} checks" if failed else f"test passed: {len(rows)} checks"

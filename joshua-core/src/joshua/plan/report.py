@@ -78,6 +78,7 @@ class RunReport(BaseModel):
     Attributes:
         exit_code: of the contract (0, 1, 3, 4, 130).
         reason: why the run ended, one sentence.
+        interrupted: whether it was stopped from outside, by a signal or by ``joshua stop``, in good order.
         ready_s: from the start to the last ready report; None if that was not reached.
         first_message_s: from the start to the first message that a subscription received.
         stop_s: from the stop request to the last exit.
@@ -88,6 +89,7 @@ class RunReport(BaseModel):
     exit_code: int
     nodes: tuple[NodeReport, ...] = ()
     reason: str = ""
+    interrupted: bool = False
     ready_s: float | None = None
     first_message_s: float | None = None
     stop_s: float | None = None

@@ -107,6 +107,46 @@ def test_echo_gets_what_a_publisher_keeps(graph, capsys):
     assert "18.0, 19.0]\n" in capsys.readouterr().out
 
 
+def test_echo_ends_when_nothing_comes(graph, capsys):
+    node, options = graph
+    silent = node.create_publisher("/left/silent", STRING, QosProfile())
+    echo = ["topic", "echo", "/left/silent", "--once", "--timeout", "0.5", *options]
+    assert main(echo) == 1
+    text = "no message came on /left/silent within 0.5 s: it has 1 publisher, of whom none sends; wait longer"
+    assert text in capsys.readouterr().err
+    silent.close()
+    assert main([*echo[:2], "/left/nobody", "--type", STRING, *echo[3:]]) == 1
+    assert "within 0.5 s: nobody publishes it; wait longer with --timeout" in capsys.readouterr().err
+
+
+def test_echo_says_when_the_last_publisher_leaves_and_comes_back(graph, capsys):
+    node, options = graph
+    publisher = node.create_publisher("/left/brief", STRING, QosProfile())
+    publishers = [publisher]
+
+    def leave_and_come_back():
+        end_s = time.monotonic() + 20
+        while not publisher.subscription_count and time.monotonic() < end_s:
+            time.sleep(0.02)
+        time.sleep(0.3)
+        publisher.close()
+        time.sleep(1.0)
+        publishers.append(node.create_publisher("/left/brief", STRING, QosProfile()))
+        time.sleep(1.0)
+        publishers[1].publish(encode(message_class(STRING)("back")))
+
+    thread = threading.Thread(target=leave_and_come_back)
+    thread.start()
+    assert main(["topic", "echo", "/left/brief", "--once", *options]) == 0
+    thread.join()
+    captured = capsys.readouterr()
+    assert captured.out == "data: back\n---\n"
+    assert captured.err.splitlines() == [
+        "the last publisher of /left/brief has left; waiting for another (Ctrl-C ends)",
+        "/left/brief has a publisher again",
+    ]
+
+
 def test_hz_prints_the_rate(graph, capsys):
     _, options = graph
     assert main(["topic", "hz", "/left/words", "-n", "1", *options]) == 0

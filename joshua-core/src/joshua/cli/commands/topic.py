@@ -56,11 +56,19 @@ def _info(actions: Any) -> None:
 
 
 def _echo(actions: Any) -> None:
+    from joshua.cli.options import positive_seconds
+
     parser = _action(actions, "echo", "print the messages of a topic", "topic_echo")
     parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /leader/joint_states")
     parser.add_argument("--type", metavar="TYPE", help="type, where no publisher says it yet")
     parser.add_argument("-n", "--count", metavar="N", type=_positive, help="end after this many messages")
     parser.add_argument("--once", action="store_true", help="end after the first message")
+    parser.add_argument(
+        "--timeout",
+        metavar="SECONDS",
+        type=positive_seconds,
+        help="give up when no message comes for so long (default 10 with --once or --count, else never)",
+    )
     parser.add_argument("--full", action="store_true", help="show every value of long arrays")
 
 

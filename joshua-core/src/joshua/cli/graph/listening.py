@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import os
 import queue
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from joshua.cli.graph.session import GraphError
+
 if TYPE_CHECKING:
     from joshua.plan import QosProfile
-    from joshua.transport import Sample, Transport
+    from joshua.transport import Sample, Subscription, Transport
 
 # The oldest ones go when more than this many wait to be printed.
 _WAITING = 1000
@@ -27,8 +30,16 @@ class Arrival:
     time_s: float
 
 
-def arrivals(transport: Transport, topic: str, type_name: str, qos: QosProfile) -> Iterator[Arrival | None]:
-    """Subscribes; yields what arrives, and None about ten times a second where nothing does."""
+def arrivals(
+    transport: Transport, topic: str, type_name: str, qos: QosProfile, timeout_s: float | None = None
+) -> Iterator[Arrival | None]:
+    """Subscribes; yields what arrives, and None about ten times a second where nothing does.
+
+    Says on standard error when the last publisher leaves, and when one is there again.
+
+    Raises:
+        GraphError: nothing came for ``timeout_s``.
+    """
     waiting: queue.Queue[Arrival] = queue.Queue(_WAITING)
 
     def callback(sample: Sample) -> None:
@@ -39,9 +50,45 @@ def arrivals(transport: Transport, topic: str, type_name: str, qos: QosProfile) 
         waiting.put_nowait(arrival)
 
     node = transport.create_node(f"_joshua_{os.getpid()}")
-    node.create_subscription(topic, type_name, qos, callback)
+    subscription = node.create_subscription(topic, type_name, qos, callback)
+    publishers = _Publishers(subscription, topic)
+    last_s = time.monotonic()
     while True:
         try:
-            yield waiting.get(timeout=_TICK_S)
+            arrival = waiting.get(timeout=_TICK_S)
+            last_s = arrival.time_s
+            yield arrival
         except queue.Empty:
+            publishers.look()
+            if timeout_s is not None and time.monotonic() - last_s >= timeout_s:
+                raise GraphError(
+                    f"no message came on {topic} within {timeout_s:g} s: {publishers.state}; wait longer "
+                    "with --timeout"
+                ) from None
             yield None
+
+
+class _Publishers:
+    """The publishers of a topic, as far as they come and go."""
+
+    def __init__(self, subscription: Subscription, topic: str) -> None:
+        self._subscription, self._topic = subscription, topic
+        self._count = self._most = 0
+
+    def look(self) -> None:
+        """Says when the last one has left, and when one is there again."""
+        before, self._count = self._count, self._subscription.publisher_count
+        if before and not self._count:
+            sys.stderr.write(
+                f"the last publisher of {self._topic} has left; waiting for another (Ctrl-C ends)\n"
+            )
+        elif self._count and not before and self._most:
+            sys.stderr.write(f"{self._topic} has a publisher again\n")
+        self._most = max(self._most, self._count)
+
+    @property
+    def state(self) -> str:
+        """Why nothing may have come."""
+        if self._count:
+            return f"it has {self._count} publisher{'s' * (self._count > 1)}, of whom none sends"
+        return "its last publisher has left" if self._most else "nobody publishes it"

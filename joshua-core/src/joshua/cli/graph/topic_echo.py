@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import argparse
 
 _DEPTH = 100
+#: Who asks for a number of messages waits for an end; a topic may be silent for ever.
+_BOUNDED_WAIT_S = 10.0
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -22,6 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     topic = full_topic(arguments.topic)
     wanted, shown = 1 if arguments.once else arguments.count, 0
+    timeout_s = arguments.timeout or (_BOUNDED_WAIT_S if wanted else None)
     try:
         with graph_session(arguments) as transport:
             if arguments.type:
@@ -30,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
             else:
                 publishers = find_topic(transport, topic, arguments.wait)
                 chosen = type_name(type_of(publishers))
-            for arrival in arrivals(transport, topic, chosen, profile_for(publishers, _DEPTH)):
+            for arrival in arrivals(transport, topic, chosen, profile_for(publishers, _DEPTH), timeout_s):
                 if arrival is None:
                     continue
                 try:
