@@ -46,7 +46,7 @@ def test_unknown_actuator_is_found_with_the_nearest_name(tmp_path) -> None:
     assert found.position.line == 15
     assert "no actuator named 'elbow_flx'" in found.message
     assert found.allowed[0] == "elbow_flex"
-    assert found.remedy == "did you mean elbow_flex?"
+    assert found.remedy == "Did you mean elbow_flex?"
 
 
 def test_unknown_actuator_of_a_mapping_is_found(tmp_path) -> None:
