@@ -103,8 +103,13 @@ class Registry:
                 return row
         raise KeyError(f"{provision.implementation} is not a provision of this registry")
 
-    def is_packaged(self, name: str) -> bool:
-        """Whether a file of this name ships with a plugin, such as the model ``so_arm100/scene.xml``."""
+    def is_packaged(self, name: str) -> bool | None:
+        """Whether a file of this name ships with a plugin, such as the model ``so_arm100/scene.xml``.
+
+        Returns:
+            None where no installed plugin brings any files, so that nobody can tell.
+        """
+        answer = None
         for provision, _ in self._usable:
             if provision.packaged_files:
                 try:
@@ -113,7 +118,8 @@ class Registry:
                     continue  # `joshua plugins --check` says what is wrong with it
                 if found is not None:
                     return True
-        return False
+                answer = False
+        return answer
 
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""

@@ -122,7 +122,21 @@ def test_a_packaged_model_needs_no_file(tmp_path: Path) -> None:
     )
     path = tmp_path / "robot.pbtxt"
     assert examine(path, text, is_packaged=lambda name: name == "so_arm100/scene.xml") == []
-    assert [item.code for item in examine(path, text)] == ["input-file-missing"]
+    (unknown,) = examine(path, text, is_packaged=lambda name: False, launch=True)
+    assert (unknown.code, unknown.severity) == ("input-file-missing", Severity.ERROR)
+    assert "no simulator that is installed brings a model of this name" in unknown.message
+
+
+def test_whether_a_model_is_packaged_is_left_open_where_no_simulator_is_installed(tmp_path: Path) -> None:
+    text = 'general { mode: MODE_SIMULATION } simulation { mode: OFFSCREEN model_path: "lab/scene.xml" }'
+    path = tmp_path / "robot.pbtxt"
+    for launch in (False, True):
+        (item,) = examine(path, text, launch=launch)
+        assert (item.code, item.severity) == ("input-file-missing", Severity.NOTE)
+        assert "shows when the simulator's plugin is installed" in item.message
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab/scene.xml").touch()
+    assert examine(path, text, launch=True) == []
 
 
 def test_the_simulation_block_counts_beside_devices_only_when_they_are_simulated(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def check_paths(
     *,
     host: str = "",
     simulated: bool = False,
-    is_packaged: Callable[[str], bool] = lambda name: False,
+    is_packaged: Callable[[str], bool | None] = lambda name: None,
 ) -> list[Diagnostic]:
     """Looks for every file that the configuration names as input.
 
@@ -44,7 +44,8 @@ def check_paths(
         launch: whether nodes are going to be started: what is missing is an error then, else a note.
         host: this machine's name in the file; files of other machines' nodes are not looked for.
         simulated: whether devices are replaced by the physics of the ``simulation`` block (``--sim``).
-        is_packaged: tells whether an installed plugin brings a simulation model of this name.
+        is_packaged: tells whether an installed plugin brings a simulation model of this name; None where
+            none is installed that could, and then a name that is no file stays a note.
     """
     search = _Search(Context(loaded), launch, host, simulated, is_packaged)
     return [*search.blocks(), *search.data_sets()]
@@ -57,7 +58,7 @@ class _Search:
         launch: bool,
         host: str,
         simulated: bool,
-        is_packaged: Callable[[str], bool],
+        is_packaged: Callable[[str], bool | None],
     ) -> None:
         self._context = context
         self._launch = launch
@@ -128,13 +129,24 @@ class _Search:
                 )
 
     def _input_file(self, facts: FieldFacts, path: str, value: str) -> Iterator[Diagnostic]:
-        if facts.name == "model_path" and self._is_packaged(value):
-            return
         place = self._resolve(path, value)
         label = _LABELS.get(facts.name, facts.name.replace("_", " "))
-        extra = ", and no simulator that is installed brings a model of this name"
-        extra = extra if facts.name == "model_path" else ""
-        yield from self._need_file(path, value, place, label, extra)
+        if facts.name != "model_path":
+            yield from self._need_file(path, value, place, label)
+            return
+        packaged = self._is_packaged(value)
+        if packaged is None and not _exists(place):
+            yield self._context.note(
+                "input-file-missing",
+                f"The {label} is no file (looked for {place}); whether it is one of the packaged models "
+                "shows when the simulator's plugin is installed",
+                path,
+                found=self._context.found(path, value),
+                remedy="Install the plugin, or correct the path",
+            )
+        elif not packaged:
+            extra = ", and no simulator that is installed brings a model of this name"
+            yield from self._need_file(path, value, place, label, extra)
 
     def _need_file(
         self, path: str, value: str, place: Path, label: str, extra: str = ""
