@@ -31,6 +31,11 @@ COMMANDS: tuple[Command, ...] = (
         "joshua.cli.commands.find_port",
         "list the USB serial adapters of this machine and the motors that answer there",
     ),
+    Command(
+        "motors",
+        "joshua.cli.commands.motors",
+        "list the motors of a bus, or give them ids and line speed one at a time",
+    ),
     Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
     Command("topic", "joshua.cli.commands.topic", "list, watch and publish topics of a running graph"),
     Command("node", "joshua.cli.commands.node", "list the nodes of a running graph"),

@@ -55,12 +55,14 @@ class BusTools(ABC):
         baudrates: line speeds that the motors can have, bit/s, the usual one first.
         ids: ids that a motor can be given.
         expected_models: names of the models that the driver can drive.
+        factory_id: id of a new motor.
     """
 
     family: ClassVar[str]
     baudrates: ClassVar[tuple[int, ...]]
     ids: ClassVar[range]
     expected_models: ClassVar[tuple[str, ...]]
+    factory_id: ClassVar[int] = 1
 
     def __init__(self, port: SerialPort) -> None:
         self.port = port

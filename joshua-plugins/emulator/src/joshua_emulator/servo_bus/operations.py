@@ -212,7 +212,7 @@ class Operations:
         return (servo.joint.low - zero) / TICKS_PER_RADIAN, (servo.joint.high - zero) / TICKS_PER_RADIAN
 
     def _set(self, request: Request) -> None:
-        """Sets physical values: volts of the supply; temperature_c, external_load, blocked of joints."""
+        """Sets temperature_c, external_load, blocked and silent of servos, and volts of their supply."""
         for servo in self._servos(request):
             joint = servo.joint
             servo.advance(time.monotonic())
@@ -224,6 +224,8 @@ class Operations:
                 joint.external_load = float(request["external_load"])
             if "blocked" in request:
                 joint.blocked = bool(request["blocked"])
+            if "silent" in request:  # its cable is off
+                servo.silent = bool(request["silent"])
 
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
