@@ -27,9 +27,11 @@ class Serial(_message.Message):
     def __init__(self, port: _Optional[str] = ..., baudrate: _Optional[int] = ..., serial_number: _Optional[str] = ..., vid_pid: _Optional[str] = ...) -> None: ...
 
 class BLE(_message.Message):
-    __slots__ = ("device_name", "service_uuid")
+    __slots__ = ("device_name", "service_uuid", "adapter")
     DEVICE_NAME_FIELD_NUMBER: _ClassVar[int]
     SERVICE_UUID_FIELD_NUMBER: _ClassVar[int]
+    ADAPTER_FIELD_NUMBER: _ClassVar[int]
     device_name: str
     service_uuid: str
-    def __init__(self, device_name: _Optional[str] = ..., service_uuid: _Optional[str] = ...) -> None: ...
+    adapter: str
+    def __init__(self, device_name: _Optional[str] = ..., service_uuid: _Optional[str] = ..., adapter: _Optional[str] = ...) -> None: ...

@@ -25,6 +25,7 @@ from joshua_emulator.feetech import registers as feetech
 from joshua_emulator.feetech.assembly import FeetechAssembly
 from joshua_emulator.motion import MotionError
 from joshua_emulator.servo_bus.assembly import BusAssembly, BusSpec, SpecError
+from joshua_emulator.spike import cli as spike_cli
 
 _BUSES: dict[str, type[BusAssembly[Any]]] = {"feetech": FeetechAssembly, "dynamixel": DynamixelAssembly}
 
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     root = options.root or Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
     try:
-        machine = _camera(options, root) if options.protocol == "camera" else _bus(options, root)
+        machine = MAKERS.get(options.protocol, _bus)(options, root)
         for text in options.fault:
             machine.handle({"op": "fault", **parse_fault(text)})
     except (EepromStoreError, ControlError, MotionError, SpecError, OSError) as error:
@@ -115,6 +116,19 @@ def _camera(options: argparse.Namespace, root: Path) -> Machine:
     )
 
 
+def _hub(options: argparse.Namespace, root: Path) -> Machine:
+    machine = spike_cli.make_machine(options, root)
+    assert machine.control is not None
+    handle = machine.control.handler
+    if options.motion:
+        kind, settings = _parse_settings(options.motion)
+        handle({"op": "motion", "kind": kind, **settings})
+    return Machine(spike_cli.ready_facts(machine), handle, machine.run, machine.stop, machine.close)
+
+
+MAKERS: dict[str, Callable[[argparse.Namespace, Path], Machine]] = {"camera": _camera, "spike": _hub}
+
+
 def _spec(options: argparse.Namespace, root: Path) -> BusSpec:
     return BusSpec(
         ids=options.ids,
@@ -142,6 +156,7 @@ def _parser() -> argparse.ArgumentParser:
     speeds = dynamixel.BAUDRATES.values()
     _add_bus(protocols, "dynamixel", "a bus of X-series servos", speeds, f"models, of {', '.join(MODELS)}")
     camera_cli.add_parser(protocols)
+    spike_cli.add_parser(protocols)
     return parser
 
 

@@ -12,6 +12,7 @@ from joshua.schema.calibration_pb2 import ArmCalibration, MotorCalibration
 from joshua_emulator.camera.process import EmulatedCamera
 from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
 from joshua_emulator.process import EmulatedBus
+from joshua_emulator.spike.process import EmulatedHub
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -108,3 +109,26 @@ class CameraEmulator(ProcessEmulator):
     def endpoint(self) -> str:
         """Address of the stream."""
         return str(self._process.source)
+
+
+class HubEmulator(ProcessEmulator):
+    """A LEGO SPIKE hub with Pybricks, over virtual Bluetooth."""
+
+    def make_process(self, block: Any, folder: Path) -> EmulatedHub:
+        """Makes the hub with the name and the ports of the block."""
+        del folder  # a hub's program is uploaded anew after each power cycle
+        return EmulatedHub(
+            list(block.port_names),
+            name=block.comm.ble.device_name,
+            motion=LEADER_MOTION if self.device.role == "ACTION_LEADER" else None,
+            fault=list(self.device.faults),
+        )
+
+    def amend(self, block: Message) -> None:
+        """Puts the virtual adapter in place of the system's."""
+        block.comm.ble.adapter = self._process.adapter  # type: ignore[attr-defined]
+
+    @property
+    def endpoint(self) -> str:
+        """Adapter through which the hub is reached."""
+        return str(self._process.adapter)

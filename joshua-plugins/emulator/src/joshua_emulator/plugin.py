@@ -22,4 +22,10 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_emulator.devices:CameraEmulator",
             summary="Motion JPEG camera on loopback, with a test scene that carries frame numbers",
         ),
+        Provision(
+            kind=ProvisionKind.EMULATOR,
+            block="spike_motor_config",
+            implementation="joshua_emulator.devices:HubEmulator",
+            summary="LEGO SPIKE hub with Pybricks over virtual Bluetooth, its program run by MicroPython",
+        ),
     ]

@@ -1,0 +1,1 @@
+"""An emulated LEGO SPIKE hub: Pybricks over Bluetooth Low Energy, its programs run by MicroPython."""

@@ -1,0 +1,1 @@
+"""What the emulated hub offers its programs; runs under MicroPython."""

@@ -1,0 +1,149 @@
+"""An emulated hub as one machine: event loop, control channel, motors, firmware, radio."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import socket
+import time
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
+from typing import Any
+
+from joshua_emulator.control import ControlServer
+from joshua_emulator.event_log import EventLog
+from joshua_emulator.spike.hub import HubFirmware
+from joshua_emulator.spike.motors import EmulatedMotor
+from joshua_emulator.spike.radio import Radio
+
+HOST = "127.0.0.1"
+#: Where the shafts stand at first, degrees, one port after the other.
+FIRST_ANGLES_DEG = (12, -25, 40, -8, 5, -33)
+MOTION_PHASE_RAD = 0.7
+
+
+class HubMachine:
+    """One hub in one process; it runs on an event loop of its own.
+
+    Args:
+        name: under which the hub advertises; ports: letters of the ports with motors.
+    """
+
+    def __init__(self, name: str, ports: Sequence[str]) -> None:
+        self.log = EventLog()
+        self.motors: Mapping[str, EmulatedMotor] = {
+            port: EmulatedMotor(FIRST_ANGLES_DEG["ABCDEF".index(port)]) for port in ports
+        }
+        self.hub = HubFirmware(self.motors, self.log)
+        self.control: ControlServer | None = None
+        listener = socket.create_server((HOST, 0))
+        self.port = int(listener.getsockname()[1])
+        self._loop = asyncio.new_event_loop()
+        self.radio = Radio(name, self.hub, listener, self.log)
+        self._loop.run_until_complete(self.radio.start())
+        self._stopped = False
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def at(self, delay_s: float, action: Callable[[], object]) -> None:
+        """Calls ``action`` after a delay, on the loop."""
+        self._loop.call_later(delay_s, action)
+
+    def off(self) -> None:
+        """Switches the hub off: the program is gone, the link is lost."""
+        self.log.add("off", time.monotonic())
+        self.hub.close()
+        self.soon(self.radio.go(near=False))
+
+    def on(self) -> None:
+        """Switches the hub on again, with an empty memory; or brings it back into range."""
+        self.log.add("on", time.monotonic())
+        self.soon(self.radio.go(near=True))
+
+    def soon(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Runs a coroutine on the loop: at once where it stands still, else beside the rest."""
+        if self._loop.is_running():
+            task = self._loop.create_task(coroutine)
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+        else:
+            self._loop.run_until_complete(coroutine)
+
+    def on_loop(self, action: Callable[[], None]) -> None:
+        """Calls a function that needs the running loop."""
+
+        async def call() -> None:
+            action()
+
+        self.soon(call())
+
+    def start_motion(self, amplitude_rad: float, frequency_hz: float) -> None:
+        """A hand turns the shafts to and fro about where they stand."""
+        start_s = time.monotonic()
+        for index, motor in enumerate(self.motors.values()):
+            motor.hand(_sine(motor.absolute_deg, math.degrees(amplitude_rad), frequency_hz, index, start_s))
+
+    def run(self, watched: Collection[int] = ()) -> None:
+        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        self._loop.run_until_complete(self._run(watched))
+
+    def stop(self) -> None:
+        """Ends ``run``."""
+        self._stopped = True
+        self._loop.call_soon_threadsafe(lambda: None)
+
+    def close(self) -> None:
+        """Tidies up."""
+        self.hub.close()
+        self._loop.run_until_complete(self.radio.close())
+        if self.control is not None:
+            self.control.close()
+        self._loop.close()
+
+    async def _run(self, watched: Collection[int]) -> None:
+        assert self.control is not None
+        ended = asyncio.Event()
+        served: set[int] = set()
+
+        def serve(descriptor: int) -> None:
+            assert self.control is not None
+            self.control.serve((descriptor,))
+            follow()
+
+        def follow() -> None:
+            """Watches the connections that the control channel has now."""
+            assert self.control is not None
+            now = set(self.control.descriptors())
+            for descriptor in served - now:
+                self._loop.remove_reader(descriptor)
+            for descriptor in now - served:
+                self._loop.add_reader(descriptor, serve, descriptor)
+            served.clear()
+            served.update(now)
+            if self._stopped:
+                ended.set()
+
+        def watch(descriptor: int) -> None:
+            if not os.read(descriptor, 4096) or self._stopped:
+                ended.set()
+
+        for descriptor in watched:
+            self._loop.add_reader(descriptor, watch, descriptor)
+        follow()
+        try:
+            await ended.wait()
+        finally:
+            for descriptor in (*watched, *served):
+                self._loop.remove_reader(descriptor)
+
+
+def _sine(
+    center_deg: float, amplitude_deg: float, frequency_hz: float, index: int, start_s: float
+) -> Callable[[float], float]:
+    def angle_deg(now_s: float) -> float:
+        time_s = now_s - start_s
+        fade_in = min(1.0, time_s)
+        return center_deg + fade_in * amplitude_deg * math.sin(
+            math.tau * frequency_hz * time_s + index * MOTION_PHASE_RAD
+        )
+
+    return angle_deg

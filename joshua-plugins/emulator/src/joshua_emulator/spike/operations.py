@@ -1,0 +1,142 @@
+"""What the control channel can ask of an emulated hub."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from joshua_emulator.control import ControlError
+from joshua_emulator.spike.machine import HubMachine
+from joshua_emulator.spike.motors import EmulatedMotor
+from joshua_emulator.spike.program import OTHER_PROGRAM, pack
+
+Request = dict[str, Any]
+
+
+class HubOperations:
+    """Operations by name; ``handle`` is the control channel's handler."""
+
+    def __init__(self, machine: HubMachine) -> None:
+        self._machine = machine
+        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+            "state": self._state,
+            "log": self._read_log,
+            "hand": self._hand,
+            "motion": self._motion,
+            "fault": self._fault,
+            "clear_faults": self._clear_faults,
+            "quit": lambda _: machine.stop(),
+        }
+        self._faults: dict[str, Callable[[Request], Callable[[], object]]] = {
+            "stall": lambda request: self._set(self._motor(request), "blocked", True),
+            "motor_off": lambda request: self._set(self._motor(request), "attached", False),
+            "sensor": lambda request: self._set(self._motor(request), "device", 61),
+            "corrupt": lambda request: self._set(machine.hub, "corrupt", float(request["value"])),
+            "slow": lambda request: self._set(machine.radio.air, "interval_s", float(request["value"])),
+            "battery": lambda request: self._set(machine.hub, "battery_mv", int(request["value"])),
+            "unplug": lambda _: machine.off,
+            "replug": lambda _: machine.on,
+            "out_of_range": lambda _: lambda: machine.soon(machine.radio.go(near=False)),
+            "in_range": lambda _: machine.on,
+            "firmware": self._firmware,
+            "button": lambda _: machine.hub.stop_program,
+            "other_program": self._other_program,
+        }
+
+    def handle(self, request: Request) -> dict[str, Any]:
+        """Carries out one request. Raises ControlError."""
+        operation = self._operations.get(request["op"])
+        if operation is None:
+            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
+        try:
+            return operation(request) or {}
+        except KeyError as error:
+            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
+        except (TypeError, ValueError) as error:
+            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
+
+    def _state(self, _: Request) -> dict[str, Any]:
+        machine = self._machine
+        motors = {}
+        for port, motor in machine.motors.items():
+            angle, speed, load = motor.state()
+            motors[port] = {
+                "angle_deg": angle,
+                "absolute_deg": motor.absolute_deg,
+                "speed_deg_s": speed,
+                "load_mnm": load,
+                "powered": motor.powered,
+                "blocked": motor.blocked,
+            }
+        return {
+            "t_ns": time.monotonic_ns(),
+            "running": machine.hub.running,
+            "connected": machine.radio.connected,
+            "battery_mv": machine.hub.battery_mv,
+            "motors": motors,
+        }
+
+    def _read_log(self, request: Request) -> dict[str, Any]:
+        entries = self._machine.log.since(
+            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
+        )
+        return {"entries": entries}
+
+    def _hand(self, request: Request) -> None:
+        """Turns a shaft without torque to ``absolute_deg``."""
+        angle_deg = float(request["absolute_deg"])
+        self._motor({"value": request["port"]}).hand(lambda now_s: angle_deg)
+
+    def _motion(self, request: Request) -> None:
+        if request["kind"] != "sine":
+            raise ControlError(f"motion is {request['kind']!r}; allowed: sine")
+        self._machine.start_motion(
+            float(request.get("amplitude_rad", 0.5)), float(request.get("frequency_hz", 0.2))
+        )
+
+    def _fault(self, request: Request) -> None:
+        """Brings a fault about: ``kind``, its ``value``, ``at_s`` seconds from now on."""
+        kind = request["kind"]
+        if kind not in self._faults:
+            raise ControlError(f"unknown fault {kind!r}; allowed: {', '.join(self._faults)}")
+        action = self._faults[kind](request)
+        delay_s = float(request.get("at_s", 0.0))
+        if delay_s > 0:
+            self._machine.at(delay_s, action)
+        else:
+            action()
+        if back_s := float(request.get("replug_after_s", 0.0)):
+            self._machine.at(delay_s + back_s, self._machine.on)
+
+    def _firmware(self, request: Request) -> Callable[[], object]:
+        if request["value"] not in ("lego", "pybricks"):
+            raise ControlError(f"firmware is {request['value']!r}; allowed: lego, pybricks")
+        machine = self._machine
+        return lambda: machine.soon(machine.radio.set_firmware(lego=request["value"] == "lego"))
+
+    def _other_program(self, _: Request) -> Callable[[], object]:
+        blob = pack(OTHER_PROGRAM.read_bytes())
+        return lambda: self._machine.on_loop(lambda: self._machine.hub.run(blob))
+
+    def _clear_faults(self, _: Request) -> None:
+        """Ends all faults that can end; the battery is full again."""
+        machine = self._machine
+        for motor in machine.motors.values():
+            motor.blocked, motor.attached, motor.device = False, True, EmulatedMotor().device
+        machine.hub.corrupt = machine.radio.air.interval_s = 0.0
+        machine.hub.battery_mv = 8100
+        if machine.radio.lego:
+            machine.soon(machine.radio.set_firmware(lego=False))
+        elif not machine.radio.connected:
+            machine.on()
+
+    def _motor(self, request: Request) -> EmulatedMotor:
+        port = request["value"]
+        if port not in self._machine.motors:
+            raise ControlError(f"port is {port!r}; allowed: {', '.join(self._machine.motors)}")
+        return self._machine.motors[port]
+
+    @staticmethod
+    def _set(thing: object, name: str, value: object) -> Callable[[], object]:
+        return lambda: setattr(thing, name, value)

@@ -1,0 +1,217 @@
+"""The actuator: motors on a LEGO SPIKE hub, in radians."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
+from joshua.devices.calibration_target import CalibrationTarget
+from joshua.devices.errors import DeviceError
+
+from joshua_spike.client import DEAD_MAN_S, HubClient
+from joshua_spike.errors import NotCalibrated, NotEnabled, ProgramFailed, SafetyTripped
+from joshua_spike.joint_map import JointMap
+from joshua_spike.session import Counters, StampedState
+from joshua_spike.settings import SpikeSettings
+
+MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
+NEWTON_METRES_PER_MNM = 1e-3
+
+
+class SpikeActuator(Actuator):
+    """The motors of one hub.
+
+    The hub itself stops them when no command has come for half a second: they hold where the plan's safe
+    state is ``HOLD``, and coast otherwise. That bound needs neither this driver nor a guardian.
+
+    Args:
+        settings: of the hub.
+        context: of the plan. ``allow_uncalibrated`` lets motors without calibration be energised, in radians
+            about their marks; ``dry_run`` does everything without torque; ``safe_state``.
+    """
+
+    settings: SpikeSettings
+
+    def __init__(self, settings: SpikeSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self._map = JointMap(settings)
+        self._hub = HubClient(settings, hold=self.plan_context.get("safe_state", "HOLD") == "HOLD")
+        self._lock = threading.RLock()
+        self._enabled = False
+        self._tripped = False
+        self._goal = np.zeros(len(settings.port_names))
+        self._written_s = 0.0
+        self._state: StampedState | None = None
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints: the calibration's, else ``joint_<port>``."""
+        return self.settings.joint_names
+
+    @property
+    def limits(self) -> JointLimits:
+        """The calibrated range, else half a turn to both sides of a motor's mark."""
+        return self._map.limits()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the hub is open."""
+        return self._hub.is_open
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the motors were energised by this driver and still are, as far as it knows."""
+        return self._enabled
+
+    @property
+    def identity(self) -> str:
+        """Identity of the hub, such as ``ble:90:84:2B:00:11:22``; "" while unknown."""
+        return f"ble:{self._hub.address}" if self._hub.address else ""
+
+    @property
+    def counters(self) -> Counters:
+        """What went over the link since it was opened."""
+        return self._hub.counters
+
+    def connect(self) -> None:
+        """Finds the hub, starts the program on it where another one runs, checks the motors.
+
+        Raises:
+            DeviceError: the device is open already, or one of ``joshua_spike.errors`` with its remedy.
+        """
+        if self.connected:
+            raise DeviceError("SpikeActuator.connect: the device is open already")
+        with self._lock:
+            self._hub.open()
+            try:
+                state = self._hub.next_state()
+            except BaseException:
+                self._hub.close()
+                raise
+            self._map = JointMap(self.settings, state.state.angles_deg)
+            self._enabled = self._tripped = False
+
+    def read(self) -> JointReading:
+        """Waits for a state that is newer than the last; effort is the load that the hub estimates, in N·m.
+
+        Raises:
+            DeviceDisconnected: the link or the program on the hub has ended.
+            SafetyTripped: the hub has just stopped the motors by itself; reading goes on after that.
+        """
+        self.require_connected("read")
+        stamped = self._hub.next_state()
+        with self._lock:
+            self._state = stamped
+            if self._enabled and stamped.state.tripped:
+                self._enabled, self._tripped = False, True
+                raise SafetyTripped(self._trip_text())
+        state = stamped.state
+        return JointReading(
+            stamped.stamp_ns,
+            self._map.radians(state.angles_deg),
+            self._map.directed(state.speeds_deg_s) * np.pi / 180,
+            self._map.directed(state.loads_mnm) * NEWTON_METRES_PER_MNM,
+        )
+
+    def enable(self) -> None:
+        """Energises the motors where they are.
+
+        Raises:
+            NotCalibrated: there is no calibration, and the plan does not waive it.
+            DeviceDisconnected: the hub does not obey.
+        """
+        self.require_connected("enable")
+        if self.settings.calibration is None and not self.plan_context.get("allow_uncalibrated"):
+            raise NotCalibrated(
+                f"{self._hub}: the motors are not calibrated, so they are not energised. Run a "
+                "MODE_CALIBRATION configuration (joshua presets names calibrate_spike), or pass "
+                "--allow-uncalibrated to drive them about their marks."
+            )
+        with self._lock:
+            state = self._hub.order("P" if self._dry_run else "E")
+            if not (state.energised or self._dry_run):
+                raise DeviceError(f"{self._hub}: the motors got no torque; switch the hub off and on")
+            self._enabled, self._tripped = True, False
+            self._remember(self._map.radians(state.angles_deg))
+
+    def write(self, goal_rad: FloatArray) -> FloatArray:
+        """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
+
+        The motors take whole degrees. Where the link is slower than the caller, the newest goal is sent.
+
+        Raises:
+            ValueError: a wrong shape or a value that is not finite.
+            SafetyTripped, NotEnabled: the motors have no torque.
+            DeviceDisconnected: the link or the program on the hub has ended.
+        """
+        self.require_connected("write")
+        goal = self.checked_goal(goal_rad)
+        with self._lock:
+            if self._tripped:
+                raise SafetyTripped(self._trip_text())
+            if not self._enabled:
+                raise NotEnabled(f"{self._hub}: the motors have no torque: call enable first")
+            elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
+            step = self._map.speed_rad_s * elapsed_s
+            goal = np.clip(goal, self._goal - step, self._goal + step)
+            targets = self._map.degrees(goal)
+            if not self._dry_run:
+                self._hub.follow(targets)
+            self._remember(goal)
+            return self._map.radians(targets)
+
+    def hold(self) -> None:
+        """Stops where the motors are, for as long as the hub's battery lasts; without torque nothing happens.
+
+        Raises:
+            DeviceDisconnected: the hub does not obey; its dead man's switch does it then.
+        """
+        self.require_connected("hold")
+        with self._lock:
+            if self._enabled and not self._dry_run:
+                state = self._hub.order("H")
+                self._remember(self._map.radians(state.angles_deg))
+
+    def release(self) -> None:
+        """Takes torque off all motors; does nothing on a closed device.
+
+        Raises:
+            DeviceDisconnected: the hub does not say that it has let go.
+        """
+        with self._lock:
+            self._enabled = False
+            if self.connected:
+                try:
+                    self._hub.order("F")
+                except ProgramFailed:
+                    return  # the firmware itself takes the torque off when a program has ended
+
+    def disconnect(self) -> None:
+        """Closes the link; motors that were neither held nor released stop by the dead man's switch."""
+        with self._lock:
+            self._enabled = False
+            self._hub.close()
+
+    def calibration_target(self) -> CalibrationTarget:
+        """The motors as a calibration sees them."""
+        from joshua_spike.calibration_target import SpikeCalibrationTarget
+
+        return SpikeCalibrationTarget(self.settings)
+
+    @property
+    def _dry_run(self) -> bool:
+        return bool(self.plan_context.get("dry_run"))
+
+    def _trip_text(self) -> str:
+        return (
+            f"{self._hub}: the hub stopped the motors by itself, because no command had come for "
+            f"{DEAD_MAN_S:g} s. Look whether the link is bad (come nearer) or the program that commands "
+            "hangs; then enable again"
+        )
+
+    def _remember(self, goal_rad: FloatArray) -> None:
+        self._goal = goal_rad
+        self._written_s = time.monotonic()

@@ -1,0 +1,110 @@
+"""Bluetooth adapters: the system's, through bleak, or one that bumble drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from bleak.exc import BleakBluetoothNotAvailableError, BleakBluetoothNotAvailableReason, BleakDBusError
+
+from joshua_spike.errors import AdapterUnusable
+
+if TYPE_CHECKING:
+    from joshua_spike.bumble_backend import BumbleAdapter
+
+_REASONS = {
+    BleakBluetoothNotAvailableReason.NO_BLUETOOTH: (
+        "this machine has no Bluetooth adapter that works",
+        "plug one in; bluetoothctl list shows those that the system knows",
+    ),
+    BleakBluetoothNotAvailableReason.POWERED_OFF: (
+        "Bluetooth is switched off",
+        "switch it on: bluetoothctl power on, and rfkill unblock bluetooth where it is blocked",
+    ),
+}
+_REASONS.update(
+    dict.fromkeys(
+        (
+            BleakBluetoothNotAvailableReason.DENIED_BY_USER,
+            BleakBluetoothNotAvailableReason.DENIED_BY_SYSTEM,
+            BleakBluetoothNotAvailableReason.DENIED_BY_UNKNOWN,
+        ),
+        (
+            "the system does not let this program use Bluetooth",
+            "allow it in the system's privacy settings, or join the group bluetooth",
+        ),
+    )
+)
+_NO_BLUEZ = (
+    "the system's Bluetooth service (BlueZ, by D-Bus) does not run",
+    "start it: systemctl start bluetooth; in a container, share the host's D-Bus socket",
+)
+_DBUS_ABSENT = ("ServiceUnknown", "NameHasNoOwner", "UnknownObject", "NoReply", "Disconnected")
+
+
+@dataclass
+class Adapter:
+    """What bleak's scanner and client are made with.
+
+    Attributes:
+        name: for messages.
+        scanner_options, client_options: keyword arguments.
+    """
+
+    name: str
+    scanner_options: dict[str, Any] = field(default_factory=dict)
+    client_options: dict[str, Any] = field(default_factory=dict)
+    bumble: BumbleAdapter | None = None
+
+    async def close(self) -> None:
+        """Closes what was opened."""
+        if self.bumble is not None:
+            await self.bumble.close()
+
+
+async def open_adapter(spec: str) -> Adapter:
+    """Opens an adapter by what ``BLE.adapter`` says. Raises AdapterUnusable."""
+    if ":" not in spec:
+        options = {"bluez": {"adapter": spec}} if spec else {}
+        return Adapter(f"adapter {spec}" if spec else "the default adapter", options, dict(options))
+    try:
+        from joshua_spike.bumble_backend import BumbleAdapter
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "bumble":
+            raise
+        raise AdapterUnusable(
+            f"adapter {spec}: bumble, which drives such adapters, is not installed: "
+            "pip install 'joshua-spike[bumble]', or leave adapter out for the system's own"
+        ) from error
+    try:
+        bumble = await BumbleAdapter.open(spec)
+    except Exception as error:  # each kind of transport raises what its library raises
+        raise AdapterUnusable(
+            f"adapter {spec}: cannot be opened: {error or type(error).__name__}. Check that the address is "
+            "right and that what should be there runs; leave adapter out for the system's own"
+        ) from error
+    return Adapter(
+        f"adapter {spec}", {"backend": bumble.scanner_type()}, {"backend": bumble.client_type()}, bumble
+    )
+
+
+def adapter_problem(adapter: str, error: Exception) -> AdapterUnusable | None:
+    """What an error of bleak says about the adapter; None where it says something else."""
+    cause: tuple[str, str] | None = None
+    if isinstance(error, BleakBluetoothNotAvailableError):
+        cause = _REASONS.get(error.reason, (str(error.args[0]), "look at bluetoothctl show"))
+    elif isinstance(error, BleakDBusError):
+        name = str(error.dbus_error)
+        if name.endswith(_DBUS_ABSENT):
+            cause = _NO_BLUEZ
+        elif name.endswith(("NotReady", "NotPowered")):
+            cause = _REASONS[BleakBluetoothNotAvailableReason.POWERED_OFF]
+        elif name.endswith(("AccessDenied", "NotPermitted", "NotAuthorized")):
+            cause = _REASONS[BleakBluetoothNotAvailableReason.DENIED_BY_SYSTEM]
+    elif isinstance(error, OSError):  # no socket of the system bus
+        cause = _NO_BLUEZ
+    elif "adapter" in str(error).lower() and "not" in str(error).lower():
+        cause = _REASONS[BleakBluetoothNotAvailableReason.NO_BLUETOOTH]
+    if cause is None:
+        return None
+    return AdapterUnusable(f"{adapter}: {cause[0]} ({error or type(error).__name__}); {cause[1]}")

@@ -1,0 +1,148 @@
+"""A hub for callers that wait: the session with its loop thread, opened and closed together."""
+
+from __future__ import annotations
+
+import time
+
+from joshua.devices.errors import DeviceError
+
+from joshua_spike.errors import HubUnreachable, LinkLost
+from joshua_spike.hub.program import load_program
+from joshua_spike.lines import HubState
+from joshua_spike.loop_thread import LoopThread
+from joshua_spike.session import Counters, HubSession, StampedState
+from joshua_spike.settings import SpikeSettings
+
+OPEN_TIMEOUT_S = 90.0  # beyond the sum of what the steps allow themselves
+CLOSE_TIMEOUT_S = 10.0
+ORDER_TIMEOUT_S = 6.0
+STATE_TIMEOUT_S = 1.0  # without a state for so long, the link counts as lost
+DEAD_MAN_S = 0.5
+
+
+class HubClient:
+    """One hub.
+
+    Args:
+        settings: of the driver.
+        hold: what the dead man's switch does: hold the motors where they are, or let them go.
+    """
+
+    def __init__(self, settings: SpikeSettings, *, hold: bool) -> None:
+        self._settings = settings
+        self._hold = hold
+        self._thread: LoopThread | None = None
+        self._session: HubSession | None = None
+        self._seen = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the hub was opened and not closed since."""
+        return self._session is not None
+
+    @property
+    def address(self) -> str:
+        """Bluetooth address of the hub; "" while unknown."""
+        return self._session.link.address if self._session is not None else ""
+
+    @property
+    def counters(self) -> Counters:
+        """What went over the link."""
+        return self._session.counters if self._session is not None else Counters()
+
+    @property
+    def session(self) -> HubSession:
+        """The open session. Raises DeviceError where there is none."""
+        if self._session is None:
+            raise DeviceError(
+                f"hub {self._settings.device_name!r}: the device is not open: call connect first"
+            )
+        return self._session
+
+    def __str__(self) -> str:
+        return str(self._session.link) if self._session is not None else f"hub {self._settings.device_name!r}"
+
+    def open(self) -> None:
+        """Finds the hub, starts its program, checks its motors. Raises DeviceError."""
+        settings = self._settings
+        program = load_program()
+        thread = LoopThread(f"hub {settings.device_name}")
+        thread.start()
+
+        async def open_session() -> HubSession:
+            session = HubSession(
+                settings.device_name,
+                settings.service_uuid,
+                settings.adapter,
+                settings.port_names,
+                dead_man_s=DEAD_MAN_S,
+                dead_man_action="H" if self._hold else "F",
+            )
+            try:
+                await session.open(program)
+            except BaseException:
+                await session.close()
+                raise
+            return session
+
+        try:
+            self._session = thread.run(open_session(), OPEN_TIMEOUT_S)
+        except BaseException as error:
+            thread.close()
+            if isinstance(error, TimeoutError):
+                raise HubUnreachable(
+                    f"hub {settings.device_name!r}: did not open within {OPEN_TIMEOUT_S:g} s; "
+                    "switch it off and on"
+                ) from error
+            raise
+        self._thread = thread
+        self._seen = 0
+
+    def close(self) -> None:
+        """Closes the link, the program on the hub goes on; a second call does nothing."""
+        thread, session = self._thread, self._session
+        self._thread = self._session = None
+        if thread is None or session is None:
+            return
+        try:
+            thread.run(session.close(), CLOSE_TIMEOUT_S)
+        except TimeoutError:
+            pass  # the thread's end cancels what still waits
+        finally:
+            thread.close()
+
+    def next_state(self) -> StampedState:
+        """A state that was not handed out before, the newest. Raises LinkLost, ProgramFailed."""
+        session = self.session
+        deadline_s = time.monotonic() + STATE_TIMEOUT_S
+        with session.changed:
+            while session.end is None and session.number == self._seen:
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0:
+                    raise LinkLost(
+                        f"{self}: no state for {STATE_TIMEOUT_S:g} s, though the link stands. Come nearer; "
+                        f"its dead man's switch stops the motors after {DEAD_MAN_S:g} s"
+                    )
+                session.changed.wait(left_s)
+            if session.end is not None:
+                raise session.end
+            self._seen = session.number
+            assert session.latest is not None
+            return session.latest
+
+    def order(self, kind: str) -> HubState:
+        """Has the hub do something now. Raises LinkLost, ProgramFailed."""
+        session = self.session
+        assert self._thread is not None
+        try:
+            return self._thread.run(session.order(kind), ORDER_TIMEOUT_S)
+        except TimeoutError as error:
+            raise LinkLost(f"{self}: does not obey any more; come nearer") from error
+
+    def follow(self, targets_deg: tuple[int, ...]) -> None:
+        """Sends targets soon; newer ones take their place. Raises LinkLost, ProgramFailed."""
+        session = self.session
+        if session.end is not None:
+            raise session.end
+        assert self._thread is not None
+        self._thread.call(session.follow, targets_deg)

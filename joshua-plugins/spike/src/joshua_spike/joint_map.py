@@ -1,0 +1,58 @@
+"""Between the hub's degrees and the joints' radians, with the limits that hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from joshua.devices.actuator import FloatArray, JointLimits
+
+from joshua_spike.settings import MIDDLE_TICK, TICKS_PER_TURN, SpikeSettings
+
+RADIANS_PER_DEGREE = math.tau / 360
+#: Speed that the slowest of LEGO's motors with an absolute encoder reaches.
+MAX_SPEED_DEG_S = 620.0
+
+
+class JointMap:
+    """Conversions of one hub; arrays have shape (N,) in joint order.
+
+    Args:
+        settings: of the driver.
+        angles_deg: where the motors stand now; decides which of their turns is the middle one, so that a
+            joint starts within half a turn of its zero.
+    """
+
+    def __init__(self, settings: SpikeSettings, angles_deg: Sequence[int] | None = None) -> None:
+        motors = [settings.motor(port) for port in settings.port_names]
+        self._sign = np.array([-1.0 if motor and motor.inverted else 1.0 for motor in motors])
+        zero_ticks = [MIDDLE_TICK + (motor.homing_offset if motor else -MIDDLE_TICK) for motor in motors]
+        zero_deg = np.array(zero_ticks, dtype=np.float64) * 360 / TICKS_PER_TURN
+        if angles_deg is not None:
+            zero_deg += 360 * np.floor((np.array(angles_deg) - zero_deg + 180) / 360)
+        self._zero_deg = zero_deg
+        ranges = np.array([settings.range_rad(port) for port in settings.port_names])
+        self._low_rad, self._high_rad = ranges[:, 0], ranges[:, 1]
+        self.speed_rad_s: FloatArray = np.full(len(motors), MAX_SPEED_DEG_S * RADIANS_PER_DEGREE)
+
+    def limits(self) -> JointLimits:
+        """The limits in force, in radians."""
+        return JointLimits(self._low_rad.copy(), self._high_rad.copy(), self.speed_rad_s.copy())
+
+    def radians(self, angles_deg: Sequence[int]) -> FloatArray:
+        """Joint angles of motor angles."""
+        return self.directed(np.asarray(angles_deg, dtype=np.float64) - self._zero_deg) * RADIANS_PER_DEGREE
+
+    def directed(self, values: Sequence[int] | FloatArray) -> FloatArray:
+        """Values of the motors' directions in the joints' directions."""
+        directed: FloatArray = np.asarray(values, dtype=np.float64) * self._sign
+        return directed
+
+    def degrees(self, radians: FloatArray) -> tuple[int, ...]:
+        """Whole degrees of joint angles, rounded so that they stay within the limits."""
+        inside = np.clip(radians, self._low_rad, self._high_rad)
+        exact = self._zero_deg + self._sign * inside / RADIANS_PER_DEGREE
+        ends = self._zero_deg + self._sign * np.stack((self._low_rad, self._high_rad)) / RADIANS_PER_DEGREE
+        low, high = np.ceil(ends.min(axis=0) - 1e-6), np.floor(ends.max(axis=0) + 1e-6)
+        return tuple(int(value) for value in np.clip(np.rint(exact), low, high))

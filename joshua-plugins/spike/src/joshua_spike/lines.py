@@ -1,0 +1,108 @@
+"""Lines between host and hub program: a kind, a sequence number, words, and a CRC."""
+
+from __future__ import annotations
+
+import binascii
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+LONGEST_LINE = 400
+_LINE = re.compile(rb"([A-Z?])([0-9a-f]{2})((?:,[^,*]*)*)\*([0-9a-f]{4})")
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line.
+
+    Attributes:
+        kind: one letter; sequence: 0 to 255.
+        words: what follows.
+    """
+
+    kind: str
+    sequence: int
+    words: tuple[str, ...] = ()
+
+    def encode(self) -> bytes:
+        """The line as it is sent, its end included."""
+        body = ",".join((f"{self.kind}{self.sequence:02x}", *self.words)).encode("ascii")
+        return b"%s*%04x\n" % (body, binascii.crc_hqx(body, 0xFFFF))
+
+
+@dataclass(frozen=True)
+class HubState:
+    """One state line of the hub, as the hub counts.
+
+    Attributes:
+        sequence: of the line that it answers.
+        energised, tripped, holding: of the motors; tripped after the dead man's switch has acted.
+        refused: lines that the hub did not understand, modulo 256.
+        battery_mv: voltage.
+        angles_deg, speeds_deg_s, loads_mnm: one value for each motor.
+    """
+
+    sequence: int
+    energised: bool
+    tripped: bool
+    holding: bool
+    refused: int
+    battery_mv: int
+    angles_deg: tuple[int, ...]
+    speeds_deg_s: tuple[int, ...]
+    loads_mnm: tuple[int, ...]
+
+    @classmethod
+    def of(cls, line: Line) -> HubState:
+        """Reads a line of kind S. Raises ValueError."""
+        numbers = [int(word) for word in line.words]
+        if len(numbers) < 3 or len(numbers) % 3:
+            raise ValueError(f"a state has flags, errors, voltage and three numbers a motor: {line.words}")
+        flags, refused, battery_mv, *motors = numbers
+        return cls(
+            line.sequence,
+            bool(flags & 1),
+            bool(flags & 2),
+            bool(flags & 4),
+            refused,
+            battery_mv,
+            tuple(motors[0::3]),
+            tuple(motors[1::3]),
+            tuple(motors[2::3]),
+        )
+
+
+class LineReader:
+    """Puts lines together from what the hub prints, in pieces of any size.
+
+    Attributes:
+        corrupt: lines that began like ours and were broken.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self.corrupt = 0
+
+    def feed(self, data: bytes) -> Iterable[Line | str]:
+        """Takes output; gives whole lines, those of another program or of an error as text."""
+        *whole, self._buffer = (self._buffer + data).split(b"\n")
+        self._buffer = self._buffer[-LONGEST_LINE:]
+        for raw in whole:
+            text = raw.rstrip(b"\r")
+            match = _LINE.fullmatch(text)
+            if match is None or int(match[4], 16) != binascii.crc_hqx(text[:-5], 0xFFFF):
+                if _looks_like_ours(text):
+                    self.corrupt += 1
+                elif text.strip():
+                    yield text.decode(errors="replace")
+                continue
+            words = tuple(match[3].decode("ascii", errors="replace").split(",")[1:])
+            yield Line(match[1].decode(), int(match[2], 16), words)
+
+    def clear(self) -> None:
+        """Forgets an unfinished line."""
+        self._buffer = b""
+
+
+def _looks_like_ours(text: bytes) -> bool:
+    return b"*" in text[-6:] or (text[:1] in (b"S", b"R", b"M") and b"," in text[:5])

@@ -1,0 +1,21 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins.hooks import hookimpl
+from joshua.plugins.provision import Provision, ProvisionKind
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the driver of SPIKE hubs."""
+    return [
+        Provision(
+            kind=ProvisionKind.ACTUATOR,
+            block="spike_motor_config",
+            enum_values=("ACTION_SPIKE", "ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
+            implementation="joshua_spike.actuator:SpikeActuator",
+            settings="joshua_spike.settings:SpikeSettings",
+            summary="LEGO SPIKE motors on a hub with Pybricks, by Bluetooth",
+        )
+    ]

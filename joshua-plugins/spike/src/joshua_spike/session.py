@@ -1,0 +1,276 @@
+"""A conversation with the hub program: one state for each line, the newest set-point first."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from joshua.devices.stamps import StampClock
+
+from joshua_spike.errors import LinkLost, MotorCheckFailed, ProgramFailed
+from joshua_spike.hub.program import HubProgram
+from joshua_spike.lines import HubState, Line
+from joshua_spike.link import HubLink
+from joshua_spike.pybricks import Status
+
+POLL_PERIOD_S = 0.02  # of the state while nothing is commanded
+REPLY_TIMEOUT_S = 0.25
+HELLO_TIMEOUT_S = 0.6
+READY_TIMEOUT_S = 5.0
+ORDER_ATTEMPTS = 4
+MOST_OUTSTANDING = 2  # lines that may wait for their answer: one to poll, one with targets
+MOTOR_DEVICES = {
+    46: "Technic large linear motor",
+    47: "Technic extra large motor",
+    48: "SPIKE medium motor",
+    49: "SPIKE large motor",
+    65: "SPIKE small motor",
+    75: "Technic medium angular motor",
+    76: "Technic large angular motor",
+}
+OTHER_DEVICES = {
+    61: "colour sensor",
+    62: "distance sensor",
+    63: "force sensor",
+    64: "3×3 colour light matrix",
+}
+
+
+@dataclass(frozen=True)
+class StampedState:
+    """A state and the time at which the hub took it, ns since the epoch."""
+
+    stamp_ns: int
+    state: HubState
+
+
+@dataclass
+class Counters:
+    """What went over the link since it was opened."""
+
+    lines: int = 0
+    lost: int = 0
+    corrupt: int = 0
+    uploads: int = 0
+    round_trip_s: float = 0.0
+
+
+class HubSession:
+    """Runs on the event loop of its link; ``latest``, ``end`` and ``changed`` are for other threads.
+
+    Args:
+        ports: letters of the ports, in joint order.
+        dead_man_s, dead_man_action: after this time without a command the hub acts: H holds, F lets go.
+    """
+
+    def __init__(
+        self,
+        device_name: str,
+        service: str,
+        adapter: str,
+        ports: Sequence[str],
+        *,
+        dead_man_s: float,
+        dead_man_action: str,
+    ) -> None:
+        self.link = HubLink(device_name, service, adapter, self._on_line, self._on_end)
+        self._ports = "".join(ports)
+        self._dead_man = (str(round(dead_man_s * 1000)), dead_man_action)
+        self._stamps = StampClock()
+        self.counters = Counters()
+        self.changed = threading.Condition()
+        self.latest: StampedState | None = None
+        self.end: Exception | None = None
+        self.number = 0  # of states that came
+        self._sequence = 0
+        self._sent: dict[int, int] = {}  # stamps by sequence number, of lines without an answer
+        self._answers: dict[str, asyncio.Future[Line]] = {}
+        self._targets: tuple[int, ...] | None = None
+        self._wake = asyncio.Event()
+        self._sent_s = 0.0
+        self._pump: asyncio.Task[None] | None = None
+
+    async def open(self, program: HubProgram) -> None:
+        """Connects, uploads the program where another one runs, checks the motors, and starts to poll.
+
+        Raises:
+            DeviceError: one of ``joshua_spike.errors``.
+        """
+        await self.link.open()
+        status = await self.link.first_status()
+        running = bool(status & Status.PROGRAM_RUNNING) and await self._identity() == program.identity
+        if not running:
+            await self._upload(program)
+        self.link.guard_program()
+        await self._configure()
+        self._pump = asyncio.ensure_future(self._run())
+
+    async def close(self) -> None:
+        """Ends the conversation; a second call does nothing."""
+        pump, self._pump = self._pump, None
+        if pump is not None:
+            pump.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await pump
+        await self.link.close()
+
+    async def order(self, kind: str) -> HubState:
+        """Has the hub do something now, and returns its state afterwards. Raises LinkLost, ProgramFailed."""
+        if kind != "E":
+            self._targets = None
+        line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_ATTEMPTS)
+        if line is None:
+            raise self.end or LinkLost(f"{self.link}: does not obey any more; come nearer")
+        return HubState.of(line)
+
+    def follow(self, targets_deg: tuple[int, ...]) -> None:
+        """Sends targets as soon as the link can carry them; newer ones take their place."""
+        self._targets = targets_deg
+        self._wake.set()
+
+    async def _identity(self) -> str:
+        """Identity of the program that runs; "" where it is none of ours."""
+        answer = await self._ask(Line("?", 0), "R", HELLO_TIMEOUT_S, 2)
+        return answer.words[0] if answer is not None and answer.words else ""
+
+    async def _upload(self, program: HubProgram) -> None:
+        ready: asyncio.Future[Line] = asyncio.get_running_loop().create_future()
+        self._answers["R"] = ready
+        await self.link.upload(program.blob)
+        self.counters.uploads += 1
+        try:
+            await asyncio.wait_for(ready, READY_TIMEOUT_S)
+        except asyncio.TimeoutError:
+            words = self.link.last_words() or "nothing"
+            raise ProgramFailed(
+                f"{self.link}: the program was uploaded and does not get ready; it said:\n  {words}"
+                "\n  Update the hub's firmware at https://code.pybricks.com, and switch the hub off and on"
+            ) from None
+        finally:
+            self._answers.pop("R", None)
+
+    async def _configure(self) -> None:
+        words = (*self._dead_man, self._ports)
+        answer = await self._ask(Line("C", 0, words), "M", 1.0, ORDER_ATTEMPTS)
+        if answer is None:
+            raise self.end or LinkLost(f"{self.link}: its program does not answer; come nearer")
+        problems = []
+        for word in answer.words:
+            port, _, device = word.partition(":")
+            if device == "0":
+                problems.append(f"port {port}: nothing is plugged in")
+            elif device.startswith("-"):
+                name = OTHER_DEVICES.get(int(device[1:]), f"a device of type {device[1:]}")
+                problems.append(f"port {port}: a {name} is plugged in, which is no motor")
+        if problems:
+            found = ", ".join(word.replace(":-", ":") for word in answer.words)
+            raise MotorCheckFailed(
+                "\n  ".join(
+                    [
+                        f"{self.link}: motor check failed",
+                        *problems,
+                        f"expected: a motor on {', '.join(self._ports)}",
+                        f"found (port:type): {found}",
+                        "Plug the motors in, or correct port_names; then start again.",
+                    ]
+                )
+            )
+
+    async def _ask(self, line: Line, answer: str, timeout_s: float, attempts: int) -> Line | None:
+        """Sends a line until its answer comes; None where none does."""
+        for _ in range(attempts):
+            if self.end is not None:
+                return None
+            sequence = self._next_sequence()
+            future: asyncio.Future[Line] = asyncio.get_running_loop().create_future()
+            key = f"{answer}{sequence:02x}"
+            self._answers[key] = future
+            try:
+                await self._say(Line(line.kind, sequence, line.words))
+                return await asyncio.wait_for(future, timeout_s)
+            except asyncio.TimeoutError:
+                self.counters.lost += 1
+            finally:
+                self._answers.pop(key, None)
+        return None
+
+    async def _run(self) -> None:
+        """Sends lines one after the other, until it is cancelled or the link ends."""
+        try:
+            while self.end is None:
+                line, wait_s = self._next_line()
+                if line is not None:
+                    await self._say(line)
+                    continue
+                self._wake.clear()
+                with contextlib.suppress(asyncio.TimeoutError):
+                    await asyncio.wait_for(self._wake.wait(), wait_s)
+        except (LinkLost, ProgramFailed) as error:
+            self._on_end(error)
+
+    def _next_line(self) -> tuple[Line | None, float]:
+        """What to send now, or how long to wait."""
+        now_ns = self._stamps.now_ns()
+        for sequence, sent_ns in list(self._sent.items()):
+            if now_ns - sent_ns > REPLY_TIMEOUT_S * 1e9:
+                del self._sent[sequence]
+                self.counters.lost += 1
+        if self._targets is not None and len(self._sent) < MOST_OUTSTANDING:
+            words = tuple(str(target) for target in self._targets)
+            self._targets = None
+            return Line("T", self._next_sequence(), words), 0.0
+        wait_s = self._sent_s + POLL_PERIOD_S - asyncio.get_running_loop().time()
+        if not self._sent and wait_s <= 0:
+            return Line("P", self._next_sequence()), 0.0
+        return None, max(wait_s, 0.005) if not self._sent else REPLY_TIMEOUT_S / 4
+
+    async def _say(self, line: Line) -> None:
+        if line.kind in "TPEHF":
+            self._sent[line.sequence] = self._stamps.now_ns()
+        self._sent_s = asyncio.get_running_loop().time()
+        self.counters.lines += 1
+        await self.link.say(line)
+
+    def _next_sequence(self) -> int:
+        self._sequence = self._sequence % 255 + 1  # 0 is the hub's own
+        return self._sequence
+
+    def _on_line(self, line: Line) -> None:
+        if line.kind == "S":
+            self._on_state(line)
+        for key in (f"{line.kind}{line.sequence:02x}", line.kind):
+            future = self._answers.get(key)
+            if future is not None and not future.done():
+                future.set_result(line)
+        self.counters.corrupt = self.link.reader.corrupt
+
+    def _on_state(self, line: Line) -> None:
+        try:
+            state = HubState.of(line)
+        except ValueError:
+            self.link.reader.corrupt += 1
+            return
+        now_ns = self._stamps.now_ns()
+        sent_ns = self._sent.pop(line.sequence, None)
+        if sent_ns is not None:
+            self.counters.round_trip_s = (now_ns - sent_ns) / 1e9
+        taken_ns = now_ns if sent_ns is None else (sent_ns + now_ns) // 2
+        with self.changed:
+            last_ns = self.latest.stamp_ns if self.latest is not None else 0
+            self.latest = StampedState(max(taken_ns, last_ns + 1), state)
+            self.number += 1
+            self.changed.notify_all()
+        self._wake.set()
+
+    def _on_end(self, reason: Exception) -> None:
+        with self.changed:
+            if self.end is None:
+                self.end = reason
+            self.changed.notify_all()
+        for future in self._answers.values():
+            if not future.done():
+                future.set_exception(reason)
+        self._wake.set()

@@ -1,0 +1,141 @@
+"""Settings of the driver, made from a ``spike_motor_config`` block and the plan's calibration."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from google.protobuf.message import Message
+from joshua.devices.calibration import ArmCalibration, MotorCalibration
+from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from pydantic import Field, model_validator
+from typing_extensions import Self
+
+PORTS = "ABCDEF"
+SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
+TICKS_PER_TURN = 4096  # in which a calibration counts; the motor itself counts degrees
+MIDDLE_TICK = 2048
+#: Kinds of adapters that bumble opens, the usual ones first.
+TRANSPORTS = (
+    *("tcp-client", "serial", "usb", "hci-socket", "vhci", "pyusb", "pty", "unix", "ws-client", "udp"),
+    *("tcp-server", "ws-server", "file", "android-netsim", "android-emulator"),
+)
+_SYSTEM_ADAPTER = re.compile(r"hci\d+")
+
+
+class SpikeSettings(BlockSettings):
+    """What the driver is set to.
+
+    Attributes:
+        adapter: "" for the system's default, ``hci1`` for another one of the system, or a transport of
+            bumble such as ``tcp-client:127.0.0.1:4711``.
+        port_names: letters of the hub's ports, in joint order.
+        calibration: None where the motors are not calibrated; motor ids are places of ports, A is 1.
+    """
+
+    device_name: Annotated[str, FromField("comm.ble.device_name")]
+    service_uuid: Annotated[str, FromField("comm.ble.service_uuid")] = SERVICE
+    adapter: Annotated[str, FromField("comm.ble.adapter")] = ""
+    port_names: tuple[str, ...] = Field(min_length=1, max_length=len(PORTS))
+    calibration: ArmCalibration | None = None
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds the calibration from the plan's context; an empty service means Pybricks' own."""
+        result = super().si_values(values, node, context)
+        if not result.get("service_uuid"):
+            result["service_uuid"] = SERVICE
+        if context.get("calibration"):
+            known = ArmCalibration.model_fields
+            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
+        return result
+
+    @model_validator(mode="after")
+    def _names_an_adapter(self) -> Self:
+        kind, colon, _ = self.adapter.partition(":")
+        if not self.adapter or (not colon and _SYSTEM_ADAPTER.fullmatch(self.adapter)):
+            return self
+        if not colon or kind not in TRANSPORTS:
+            raise FieldError(
+                "comm.ble.adapter",
+                f"{self.adapter!r} is neither an adapter of the system nor a transport of bumble",
+                allowed=("hci0", "tcp-client:127.0.0.1:4711", *(f"{name}:…" for name in TRANSPORTS[1:])),
+                remedy="leave adapter out for the system's own adapter",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _speaks_pybricks(self) -> Self:
+        if self.service_uuid.lower() != SERVICE:
+            raise FieldError(
+                "comm.ble.service_uuid",
+                "the driver speaks to the service of the Pybricks firmware alone",
+                allowed=(f'"{SERVICE}"',),
+                remedy="leave service_uuid out",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _names_ports_once(self) -> Self:
+        for port in self.port_names:
+            if self.port_names.count(port) > 1:
+                free = [letter for letter in PORTS if letter not in self.port_names]
+                raise FieldError(
+                    "port_names",
+                    f"port {port} stands there twice; a port carries one motor",
+                    allowed=tuple(free),
+                    remedy="name each port once",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _fits_its_calibration(self) -> Self:
+        if self.calibration is None:
+            return self
+        absent = [port for port in self.port_names if self.calibration.motor(port_id(port)) is None]
+        if absent:
+            known = [PORTS[motor.id - 1] for motor in self.calibration.motors if 1 <= motor.id <= len(PORTS)]
+            raise FieldError(
+                "port_names",
+                f"the calibration of this hub has no motor on port {', '.join(absent)}",
+                allowed=tuple(known),
+                remedy="calibrate with all motors, or correct port_names",
+            )
+        return self
+
+    def motor(self, port: str) -> MotorCalibration | None:
+        """Calibration of the motor on a port."""
+        return self.calibration.motor(port_id(port)) if self.calibration is not None else None
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of port_names: the calibration's, else ``joint_<port>``."""
+        motors = [(port, self.motor(port)) for port in self.port_names]
+        return tuple(motor.joint_name if motor else f"joint_{port.lower()}" for port, motor in motors)
+
+    def joints(self) -> list[dict[str, Any]]:
+        """Names and limits in radians of all joints, for the plan."""
+        rows = []
+        for port, name in zip(self.port_names, self.joint_names, strict=True):
+            low, high = self.range_rad(port)
+            rows.append({"name": name, "min_rad": low, "max_rad": high})
+        return rows
+
+    def range_rad(self, port: str) -> tuple[float, float]:
+        """Range of a joint: the calibrated one, else half a turn to both sides of the motor's mark."""
+        motor = self.motor(port)
+        if motor is None:
+            return -math.pi, math.pi
+        low, high = (
+            (tick - MIDDLE_TICK) * math.tau / TICKS_PER_TURN for tick in (motor.range_min, motor.range_max)
+        )
+        return (-high, -low) if motor.inverted else (low, high)
+
+
+def port_id(port: str) -> int:
+    """The motor id that stands for a port in a calibration."""
+    return PORTS.index(port) + 1

@@ -1,0 +1,39 @@
+"""What the tests of the driver share: an emulated hub, and settings that reach it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from joshua_emulator.spike.process import EmulatedHub
+from joshua_spike.actuator import SpikeActuator
+from joshua_spike.settings import SpikeSettings
+
+HUB_NAME = "Pybricks Hub"
+
+
+@pytest.fixture
+def hub() -> Iterator[EmulatedHub]:
+    """A hub with motors on A and B."""
+    with EmulatedHub(("A", "B"), name=HUB_NAME) as emulated:
+        yield emulated
+
+
+@pytest.fixture
+def make_actuator(hub: EmulatedHub) -> Iterator[Callable[..., SpikeActuator]]:
+    """Makes drivers of the emulated hub; they are closed after the test."""
+    made: list[SpikeActuator] = []
+
+    def make(context: dict[str, Any] | None = None, **values: Any) -> SpikeActuator:
+        settings = {"device_name": HUB_NAME, "adapter": hub.adapter, "port_names": ["A", "B"], **values}
+        actuator = SpikeActuator(
+            SpikeSettings.model_validate(settings),
+            {"allow_uncalibrated": True} if context is None else context,
+        )
+        made.append(actuator)
+        return actuator
+
+    yield make
+    for actuator in made:
+        actuator.disconnect()
