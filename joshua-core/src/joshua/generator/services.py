@@ -70,7 +70,9 @@ def resolve_services(
                 service.path, service.kind, service.enum_value, registry, required=required
             )
         else:
-            context = {"folder": _folder(service, findings, source)}
+            context: dict[str, Any] = {"folder": _folder(service, findings, source)}
+            if service.kind is ProvisionKind.SIMULATOR and config.ai.HasField("data_store"):
+                context["data_store"] = _data_store(config.ai.data_store, source)
             settings = _settings(service, provision, context, findings)
             resolved.append(ResolvedService(service, provision, settings, context))
     return resolved
@@ -90,6 +92,18 @@ def _settings(service: Service, provision: Provision, context: dict[str, Any], f
     )
     findings.items += problems
     return settings
+
+
+def _data_store(block: pb.DataStore, source: str) -> dict[str, Any]:
+    """What a simulator that replays episodes must know of the data set."""
+    path = Path(block.local_path).expanduser()
+    return {
+        "path": str(path if path.is_absolute() else Path(source).absolute().parent / path)
+        if block.local_path
+        else "",
+        "episodes": list(block.episodes),
+        "format": _name(pb.DataFormat, block.format),
+    }
 
 
 def _folder(service: Service, findings: Findings, source: str) -> str:

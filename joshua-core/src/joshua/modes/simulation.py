@@ -28,14 +28,15 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy="Add simulation { mode: INTERACTIVE model_path: ... }",
         )
         return
-    if simulation.mode == sim.PASSIVE and not context.config.ai.HasField("data_store"):
+    stored = context.config.ai.HasField("data_store")
+    if simulation.mode == sim.PASSIVE and not stored and not simulation.trajectory_path:
         yield context.error(
             "mode-lacks-block",
-            "PASSIVE replays recorded episodes, and no ai.data_store says where they are",
+            "PASSIVE replays a recording, and neither simulation.trajectory_path nor ai.data_store names one",
             "ai.data_store",
             position=context.position("simulation.mode"),
-            remedy="Add ai { data_store { ... operation: DATA_STORE_REPLAY } }, "
-            "or choose INTERACTIVE or OFFSCREEN",
+            remedy='Add trajectory_path: "recordings/wave.csv" to simulation, '
+            "or ai { data_store { ... operation: DATA_STORE_REPLAY } }",
         )
     if simulation.mode == sim.MIRROR:
         yield from _mirror(context, simulation)

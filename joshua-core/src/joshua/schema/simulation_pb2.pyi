@@ -30,11 +30,13 @@ DIVERGENCE_RESET: DivergencePolicy
 DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    TRAJECTORY_PATH_FIELD_NUMBER: _ClassVar[int]
+    REPLAY_SPEED_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FACTOR_FIELD_NUMBER: _ClassVar[int]
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
     ON_DIVERGENCE_FIELD_NUMBER: _ClassVar[int]
@@ -43,11 +45,13 @@ class SimulationConfig(_message.Message):
     model_path: str
     mirror_topic_mappings: _containers.RepeatedCompositeFieldContainer[MirrorTopicMapping]
     plugin_config: _any_pb2.Any
+    trajectory_path: str
+    replay_speed: float
     real_time_factor: float
     keyframe: str
     on_divergence: DivergencePolicy
     joint_state_rate_hz: float
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ...) -> None: ...
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ...) -> None: ...
 
 class MirrorTopicMapping(_message.Message):
     __slots__ = ("ros_topic", "mujoco_actuator", "offset", "scale", "joint")

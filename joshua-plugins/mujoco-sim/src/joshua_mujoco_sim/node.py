@@ -1,7 +1,10 @@
-"""The simulator's own node: keeps the physics running, publishes the model's joints, mirrors topics."""
+"""The simulator's own node: keeps the physics running, shows it, and publishes the model's joints."""
 
 from __future__ import annotations
 
+import contextlib
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +13,15 @@ from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.plan import TopicSpec
 
+from joshua_mujoco_sim.joint_commands import Commands
 from joshua_mujoco_sim.mirror import Mirror
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup
+from joshua_mujoco_sim.replay import Replay
 from joshua_mujoco_sim.settings import SimulationSettings
+from joshua_mujoco_sim.trajectories.reading import read_trajectories
+from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError
+from joshua_mujoco_sim.window import SHOW_RATE_HZ, Window, WindowError, check_display
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -21,12 +29,16 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 #: How often the state of the simulation is looked at.
 WATCH_PERIOD_S = 0.5
 
+#: How often samples of a recording are placed.
+REPLAY_PERIOD_S = 1 / 60
+
 
 class SimulatorNode(NodeBehaviour):
     """Runs the physics of a file for as long as the node lives.
 
-    It publishes the joints of all actuators on ``~/joint_states``. With mirror mappings the model follows
-    their topics.
+    It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window
+    and follows positions on ``~/joint_commands``; PASSIVE replays a recording and then ends the run; MIRROR
+    follows topics of a robot.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -36,6 +48,10 @@ class SimulatorNode(NodeBehaviour):
         self._group: ActuatorGroup | None = None
         self._publisher: MessagePublisher | None = None
         self._mirror: Mirror | None = None
+        self._replay: Replay | None = None
+        self._replayed_s = 0.0
+        self._window: Window | None = None
+        self._commands: Commands | None = None
         self._reported = 0
 
     def configure(self) -> None:
@@ -55,22 +71,44 @@ class SimulatorNode(NodeBehaviour):
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
             self._mirror.subscribe()
+        elif settings.mode == "INTERACTIVE":
+            self._commands = Commands(world, self.context)
+            self._commands.subscribe()
+            self._window = self._open_window(world)
+        elif settings.mode == "PASSIVE":
+            self._replay = self._read_recording(world, settings)
+            with contextlib.suppress(WindowError):  # the check is as good without a picture
+                check_display()
+                self._window = Window(world)
 
     def activate(self) -> None:
         """Lets time run."""
         world, settings = self._running()
-        world.start()
+        if self._replay is not None:
+            self._replayed_s = time.monotonic()
+            self.context.create_timer(REPLAY_PERIOD_S, self._advance_replay, name="replay")
+        else:
+            world.start()
+        if self._window is not None:
+            self.context.create_timer(1 / SHOW_RATE_HZ, self._show, name="window")
         self.context.create_timer(1 / settings.joint_state_rate_hz, self._publish, name="joint states")
         self.context.create_timer(WATCH_PERIOD_S, self._watch, name="watch")
 
     def cleanup(self) -> None:
         """Ends the physics, unless devices of this process still use it."""
+        if self._window is not None:
+            self._window.close()
+        if self._commands is not None:
+            self._commands.close()
+        if self._replay is not None:
+            self.context.log.info("%s", self._replay.report())
         if self._mirror is not None:
             self.context.log.info("%s", self._mirror.report())
             self._mirror.close()
         world, self._world = self._world, None
         if world is not None:
-            self.context.log.info("real-time factor %.3f", world.real_time_factor)
+            if self._replay is None:
+                self.context.log.info("real-time factor %.3f", world.real_time_factor)
             leave_world(world)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
@@ -83,6 +121,43 @@ class SimulatorNode(NodeBehaviour):
         if wanted > 0:
             rows.append(("real-time factor", abs(factor - wanted) <= 0.02 * wanted, f"{factor:.3f}"))
         return rows
+
+    def _open_window(self, world: World) -> Window:
+        try:
+            return Window(world)
+        except WindowError as error:
+            raise DeviceError(str(error)) from error
+
+    def _read_recording(self, world: World, settings: SimulationSettings) -> Replay:
+        if not settings.trajectory_path:
+            raise DeviceError("PASSIVE replays a recording: name it in simulation.trajectory_path")
+        try:
+            recordings = read_trajectories(Path(settings.trajectory_path), settings.episodes)
+            return Replay(world.physics, recordings, settings.replay_speed)
+        except TrajectoryError as error:
+            raise DeviceError(str(error)) from error
+
+    def _advance_replay(self) -> None:
+        world, _ = self._running()
+        replay = self._replay
+        assert replay is not None
+        now_s = time.monotonic()
+        known = len(replay.breaches)
+        with world.lock:
+            replay.advance(now_s - self._replayed_s)
+        self._replayed_s = now_s
+        for breach in replay.breaches[known:]:
+            self.context.log.warning("%s", breach.text)
+        if replay.done:
+            self.context.end_run(replay.report())
+
+    def _show(self) -> None:
+        window = self._window
+        assert window is not None
+        if window.is_open:
+            window.show()
+        else:
+            self.context.end_run("the window was closed")
 
     def _publish(self) -> None:
         world, _ = self._running()

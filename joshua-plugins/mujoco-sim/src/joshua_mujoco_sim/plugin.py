@@ -13,12 +13,12 @@ def joshua_provisions() -> list[Provision]:
         Provision(
             kind=ProvisionKind.SIMULATOR,
             block="simulation",
-            enum_values=("MIRROR", "OFFSCREEN"),
+            enum_values=("INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"),
             implementation="joshua_mujoco_sim.node:SimulatorNode",
             behaviour="joshua_mujoco_sim.node:SimulatorNode",
             settings="joshua_mujoco_sim.settings:SimulationSettings",
             packaged_files="joshua_mujoco_sim.catalog:find_packaged",
-            summary="MuJoCo physics: digital twin, and rendering without a window",
+            summary="MuJoCo physics: window, replay, digital twin, rendering without a window",
         ),
         Provision(
             kind=ProvisionKind.ACTUATOR,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
@@ -56,6 +57,8 @@ class SimulationSettings(BlockSettings):
         keyframe: where it starts; "" for ``home``.
         on_divergence: what happens when it diverges.
         joint_state_rate_hz: of ``~/joint_states``.
+        trajectory_path: recording that PASSIVE replays, absolute; episodes: of a data set, () for all.
+        replay_speed: how many times faster than recorded; 0 for as fast as possible.
     """
 
     mode: Literal["INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"]
@@ -66,13 +69,22 @@ class SimulationSettings(BlockSettings):
     keyframe: str
     on_divergence: Literal["DIVERGENCE_RESET", "DIVERGENCE_STOP_RUN"]
     joint_state_rate_hz: float
+    trajectory_path: str
+    replay_speed: float
+    episodes: tuple[int, ...] = ()
 
     @classmethod
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Adds the folder of the configuration."""
-        return super().si_values(values, node, context) | {"folder": context.get("folder", "")}
+        """Adds the folder of the configuration, and the data set where no recording is named."""
+        result = super().si_values(values, node, context) | {"folder": context.get("folder", "")}
+        path, stored = result["trajectory_path"], context.get("data_store", {})
+        if path:
+            result["trajectory_path"] = str(Path(result["folder"]) / Path(path).expanduser())
+        elif result["mode"] == "PASSIVE":
+            result |= {"trajectory_path": stored.get("path", ""), "episodes": stored.get("episodes", ())}
+        return result
 
     @model_validator(mode="after")
     def _check(self) -> SimulationSettings:
@@ -185,8 +197,6 @@ class SimCameraSettings(BlockSettings):
 @lru_cache(maxsize=8)
 def model_facts(model_path: str, folder: str) -> ModelFacts:
     """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
-    from pathlib import Path
-
     from joshua_mujoco_sim.model_file import ModelError, load_model
     from joshua_mujoco_sim.summary import actuated_joints, summarise
 

@@ -68,6 +68,7 @@ class World:
         self._thread: threading.Thread | None = None
         self._started_s = 0.0
         self._simulated_s = 0.0
+        self._asked: tuple[float, float] | None = None
 
     def before_step(self, hook: Hook) -> Callable[[], None]:
         """Calls ``hook`` under the lock before each step; returns how to end that."""
@@ -122,6 +123,13 @@ class World:
         """Simulated time per wall time since the start."""
         elapsed_s = time.monotonic() - self._started_s
         return self._simulated_s / elapsed_s if elapsed_s > 0 else 0.0
+
+    def recent_real_time_factor(self) -> float:
+        """Simulated time per wall time since this was last asked."""
+        now_s, simulated_s = time.monotonic(), self._simulated_s
+        asked_s, then_s = self._asked or (self._started_s, 0.0)
+        self._asked = (now_s, simulated_s)
+        return (simulated_s - then_s) / (now_s - asked_s) if now_s > asked_s else 0.0
 
     def _run(self) -> None:
         while not self._stop.is_set():

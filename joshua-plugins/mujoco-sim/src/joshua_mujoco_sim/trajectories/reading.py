@@ -1,0 +1,46 @@
+"""From a path to trajectories, whatever form the recording has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from joshua_mujoco_sim.trajectories.datasets import is_lerobot, is_rosbag, read_lerobot, read_rosbag
+from joshua_mujoco_sim.trajectories.tables import read_csv, read_json_lines, read_parquet
+from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
+
+FORMS = "a .csv, .jsonl or .parquet file, the folder of a LeRobot data set, an .mcap file or a rosbag2 folder"
+
+_TABLES = {".csv": read_csv, ".jsonl": read_json_lines, ".parquet": read_parquet}
+
+
+def read_trajectories(path: Path, episodes: Sequence[int] = ()) -> list[Trajectory]:
+    """Reads a recording.
+
+    Args:
+        path: file or folder.
+        episodes: of a data set, in the order in which they are replayed; () for all.
+
+    Raises:
+        TrajectoryError: it does not exist, has an unknown form, or cannot be read.
+    """
+    if not path.exists():
+        raise TrajectoryError(f"{path} does not exist: name {FORMS}")
+    if path.is_dir() and is_lerobot(path):
+        return read_lerobot(path, episodes)
+    if is_rosbag(path):
+        return [read_rosbag(path)]
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if file.suffix in _TABLES)
+        if files:
+            chosen = [files[number] for number in episodes if number < len(files)] if episodes else files
+            if episodes and len(chosen) < len(episodes):
+                raise TrajectoryError(
+                    f"{path} has {len(files)} episodes, counted from 0, not {max(episodes)}"
+                )
+            return [trajectory for file in chosen for trajectory in read_trajectories(file)]
+        raise TrajectoryError(f"{path} is a folder without a recording: name {FORMS}")
+    read = _TABLES.get(path.suffix)
+    if read is None:
+        raise TrajectoryError(f"{path}: {path.suffix or 'no ending'} is no known form: name {FORMS}")
+    return [read(path)]

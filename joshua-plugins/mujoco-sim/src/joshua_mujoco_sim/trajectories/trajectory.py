@@ -1,0 +1,95 @@
+"""A recorded motion as arrays, and how its columns find the joints of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Ending of the names of LeRobot's arms, whose values are percent of the calibrated range.
+PERCENT_SUFFIX = ".pos"
+
+
+class TrajectoryError(Exception):
+    """A recording cannot be read or does not fit the model; the message says where, why and what to do."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Positions over time.
+
+    Attributes:
+        source: file that it comes from, for messages.
+        names: joints, in the order of the columns; () where the recording names none.
+        time_s: shape (T,), increasing, from 0.
+        position: radians, or percent of the range where the names end in ``.pos``, shape (T, N).
+    """
+
+    source: str
+    names: tuple[str, ...]
+    time_s: FloatArray
+    position: FloatArray
+
+    def __post_init__(self) -> None:
+        if not len(self.time_s):
+            raise TrajectoryError(f"{self.source} holds no sample: record something first")
+        bad = np.flatnonzero(~np.isfinite(self.position).all(axis=1) | ~np.isfinite(self.time_s))
+        if len(bad):
+            raise TrajectoryError(
+                f"{self.source}: sample {int(bad[0]) + 1} holds a value that is not a finite number"
+            )
+        back = np.flatnonzero(np.diff(self.time_s) <= 0)
+        if len(back):
+            raise TrajectoryError(
+                f"{self.source}: the time of sample {int(back[0]) + 2} is not later than the one before it"
+            )
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample."""
+        return float(self.time_s[-1])
+
+    def for_joints(
+        self, joints: Sequence[str], ranges: Mapping[str, tuple[float, float]]
+    ) -> tuple[tuple[str, ...], FloatArray]:
+        """Chooses the columns of a model's joints.
+
+        Args:
+            joints: joints of the model that are driven.
+            ranges: limits in radians by joint, for values in percent.
+
+        Returns:
+            The joints that the recording moves, and their positions in radians, shape (T, M).
+
+        Raises:
+            TrajectoryError: no column fits a joint.
+        """
+        plain = [name.removesuffix(PERCENT_SUFFIX) for name in self.names]
+        if plain and not set(plain) & set(joints):
+            if len(plain) != len(joints) or any(get_close_matches(name, joints, n=1) for name in plain):
+                raise TrajectoryError(
+                    f"{self.source}: no column fits a joint of the model: it has {', '.join(self.names)}, "
+                    f"and the model has {', '.join(joints)}: rename the columns"
+                )
+            plain = list(joints)  # joint_1 … in joint order
+        if not plain:
+            if self.position.shape[1] != len(joints):
+                raise TrajectoryError(
+                    f"{self.source} has {self.position.shape[1]} columns without names, and the model has "
+                    f"{len(joints)} driven joints ({', '.join(joints)}): name the columns after the joints"
+                )
+            plain = list(joints)
+        columns = [index for index, name in enumerate(plain) if name in joints]
+        moved = tuple(plain[index] for index in columns)
+        position = self.position[:, columns].copy()
+        for column, (index, joint) in enumerate(zip(columns, moved, strict=True)):
+            if self.names and self.names[index].endswith(PERCENT_SUFFIX):
+                low, high = ranges[joint]
+                least = 0.0 if position[:, column].min() >= 0 and joint == "gripper" else -100.0
+                position[:, column] = low + (position[:, column] - least) / (100.0 - least) * (high - low)
+        return moved, position

@@ -1,0 +1,106 @@
+"""The MuJoCo viewer: a window in which a person looks at the model and pulls at its bodies."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+import warnings
+from typing import Any
+
+from joshua_mujoco_sim.world import World
+
+#: Pictures per second that are asked of the window.
+SHOW_RATE_HZ = 60.0
+
+#: How long a window may take to open.
+OPEN_TIMEOUT_S = 10.0
+
+_REMEDY = (
+    "start it on a desktop; or over a virtual one: xvfb-run -a joshua --config …; "
+    "or choose mode: OFFSCREEN in simulation, which needs no screen"
+)
+
+
+class WindowError(Exception):
+    """No window can be opened; the message says why and what to do."""
+
+
+def check_display() -> None:
+    """Looks for a screen without opening a window. Raises WindowError."""
+    if sys.platform == "darwin":
+        raise WindowError(
+            "on macOS the viewer needs the main thread of mjpython, which no child process has: "
+            "choose mode: OFFSCREEN in simulation"
+        )
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise WindowError(
+            f"no screen: neither DISPLAY nor WAYLAND_DISPLAY is set, and the viewer needs a window: {_REMEDY}"
+        )
+    try:
+        import glfw
+    except ImportError as error:
+        raise WindowError(f"the window library is not installed: pip install glfw ({error})") from error
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        started = glfw.init()
+    if not started:
+        reason = "; ".join(str(warning.message) for warning in caught) or "GLFW gave no reason"
+        display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        raise WindowError(f"the screen {display} cannot be opened: {reason}: {_REMEDY}")
+
+
+class Window:
+    """The viewer on a world's model.
+
+    Bodies can be pulled by Ctrl and the mouse; what is pulled moves by physics.
+
+    Args:
+        world: what is shown.
+
+    Raises:
+        WindowError: there is no screen.
+    """
+
+    def __init__(self, world: World) -> None:
+        import mujoco.viewer
+
+        check_display()
+        self._world = world
+        model = world.physics.model
+        with world.lock:
+            self._handle: Any = mujoco.viewer.launch_passive(
+                model, world.physics.data, show_left_ui=False, show_right_ui=False
+            )
+        camera, visual = self._handle.cam, model.vis.global_
+        camera.azimuth, camera.elevation = visual.azimuth, visual.elevation
+        camera.distance = 1.6 * model.stat.extent
+        camera.lookat[:] = model.stat.center
+        self._texts_s = 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the person has left the window open."""
+        return bool(self._handle.is_running())
+
+    def show(self) -> None:
+        """Shows the present state, and takes in what the person pulls at."""
+        now_s = time.monotonic()
+        if now_s - self._texts_s > 0.5:
+            self._texts_s = now_s
+            self._say()
+        with self._world.lock:
+            self._handle.sync()
+
+    def close(self) -> None:
+        """Closes the window; a second call does nothing."""
+        with contextlib.suppress(RuntimeError):  # the person was faster
+            self._handle.close()
+
+    def _say(self) -> None:
+        world = self._world
+        factor = "paused" if world.paused else f"{world.recent_real_time_factor():.2f}"
+        rows = (("real-time factor", factor), ("simulated time", f"{world.physics.time_s:.1f} s"))
+        left, right = ("\n".join(column) for column in zip(*rows, strict=True))
+        self._handle.set_texts((None, None, left, right))

@@ -1,0 +1,183 @@
+"""Every form of recording gives the same trajectory, and each fault of a file has its message."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import pytest
+from joshua_mujoco_sim.trajectories.reading import read_trajectories
+from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+JOINTS = ("shoulder_pan", "gripper")
+TIMES = np.arange(5) * 0.1
+POSITIONS = np.column_stack([np.linspace(-1, 1, 5), np.linspace(0, 0.4, 5)])
+RANGES = {"shoulder_pan": (-2.0, 2.0), "gripper": (0.0, 1.0)}
+
+
+def write_csv(folder: Path) -> Path:
+    path = folder / "wave.csv"
+    rows = [
+        f"{time},{pan},{jaw}" for time, (pan, jaw) in zip(TIMES.tolist(), POSITIONS.tolist(), strict=True)
+    ]
+    path.write_text("\n".join([f"time_s,{','.join(JOINTS)}", *rows]) + "\n")
+    return path
+
+
+def write_json_lines(folder: Path) -> Path:
+    path = folder / "wave.jsonl"
+    with path.open("w") as file:
+        for time, (pan, jaw) in zip(TIMES.tolist(), POSITIONS.tolist(), strict=True):
+            file.write(json.dumps({"timestamp": time, "shoulder_pan": pan, "gripper": jaw}) + "\n")
+    return path
+
+
+def write_parquet(folder: Path) -> Path:
+    path = folder / "wave.parquet"
+    columns = {"time_s": TIMES, "shoulder_pan": POSITIONS[:, 0], "gripper": POSITIONS[:, 1]}
+    pyarrow.parquet.write_table(pyarrow.table(columns), path)
+    return path
+
+
+def write_lerobot(folder: Path) -> Path:
+    root = folder / "data set"
+    (root / "meta").mkdir(parents=True)
+    (root / "data" / "chunk-000").mkdir(parents=True)
+    feature = {"dtype": "float32", "shape": [2], "names": list(JOINTS)}
+    info = {"codebase_version": "v3.0", "fps": 10, "features": {"action": feature}}
+    (root / "meta" / "info.json").write_text(json.dumps(info))
+    columns = {
+        "action": [*POSITIONS.tolist(), *(POSITIONS + 0.1).tolist()],
+        "timestamp": [*TIMES, *TIMES],
+        "episode_index": [0] * 5 + [1] * 5,
+    }
+    pyarrow.parquet.write_table(pyarrow.table(columns), root / "data" / "chunk-000" / "file-000.parquet")
+    return root
+
+
+def write_rosbag(folder: Path, storage: StoragePlugin) -> Path:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    joint_state, header, time = (
+        store.types[name]
+        for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    )
+    path = folder / f"bag_{storage.name.lower()}"
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        connection = writer.add_connection("/joint_states", joint_state.__msgtype__, typestore=store)
+        for at, position in zip(TIMES, POSITIONS, strict=True):
+            message = joint_state(header(time(0, 0), ""), list(JOINTS), position, np.zeros(2), np.zeros(2))
+            raw = store.serialize_cdr(message, joint_state.__msgtype__)
+            writer.write(connection, round(1e9 + at * 1e9), raw)
+    return path
+
+
+def write_mcap(folder: Path) -> Path:
+    return next(write_rosbag(folder, StoragePlugin.MCAP).glob("*.mcap"))
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        write_csv,
+        write_json_lines,
+        write_parquet,
+        write_lerobot,
+        write_mcap,
+        lambda folder: write_rosbag(folder, StoragePlugin.SQLITE3),
+    ],
+)
+def test_every_form_gives_the_same_motion(tmp_path: Path, write) -> None:
+    trajectory = read_trajectories(write(tmp_path))[0]
+    assert trajectory.names == JOINTS
+    assert trajectory.time_s == pytest.approx(TIMES, abs=1e-6)
+    assert trajectory.position == pytest.approx(POSITIONS, abs=1e-6)
+
+
+def test_episodes_are_chosen_by_number(tmp_path: Path) -> None:
+    root = write_lerobot(tmp_path)
+    assert len(read_trajectories(root)) == 2
+    (chosen,) = read_trajectories(root, (1,))
+    assert chosen.position == pytest.approx(POSITIONS + 0.1, abs=1e-6)
+    with pytest.raises(TrajectoryError, match=r"no episode 7: it has 0 to 1"):
+        read_trajectories(root, (7,))
+
+
+def test_folder_of_files_is_a_data_set_too(tmp_path: Path) -> None:
+    write_csv(tmp_path).rename(tmp_path / "episode_000.csv")
+    write_csv(tmp_path).rename(tmp_path / "episode_001.csv")
+    assert len(read_trajectories(tmp_path)) == 2
+    assert len(read_trajectories(tmp_path, (1,))) == 1
+    with pytest.raises(TrajectoryError, match="2 episodes"):
+        read_trajectories(tmp_path, (2,))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.csv", "", "is empty: its first line names the columns"),
+        ("a.csv", "time_s,gripper\n", "holds no sample"),
+        ("a.csv", "time_s,gripper\n0,1\n1,2,3\n", "line 3: 3 columns, and line 1 names 2"),
+        ("a.csv", "time_s,gripper\n0,open\n", "line 2: gripper is 'open', and a number is needed"),
+        ("a.csv", "gripper\n1\n", "no column time_s or timestamp; it has gripper"),
+        ("a.csv", "time_s,gripper\n0,nan\n", "sample 1 holds a value that is not a finite number"),
+        ("a.csv", "time_s,gripper\n1,0\n1,0\n", "time of sample 2 is not later"),
+        ("a.csv", "time_s\n1\n", "no column of joint positions"),
+        ("a.jsonl", '{"time_s": 0, "a": 1}\n{"time_s"\n', "line 2: Expecting"),
+        ("a.jsonl", "[1]\n", "line 1: a JSON object is needed"),
+        ("a.jsonl", '{"time_s": 0, "a": 1}\n{"time_s": 1, "b": 1}\n', "sample 2 has time_s, b"),
+        ("a.parquet", "nothing", "cannot be read as Parquet"),
+        ("a.mcap", "nothing", "cannot be read as a ROS 2 recording"),
+        ("a.txt", "", r"\.txt is no known form: name a \.csv"),
+    ],
+)
+def test_each_fault_has_its_message(tmp_path: Path, name: str, text: str, expected: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(TrajectoryError, match=expected):
+        read_trajectories(path)
+
+
+def test_missing_path_and_empty_folder(tmp_path: Path) -> None:
+    with pytest.raises(TrajectoryError, match="does not exist: name a"):
+        read_trajectories(tmp_path / "no.csv")
+    with pytest.raises(TrajectoryError, match="is a folder without a recording"):
+        read_trajectories(tmp_path)
+
+
+def trajectory(*names: str, values: np.ndarray = POSITIONS) -> Trajectory:
+    return Trajectory("file", names, TIMES, values)
+
+
+def test_columns_find_their_joints_in_any_order() -> None:
+    joints, position = trajectory("gripper", "shoulder_pan").for_joints(JOINTS, RANGES)
+    assert joints == ("gripper", "shoulder_pan")
+    assert position == pytest.approx(POSITIONS)
+
+
+def test_other_columns_are_left_out() -> None:
+    joints, position = trajectory("gripper", "door").for_joints(JOINTS, RANGES)
+    assert joints == ("gripper",)
+    assert position.shape == (5, 1)
+
+
+def test_numbered_joints_go_by_order() -> None:
+    assert trajectory("joint_1", "joint_2").for_joints(JOINTS, RANGES)[0] == JOINTS
+
+
+def test_percent_of_lerobot_becomes_the_range() -> None:
+    values = np.column_stack([np.linspace(-100, 100, 5), np.linspace(0, 100, 5)])
+    _, position = trajectory("shoulder_pan.pos", "gripper.pos", values=values).for_joints(JOINTS, RANGES)
+    assert position[:, 0] == pytest.approx(np.linspace(-2, 2, 5))
+    assert position[:, 1] == pytest.approx(np.linspace(0, 1, 5))
+
+
+def test_columns_that_fit_nothing_are_named() -> None:
+    with pytest.raises(TrajectoryError, match=r"no column fits a joint.*griper.*rename the columns"):
+        trajectory("griper", "shoulder_pam").for_joints(JOINTS, RANGES)
+    with pytest.raises(TrajectoryError, match=r"2 columns without names, and the model has 1"):
+        trajectory().for_joints(JOINTS[:1], RANGES)
