@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+
+from joshua.cli.doctor.host import Host
+
+MakeHost = Callable[..., Host]
 
 
 def plug(

@@ -36,6 +36,11 @@ COMMANDS: tuple[Command, ...] = (
         "joshua.cli.commands.motors",
         "list the motors of a bus, or give them ids and line speed one at a time",
     ),
+    Command(
+        "doctor",
+        "joshua.cli.commands.doctor",
+        "look at this machine and its devices: what is wrong, and what to do about it",
+    ),
     Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
     Command("topic", "joshua.cli.commands.topic", "list, watch and publish topics of a running graph"),
     Command("node", "joshua.cli.commands.node", "list the nodes of a running graph"),

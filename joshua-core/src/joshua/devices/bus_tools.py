@@ -27,6 +27,8 @@ class FoundMotor:
         motor_id: what it answers to; baudrate: line speed at which it does, bit/s.
         model: name of the model, or ``model 1234`` where it is unknown; firmware: "" where unknown.
         voltage_v, temperature_c: None where the motor does not measure it, or does not say.
+        max_temperature_c, min_voltage_v, max_voltage_v: limits beyond which it protects itself; None where
+            it has none, or does not say.
         status: what the motor complains about, such as ``overloaded``; "" for nothing.
         shared: several motors answer to this id, so that their replies collide; all else is unknown.
     """
@@ -37,6 +39,9 @@ class FoundMotor:
     firmware: str = ""
     voltage_v: float | None = None
     temperature_c: float | None = None
+    max_temperature_c: float | None = None
+    min_voltage_v: float | None = None
+    max_voltage_v: float | None = None
     status: str = ""
     shared: bool = False
 

@@ -19,6 +19,7 @@ from joshua_sts3215.registers import (
     FEEDBACK,
     ID,
     LOCK,
+    MAX_TEMPERATURE,
     MODE,
     MODEL,
     MODEL_NAMES,
@@ -39,6 +40,7 @@ LIKELY_IDS = range(21)  # asked again with the full margin: a busy host may miss
 ATTEMPTS = 3
 
 _VERSION = (0, MODEL.address + MODEL.width)  # firmware and model
+_LIMITS = (MAX_TEMPERATURE.address, 3)  # °C, then the most and the least voltage in 0.1 V
 _CODE_OF = {baudrate: code for code, baudrate in BAUDRATES.items()}
 # What a servo of an arm needs beside its id: it moves to positions, and answers every request at once.
 _WORKING = {MODE: POSITION_MODE, STATUS_LEVEL: 1, RETURN_DELAY: 0}
@@ -209,6 +211,7 @@ def _describe(bus: Bus, servo_id: int) -> FoundMotor | None:
     baudrate, corrupt = bus.port.baudrate, bus.counters.corrupt
     try:
         version = bus.read_block(servo_id, *_VERSION)
+        limits = bus.read_block(servo_id, *_LIMITS)
         feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))
     except NoReply:
         if bus.counters.corrupt - corrupt > bus.retries:
@@ -222,6 +225,9 @@ def _describe(bus: Bus, servo_id: int) -> FoundMotor | None:
         f"{version[0]}.{version[1]}",
         feedback.voltage_v,
         float(feedback.temperature_c),
+        float(limits[0]),
+        limits[2] / 10,
+        limits[1] / 10,
         STATUS_BITS.describe(feedback.status),
     )
 
