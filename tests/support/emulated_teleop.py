@@ -1,4 +1,4 @@
-"""Teleoperation of two emulated SO-ARM100 by the shipped preset, in a process of its own."""
+"""Teleoperation of two emulated arms, by the shipped preset for two SO-ARM100, in a process of its own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from joshua_emulator import EmulatedBus
 
 JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
 PRESET = Path(__file__).parents[2] / "configs" / "teleop_so_arm100.pbtxt"
-PORT = "robot.actions[{}].sts3215_config.comm.serial.port={}"
+PORT = "robot.actions[{}].{}.comm.serial.port={}"
 
 
 @contextmanager
@@ -27,6 +27,8 @@ def teleoperation(
     domain_id: int,
     *,
     overrides: tuple[str, ...] = (),
+    text: str = "",
+    blocks: tuple[str, str] = ("sts3215_config", "sts3215_config"),
 ) -> Iterator[subprocess.Popen[str]]:
     """Runs the preset on two emulated arms, with the calibrations that their servos hold.
 
@@ -34,6 +36,7 @@ def teleoperation(
         folder: for the configuration and the run directory.
         domain_id: ROS 2 domain of this run.
         overrides: further values for ``--set``.
+        text: of a file in place of the preset's; blocks: of leader and follower in it.
     """
     calibration = config_pb2.Config()
     for name, arm in (("leader_arm", leader), ("follower_arm", follower)):
@@ -41,10 +44,14 @@ def teleoperation(
         calibration.calibration.arms.append(entry)
     (folder / "calibration.pbtxt").write_text(text_format.MessageToString(calibration))
     config = folder / "teleop.pbtxt"
-    config.write_text('include: "calibration.pbtxt"\n' + PRESET.read_text())
+    config.write_text('include: "calibration.pbtxt"\n' + (text or PRESET.read_text()))
     runtime = folder / "run"
     runtime.mkdir(mode=0o700)
-    values = (PORT.format(0, leader.port), PORT.format(1, follower.port), *overrides)
+    values = (
+        PORT.format(0, blocks[0], leader.port),
+        PORT.format(1, blocks[1], follower.port),
+        *overrides,
+    )
     process = subprocess.Popen(
         [
             str(JOSHUA),

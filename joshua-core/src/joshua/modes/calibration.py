@@ -26,7 +26,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             + (", and virtual motors have nothing to calibrate" if virtual else ""),
             "robot.actions",
             found=", ".join(dict.fromkeys(blocks)),
-            allowed=("sts3215_config", "spike_motor_config", "plugin_config"),
+            allowed=("sts3215_config", "dynamixel_config", "spike_motor_config", "plugin_config"),
             remedy="Add robot { actions { ... } } with the actuator's block",
         )
     if not context.config.general.id:

@@ -259,13 +259,14 @@ class Robot(_message.Message):
     def __init__(self, actions: _Optional[_Iterable[_Union[SingleAction, _Mapping]]] = ..., perceptions: _Optional[_Iterable[_Union[SinglePerception, _Mapping]]] = ...) -> None: ...
 
 class SingleAction(_message.Message):
-    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "sim_config", "safe_state", "park_pose_rad", "park_timeout_s")
+    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "dynamixel_config", "sim_config", "safe_state", "park_pose_rad", "park_timeout_s")
     NODE_FIELD_NUMBER: _ClassVar[int]
     ACTION_TYPE_FIELD_NUMBER: _ClassVar[int]
     STS3215_CONFIG_FIELD_NUMBER: _ClassVar[int]
     MOCK_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
     SPIKE_MOTOR_CONFIG_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    DYNAMIXEL_CONFIG_FIELD_NUMBER: _ClassVar[int]
     SIM_CONFIG_FIELD_NUMBER: _ClassVar[int]
     SAFE_STATE_FIELD_NUMBER: _ClassVar[int]
     PARK_POSE_RAD_FIELD_NUMBER: _ClassVar[int]
@@ -276,11 +277,12 @@ class SingleAction(_message.Message):
     mock_motor_config: MockMotorConfig
     spike_motor_config: SpikeMotorConfig
     plugin_config: _any_pb2.Any
+    dynamixel_config: DynamixelConfig
     sim_config: SimActuatorConfig
     safe_state: SafeState
     park_pose_rad: _containers.RepeatedScalarFieldContainer[float]
     park_timeout_s: float
-    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ..., safe_state: _Optional[_Union[SafeState, str]] = ..., park_pose_rad: _Optional[_Iterable[float]] = ..., park_timeout_s: _Optional[float] = ...) -> None: ...
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., dynamixel_config: _Optional[_Union[DynamixelConfig, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ..., safe_state: _Optional[_Union[SafeState, str]] = ..., park_pose_rad: _Optional[_Iterable[float]] = ..., park_timeout_s: _Optional[float] = ...) -> None: ...
 
 class STS3215Config(_message.Message):
     __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration")
@@ -297,6 +299,24 @@ class STS3215Config(_message.Message):
     velocity: int
     acceleration: int
     def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
+
+class DynamixelConfig(_message.Message):
+    __slots__ = ("comm", "motor_ids", "models", "position_min", "position_max", "velocity", "acceleration")
+    COMM_FIELD_NUMBER: _ClassVar[int]
+    MOTOR_IDS_FIELD_NUMBER: _ClassVar[int]
+    MODELS_FIELD_NUMBER: _ClassVar[int]
+    POSITION_MIN_FIELD_NUMBER: _ClassVar[int]
+    POSITION_MAX_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    comm: _comm_pb2.Comm
+    motor_ids: _containers.RepeatedScalarFieldContainer[int]
+    models: _containers.RepeatedScalarFieldContainer[str]
+    position_min: int
+    position_max: int
+    velocity: int
+    acceleration: int
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., models: _Optional[_Iterable[str]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
 
 class MockMotorConfig(_message.Message):
     __slots__ = ("num_motors", "position_min", "position_max", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "time_constant_s")

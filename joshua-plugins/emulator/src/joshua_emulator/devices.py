@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from google.protobuf.message import Message
 from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice, EmulationError
@@ -17,7 +17,6 @@ from joshua_emulator.spike.process import EmulatedHub
 if TYPE_CHECKING:
     from pathlib import Path
 
-SIX_JOINT_ARM = "so_arm100"
 #: What moves a leader's joints, in place of the person who would.
 LEADER_MOTION = "sine"
 
@@ -51,20 +50,31 @@ class ProcessEmulator(DeviceEmulator):
 class ServoBusEmulator(ProcessEmulator):
     """An STS3215 bus; six servos are an SO-ARM100, already calibrated."""
 
+    #: Subcommand of the emulator's command line, and the arm that six servos are.
+    protocol: ClassVar[str] = "feetech"
+    arm: ClassVar[str] = "so_arm100"
+
     def make_process(self, block: Any, folder: Path) -> EmulatedBus:
         """Makes the bus with the ids and the line speed of the block."""
         ids = list(block.motor_ids)
         is_arm = len(ids) == 6
         return EmulatedBus(
+            self.protocol,
             ids=ids,
             identity=self.device.node_name,
             baudrate=block.comm.serial.baudrate or 1_000_000,
             eeprom=folder / "eeprom.json",
-            arm=SIX_JOINT_ARM if is_arm else None,
+            arm=self.arm if is_arm else None,
             calibrated=is_arm,
             motion=LEADER_MOTION if self.device.role == "ACTION_LEADER" else None,
             fault=list(self.device.faults),
+            **self.family_options(block),
         )
+
+    def family_options(self, block: Any) -> dict[str, Any]:
+        """Further options of the command line."""
+        del block
+        return {}
 
     def amend(self, block: Message) -> None:
         """Puts the pseudo-terminal in place of the serial port."""
@@ -90,6 +100,17 @@ class ServoBusEmulator(ProcessEmulator):
         """Moves the joints as a person would."""
         self._process.guide(joint, seconds)
         return True
+
+
+class DynamixelBusEmulator(ServoBusEmulator):
+    """A bus of X-series servos; six servos are a Koch arm, already calibrated."""
+
+    protocol = "dynamixel"
+    arm = "koch"
+
+    def family_options(self, block: Any) -> dict[str, Any]:
+        """The models of the block."""
+        return {"models": list(block.models)}
 
 
 class CameraEmulator(ProcessEmulator):

@@ -18,6 +18,12 @@ def joshua_provisions() -> list[Provision]:
         ),
         Provision(
             kind=ProvisionKind.EMULATOR,
+            block="dynamixel_config",
+            implementation="joshua_emulator.devices:DynamixelBusEmulator",
+            summary="Dynamixel X-series servo bus on a pseudo-terminal",
+        ),
+        Provision(
+            kind=ProvisionKind.EMULATOR,
             block="camera_config",
             implementation="joshua_emulator.devices:CameraEmulator",
             summary="Motion JPEG camera on loopback, with a test scene that carries frame numbers",

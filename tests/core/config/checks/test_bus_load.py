@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from joshua.config.checks.bus_load import BusCycle, rate_text, sts3215_cycle
+from joshua.config.checks.bus_load import PROTOCOLS, BusCycle, bus_cycle, rate_text
+
+STS3215, DYNAMIXEL = PROTOCOLS["sts3215_config"], PROTOCOLS["dynamixel_config"]
 
 
 @pytest.mark.parametrize(("data", "expected_ms"), [(2, 0.62), (8, 0.98), (15, 1.40)])
@@ -13,26 +15,36 @@ def test_sync_read_of_six_servos_at_one_megabit(data: int, expected_ms: float) -
 
 
 def test_a_leader_only_reads() -> None:
-    cycle = sts3215_cycle(6, 1_000_000, commanded=False)
+    cycle = bus_cycle(STS3215, 6, 1_000_000, commanded=False)
     assert (cycle.request, cycle.replies, cycle.command, cycle.total_bytes) == (14, 72, 0, 86)
 
 
 def test_a_follower_reads_and_writes() -> None:
-    cycle = sts3215_cycle(6, 1_000_000, commanded=True)
+    cycle = bus_cycle(STS3215, 6, 1_000_000, commanded=True)
     assert cycle.command == 26  # 0.26 ms: sync write of two bytes to six servos
     assert cycle.duration_s == pytest.approx(0.00112)
     assert cycle.max_rate_hz == pytest.approx(892.857, abs=0.001)
     assert cycle.practical_rate_hz == pytest.approx(1 / 0.00212)
 
 
+def test_the_packets_of_protocol_2_are_longer() -> None:
+    """The sum holds for packets that are put together byte by byte."""
+    sync_read = bytes.fromhex("FFFFFD00 FE 0D00 82 8400 0400") + bytes(6) + b"CC"
+    reply = bytes.fromhex("FFFFFD00 01 0E00 55 00") + bytes(10) + b"CC"
+    sync_write = bytes.fromhex("FFFFFD00 FE 2500 83 7400 0400") + 6 * bytes(5) + b"CC"
+    cycle = bus_cycle(DYNAMIXEL, 6, 1_000_000, commanded=True)
+    assert (cycle.request, cycle.replies, cycle.command) == (len(sync_read), 6 * len(reply), len(sync_write))
+    assert cycle.duration_s == pytest.approx(0.0019)
+
+
 def test_the_calculation_is_shown() -> None:
-    text = sts3215_cycle(6, 115_200, commanded=True).calculation()
+    text = bus_cycle(STS3215, 6, 115_200, commanded=True).calculation()
     assert text == (
         "6 servos: sync read 14 + replies 72 + sync write 26 = 112 bytes = 1120 bits; "
         "at 115200 bit/s 9.72 ms a cycle, at most 102 Hz"
     )
     assert (
-        sts3215_cycle(1, 115_200, commanded=False)
+        bus_cycle(STS3215, 1, 115_200, commanded=False)
         .calculation()
         .startswith("1 servo: sync read 9 + replies 12 =")
     )

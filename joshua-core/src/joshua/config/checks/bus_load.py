@@ -1,10 +1,12 @@
 """How long one control cycle occupies a servo bus.
 
-Packet layouts of the Feetech STS/SMS protocol (the public register tables and memory map of the STS3215):
+A cycle is a sync read of the state, one reply from each servo, and a sync write of the goals where the arm is
+commanded. Both requests have an overhead, and 1 byte (its id) for each servo, and the data to write:
 
-- sync read request: ``FF FF FE LEN 82 address count id… checksum``: 8 bytes and 1 for each servo
-- status reply: ``FF FF id LEN error data… checksum``: 6 bytes and the data, one reply from each servo
-- sync write: ``FF FF FE LEN 83 address count (id data…)… checksum``: 8 bytes and 1 + data for each servo
+- Feetech STS/SMS: ``FF FF FE LEN 82|83 address count … checksum``: 8 bytes of overhead; a reply
+  ``FF FF id LEN error data… checksum``: 6 bytes and the data.
+- Dynamixel protocol 2.0: ``FF FF FD 00 FE LEN LEN 82|83 address address count count … CRC CRC``: 14 bytes of
+  overhead; a reply ``FF FF FD 00 id LEN LEN 55 error data… CRC CRC``: 11 bytes and the data.
 
 A serial line of 8 data bits without parity carries 10 bits for each byte.
 """
@@ -14,16 +16,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 BITS_PER_BYTE = 10
-REQUEST_OVERHEAD = 8
-REPLY_OVERHEAD = 6
-
-# Position, speed and load (registers 56 to 61): what a JointState needs at least.
-FEEDBACK_BYTES = 6
-# Goal position (register 42): the least that a command writes.
-COMMAND_BYTES = 2
 
 # A USB adapter adds 1 to 2 ms to a cycle in practice; the smaller figure is used.
 ADAPTER_DELAY_S = 0.001
+
+
+class BusProtocol(NamedTuple):
+    """Bytes that a protocol needs.
+
+    Attributes:
+        request, reply: overhead of a request and of a reply.
+        feedback: position, speed and load of a servo: what a JointState needs at least.
+        command: goal position of a servo: the least that a command writes.
+    """
+
+    request: int
+    reply: int
+    feedback: int
+    command: int
+
+
+#: Protocols of the servo buses, by configuration block.
+PROTOCOLS = {
+    "sts3215_config": BusProtocol(request=8, reply=6, feedback=6, command=2),
+    "dynamixel_config": BusProtocol(request=14, reply=11, feedback=10, command=4),
+}
 
 
 class BusCycle(NamedTuple):
@@ -72,8 +89,8 @@ class BusCycle(NamedTuple):
         )
 
 
-def sts3215_cycle(servos: int, baudrate: int, *, commanded: bool) -> BusCycle:
-    """Computes the shortest cycle of an STS3215 bus: read the state and, if commanded, write the goals.
+def bus_cycle(protocol: BusProtocol, servos: int, baudrate: int, *, commanded: bool) -> BusCycle:
+    """Computes the shortest cycle of a servo bus: read the state and, if commanded, write the goals.
 
     Args:
         servos: servos on the bus, at least 1; baudrate: above zero, bit/s.
@@ -82,9 +99,9 @@ def sts3215_cycle(servos: int, baudrate: int, *, commanded: bool) -> BusCycle:
     return BusCycle(
         servos=servos,
         baudrate=baudrate,
-        request=REQUEST_OVERHEAD + servos,
-        replies=servos * (REPLY_OVERHEAD + FEEDBACK_BYTES),
-        command=REQUEST_OVERHEAD + servos * (1 + COMMAND_BYTES) if commanded else 0,
+        request=protocol.request + servos,
+        replies=servos * (protocol.reply + protocol.feedback),
+        command=protocol.request + servos * (1 + protocol.command) if commanded else 0,
     )
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from joshua.config.checks.bus_load import rate_text, sts3215_cycle
+from joshua.config.checks.bus_load import PROTOCOLS, bus_cycle, rate_text
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of
 from joshua.config.field_facts import field_facts, number_text
@@ -22,8 +22,8 @@ def check(context: Context) -> Iterator[Diagnostic]:
     """Compares each publish rate with what the device behind it can deliver."""
     for entry in context.entries:
         name, block = block_of(entry.owner)
-        if name == "sts3215_config":
-            yield from _bus(context, entry, block)
+        if name in PROTOCOLS:
+            yield from _bus(context, entry, name, block)
         elif name.endswith("camera_config") and block is not None:
             yield from _camera(context, entry, name, block.fps)
 
@@ -46,7 +46,9 @@ def _camera(context: Context, entry: NodeEntry, name: str, fps: int) -> Iterator
             )
 
 
-def _bus(context: Context, entry: NodeEntry, block: pb.STS3215Config) -> Iterator[Diagnostic]:
+def _bus(
+    context: Context, entry: NodeEntry, name: str, block: pb.STS3215Config | pb.DynamixelConfig
+) -> Iterator[Diagnostic]:
     servos, baudrate = len(block.motor_ids), block.comm.serial.baudrate
     rates = [
         (publisher.publish_rate_hz, index)
@@ -57,11 +59,11 @@ def _bus(context: Context, entry: NodeEntry, block: pb.STS3215Config) -> Iterato
         return
     # One cycle feeds all publishers of the node, so the fastest decides.
     rate, index = max(rates)
-    cycle = sts3215_cycle(servos, baudrate, commanded=bool(entry.node.subscriptions))
+    cycle = bus_cycle(PROTOCOLS[name], servos, baudrate, commanded=bool(entry.node.subscriptions))
     if rate <= cycle.practical_rate_hz:
         return
     path = f"{entry.path}.publishers[{index}].publish_rate_hz"
-    related = context.see(f"{entry.owner_path}.sts3215_config.comm.serial.baudrate", "line speed")
+    related = context.see(f"{entry.owner_path}.{name}.comm.serial.baudrate", "line speed")
     found = context.found(path, rate)
     if rate > cycle.max_rate_hz:
         yield context.error(

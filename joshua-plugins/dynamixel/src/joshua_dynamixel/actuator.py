@@ -1,0 +1,89 @@
+"""The actuator: an arm of X-series servos on one bus, in radians."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.servo.arm import ServoArm
+from joshua.devices.servo.feedback import Feedback
+from joshua.devices.servo.inspection import ServoSetup
+from joshua.devices.servo.torque import MoveValues
+
+from joshua_dynamixel.bus import Bus
+from joshua_dynamixel.family import X_SERIES
+from joshua_dynamixel.feedback import parse_feedback
+from joshua_dynamixel.inspection import inspect
+from joshua_dynamixel.registers import (
+    HARDWARE_ERROR,
+    PROFILE_ACCELERATION,
+    PROFILE_VELOCITY,
+    VELOCITY_TICKS_S,
+)
+from joshua_dynamixel.settings import DynamixelSettings
+
+
+class DynamixelActuator(ServoArm):
+    """An arm of Dynamixel X-series servos, in position, extended position or current-based position mode."""
+
+    settings: DynamixelSettings
+    family = X_SERIES
+    _bus: Bus
+
+    @property
+    def bus(self) -> Bus:
+        """The bus, for set-up and calibration."""
+        return self._bus
+
+    def make_bus(self, port: SerialPort) -> Bus:
+        """Makes the bus of the servos' protocol."""
+        return Bus(port)
+
+    def inspect(self) -> list[ServoSetup]:
+        """Checks the servos on the open bus and reads what their EEPROM says, in joint order."""
+        return inspect(self._bus, self.settings)
+
+    def move_values(self) -> list[MoveValues]:
+        """Acceleration and speed of a move; a servo refuses a speed above its velocity limit."""
+        return [
+            {
+                PROFILE_ACCELERATION: self.settings.acceleration,
+                PROFILE_VELOCITY: min(self.settings.velocity, round(setup.max_speed / VELOCITY_TICKS_S)),
+            }
+            for setup in self._setups
+        ]
+
+    def parse(self, values: Sequence[bytes]) -> list[Feedback]:
+        """Reads the blocks of feedback; asks servos that alert for their hardware error, too."""
+        errors: dict[int, int] = {}
+        alerted = self._bus.alerted(self.settings.motor_ids)
+        if alerted:
+            found = self._bus.sync_read(HARDWARE_ERROR.address, HARDWARE_ERROR.width, alerted)
+            errors = {servo_id: HARDWARE_ERROR.decode(value) for servo_id, value in found.items()}
+        ids, models = self.settings.motor_ids, self.settings.joint_models
+        return [
+            parse_feedback(value, model, errors.get(servo_id, 0))
+            for servo_id, model, value in zip(ids, models, values, strict=True)
+        ]
+
+    def clear_faults(self, readings: Sequence[Feedback]) -> bool:
+        """Reboots servos with a hardware error, which keep their torque off until then."""
+        faulty = [
+            servo_id
+            for servo_id, reading in zip(self.settings.motor_ids, readings, strict=True)
+            if reading.status
+        ]
+        for servo_id in faulty:
+            self._bus.reboot(servo_id)
+        return bool(faulty)
+
+    def check_start(self, positions: Sequence[int]) -> None:
+        """Refuses a servo in position mode that stands beyond its limits: its goal could not be seeded."""
+        for name, setup, position in zip(self.joint_names, self._setups, positions, strict=True):
+            if not setup.turns and not setup.min_position <= position <= setup.max_position:
+                raise DeviceError(
+                    f"{self._bus.port}: {name} (id {setup.servo_id}) stands at {position} ticks, beyond the "
+                    f"limits of its servo, {setup.min_position} to {setup.max_position}: torque stays off. "
+                    "Move the joint into its range by hand, then try again."
+                )

@@ -1,0 +1,175 @@
+"""The bus of X-series servos: packets of protocol 2.0, bulk read and reboot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+from joshua.devices.servo.bus import FoundMotor, ServoBus
+from joshua.devices.servo.errors import NoReply
+
+from joshua_dynamixel.models import model_name
+from joshua_dynamixel.packet import (
+    ALERT,
+    BROADCAST_ID,
+    BULK_READ,
+    HEADER,
+    PING,
+    READ,
+    REBOOT,
+    REFUSALS,
+    REPLY_OVERHEAD,
+    STATUS,
+    SYNC_READ,
+    SYNC_WRITE,
+    WRITE,
+    Search,
+    crc16,
+    request,
+    word,
+)
+from joshua_dynamixel.registers import BAUDRATES, FEEDBACK, FIRMWARE, MODEL
+
+REBOOT_TIMEOUT_S = 2.0
+_REBOOT_PAUSE_S = 0.05
+
+
+class Bus(ServoBus):
+    """Requests to the servos on one port."""
+
+    reply_overhead = REPLY_OVERHEAD
+    baudrates = tuple(BAUDRATES.values())
+
+    def identify(self, servo_id: int) -> FoundMotor:
+        """Reads model, firmware and, once, the feedback of one servo. Raises NoReply and PortDisconnected."""
+        block = self.read_block(servo_id, 0, FIRMWARE.end)
+        self.read_block(servo_id, *FEEDBACK)
+        firmware = FIRMWARE.decode(block[FIRMWARE.address :])
+        return FoundMotor(servo_id, model_name(MODEL.decode(block)), str(firmware))
+
+    def alerted(self, ids: Sequence[int]) -> tuple[int, ...]:
+        """Those servos whose last reply said that there is a hardware error."""
+        status = self.status
+        return tuple(servo_id for servo_id in ids if status.get(servo_id, 0) & ALERT)
+
+    def bulk_read(self, blocks: Mapping[int, tuple[int, int]]) -> dict[int, bytes]:
+        """Reads of each servo its own bytes; those that do not answer within all retries are left out.
+
+        Args:
+            blocks: address and length by servo id.
+
+        Raises PortDisconnected.
+        """
+        values: dict[int, bytes] = {}
+        for attempt in range(self.retries + 1):
+            missing = {servo_id: block for servo_id, block in blocks.items() if servo_id not in values}
+            if not missing:
+                break
+            self.counters.retries += attempt > 0
+            values |= self._bulk_read_once(missing)
+        return values
+
+    def reboot(self, servo_id: int) -> None:
+        """Restarts a servo, which ends its hardware errors and its torque; waits until it answers again.
+
+        Raises NoReply and PortDisconnected.
+        """
+        self.ask(servo_id, request(servo_id, REBOOT), 0)
+        deadline_s = time.monotonic() + REBOOT_TIMEOUT_S
+        time.sleep(_REBOOT_PAUSE_S)
+        while not self.ping(servo_id):
+            if time.monotonic() > deadline_s:
+                raise NoReply(
+                    f"{self.port}: id {servo_id} does not come back after a reboot. "
+                    "Check its cable and the supply."
+                )
+
+    def read_request(self, servo_id: int, address: int, length: int) -> bytes:
+        """Packet that reads bytes of one servo."""
+        return request(servo_id, READ, word(address) + word(length))
+
+    def write_request(self, servo_id: int, address: int, data: bytes) -> bytes:
+        """Packet that writes bytes of one servo."""
+        return request(servo_id, WRITE, word(address) + data)
+
+    def ping_request(self, servo_id: int) -> bytes:
+        """Packet that asks whether a servo is there."""
+        return request(servo_id, PING)
+
+    def ping_length(self) -> int:
+        """Data bytes in the reply to a ping: model and firmware."""
+        return 3
+
+    def sync_read_request(self, address: int, length: int, ids: Sequence[int]) -> bytes:
+        """Packet that reads the same bytes of several servos."""
+        return request(BROADCAST_ID, SYNC_READ, word(address) + word(length) + bytes(ids))
+
+    def sync_write_request(self, address: int, width: int, rows: Mapping[int, bytes]) -> bytes:
+        """Packet that writes the same bytes of several servos."""
+        parameters = bytearray(word(address) + word(width))
+        for servo_id, data in rows.items():
+            parameters.append(servo_id)
+            parameters += data
+        return request(BROADCAST_ID, SYNC_WRITE, bytes(parameters))
+
+    def padded(self, address: int, length: int, padding: int) -> tuple[int, int, int]:
+        """Further bytes in front, where there are registers; behind the last ones there are none."""
+        if address < padding:
+            return address, length + padding, 0
+        return address - padding, length + padding, padding
+
+    def refusal(self, error: int) -> str:
+        """Why a servo refuses a request, by the error number of its reply."""
+        return REFUSALS.get(error & ~ALERT, "")
+
+    def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
+        """Every reply of a sync read whole and in its place; None where anything is amiss, or stuffed."""
+        step = size + REPLY_OVERHEAD
+        if len(received) != step * len(ids):
+            return None
+        length = word(size + 4)
+        values = {}
+        at = 0
+        for servo_id in ids:
+            end = at + step
+            head = received[at : at + 8]
+            if (
+                head != HEADER + bytes((servo_id,)) + length + bytes((STATUS,))
+                or crc16(received[at : end - 2]) != received[end - 2] | received[end - 1] << 8
+                or received[at + 8] & ~ALERT
+            ):
+                return None
+            self.status[servo_id] = received[at + 8]
+            values[servo_id] = received[at + 9 : end - 2]
+            at = end
+        return values
+
+    def make_search(self) -> Search:
+        """A search for replies in received bytes."""
+        return Search()
+
+    def _bulk_read_once(self, blocks: Mapping[int, tuple[int, int]]) -> dict[int, bytes]:
+        parameters = b"".join(
+            bytes((servo_id,)) + word(address) + word(length)
+            for servo_id, (address, length) in blocks.items()
+        )
+        message = request(BROADCAST_ID, BULK_READ, parameters)
+        total = sum(length + REPLY_OVERHEAD for _, length in blocks.values())
+        deadline_s = self._send(message, total)
+        search = self.make_search()
+        waiting = list(blocks)
+        values: dict[int, bytes] = {}
+        for reply in self._replies(self._receive(message, total, deadline_s), deadline_s, search):
+            if reply.servo_id not in waiting or len(reply.data) != blocks[reply.servo_id][1]:
+                self.counters.stale += 1
+                continue
+            del waiting[: waiting.index(reply.servo_id) + 1]  # replies come in the order of the request
+            self.status[reply.servo_id] = reply.error
+            values[reply.servo_id] = reply.data
+            if not waiting:
+                break
+        self.counters.corrupt += search.broken
+        for servo_id in blocks:
+            if servo_id not in values:
+                self._lose(servo_id)
+        return values

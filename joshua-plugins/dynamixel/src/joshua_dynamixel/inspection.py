@@ -1,0 +1,95 @@
+"""Opening an arm: motor check, and what the servos' EEPROM says against the calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from joshua.devices.servo.errors import NoReply
+from joshua.devices.servo.inspection import ServoSetup, check_setups, refuse_setup
+from joshua.devices.servo.motor_check import check_motors
+from joshua.devices.servo.register import Register
+from joshua.devices.servo.watch import HealthLimits
+
+from joshua_dynamixel.bus import Bus
+from joshua_dynamixel.registers import (
+    DRIVE_MODE,
+    HOMING_OFFSET,
+    LARGEST_JOINT_OFFSET,
+    MAX_POSITION,
+    MAX_TEMPERATURE,
+    MAX_VOLTAGE,
+    MIN_POSITION,
+    MIN_VOLTAGE,
+    OPERATING_MODE,
+    SETUP,
+    STATUS_LEVEL,
+    TIME_BASED,
+    VELOCITY_LIMIT,
+    VELOCITY_TICKS_S,
+    OperatingMode,
+)
+from joshua_dynamixel.settings import DynamixelSettings
+
+NO_LIMIT = 1 << 30  # ticks; servos that count turns hold no position limits
+
+
+def inspect(bus: Bus, settings: DynamixelSettings) -> list[ServoSetup]:
+    """Checks motors, working mode and calibration of an open bus; writes nothing.
+
+    Raises:
+        MotorCheckFailed: a motor is missing, of another model, or set up for something else.
+        CalibrationMismatch: the calibration is not that of these servos.
+        DeviceDisconnected: a servo or the port went away meanwhile.
+    """
+    bus.detect_echo()
+    check_motors(bus, settings.models_by_id)
+    setups = read_setups(bus, settings.motor_ids)
+    check_setups(bus, settings, setups)
+    return setups
+
+
+def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
+    """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+    blocks = bus.bulk_read(dict.fromkeys(ids, SETUP))
+    missing = [servo_id for servo_id in ids if servo_id not in blocks]
+    if missing:
+        raise NoReply(
+            f"{bus.port}: ids {', '.join(map(str, missing))} do not answer any more. Check cable and supply."
+        )
+    problems: list[str] = []
+    setups = [_setup(servo_id, blocks[servo_id], problems) for servo_id in ids]
+    refuse_setup(bus, problems)
+    return setups
+
+
+def _setup(servo_id: int, block: bytes, problems: list[str]) -> ServoSetup:
+    def value(register: Register) -> int:
+        return register.decode(block[register.address :])
+
+    mode, offset = value(OPERATING_MODE), value(HOMING_OFFSET)
+    if mode not in OperatingMode.ALL:
+        problems.append(
+            f"id {servo_id} works in mode {mode}, expected 3 (position), 4 (extended position) or "
+            "5 (current-based position)"
+        )
+    if mode == OperatingMode.POSITION and abs(offset) > LARGEST_JOINT_OFFSET:
+        problems.append(
+            f"id {servo_id} ignores its homing offset of {-offset} ticks in mode 3 (position), which takes "
+            f"{-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}; expected mode 4 (extended position)"
+        )
+    if value(DRIVE_MODE) & TIME_BASED:
+        problems.append(f"id {servo_id} takes velocities for times (drive mode bit 2), expected 0")
+    if value(STATUS_LEVEL) != 2:
+        problems.append(
+            f"id {servo_id} acknowledges no writes (status level {value(STATUS_LEVEL)}), expected 2"
+        )
+    turns = mode in OperatingMode.MULTI_TURN
+    return ServoSetup(
+        servo_id,
+        -NO_LIMIT if turns else value(MIN_POSITION),
+        NO_LIMIT if turns else value(MAX_POSITION),
+        -offset,  # the calibration subtracts, the servo adds
+        HealthLimits(value(MAX_TEMPERATURE), value(MIN_VOLTAGE) / 10, value(MAX_VOLTAGE) / 10),
+        value(VELOCITY_LIMIT) * VELOCITY_TICKS_S,
+        turns,
+    )

@@ -1,0 +1,22 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins.hooks import hookimpl
+from joshua.plugins.provision import Provision, ProvisionKind
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the driver of Dynamixel buses."""
+    return [
+        Provision(
+            kind=ProvisionKind.ACTUATOR,
+            block="dynamixel_config",
+            enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
+            implementation="joshua_dynamixel.actuator:DynamixelActuator",
+            settings="joshua_dynamixel.settings:DynamixelSettings",
+            safe_stop="joshua_dynamixel.safe_stop:stop",
+            summary="Dynamixel X-series servo bus",
+        )
+    ]

@@ -1,0 +1,70 @@
+"""Settings of the driver, made from a ``dynamixel_config`` block and the plan's calibration."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from joshua.devices.servo.settings import ServoSettings
+from joshua.plugins.settings import FieldError
+from pydantic import Field, model_validator
+from typing_extensions import Self
+
+from joshua_dynamixel.models import MODELS, Model
+from joshua_dynamixel.registers import BAUDRATES, VELOCITY_TICKS_S
+
+
+class DynamixelSettings(ServoSettings):
+    """What the driver is set to. Ticks stay ticks here: the servo counts in them.
+
+    Attributes:
+        models: names of the models, one for each id or one for all.
+        velocity: of a move, in units of 0.229 rev/min; 0 leaves the servo's own maximum.
+        acceleration: of a move, in units of 214.577 rev/min²; 0 leaves the servo's own maximum.
+    """
+
+    servo_name: ClassVar[str] = "Dynamixel X-series"
+    line_speeds: ClassVar[tuple[int, ...]] = tuple(BAUDRATES.values())
+    factory_speed: ClassVar[int] = 57_600
+
+    models: tuple[str, ...] = Field(min_length=1)
+    velocity: int = 0
+    acceleration: int = 0
+
+    @model_validator(mode="after")
+    def _knows_each_model(self) -> Self:
+        for index, name in enumerate(self.models):
+            if name not in MODELS:
+                raise FieldError(
+                    f"models[{index}]",
+                    f"{name} is no model that the driver knows",
+                    allowed=tuple(MODELS),
+                    remedy="write the model as it is printed on the servo, in small letters",
+                )
+        if len(self.models) not in (1, len(self.motor_ids)):
+            raise FieldError(
+                "models",
+                f"{len(self.models)} models do not go with {len(self.motor_ids)} motor_ids",
+                allowed=("1 model, for all servos", f"{len(self.motor_ids)} models, one for each id"),
+                remedy="write one model for each id, in the same order, or one for all",
+            )
+        return self
+
+    @property
+    def joint_models(self) -> tuple[Model, ...]:
+        """Model of each servo, in the order of motor_ids."""
+        names = self.models * len(self.motor_ids) if len(self.models) == 1 else self.models
+        return tuple(MODELS[name] for name in names)
+
+    @property
+    def models_by_id(self) -> dict[int, str]:
+        """Expected model of each servo by its id."""
+        return {
+            servo_id: model.name for servo_id, model in zip(self.motor_ids, self.joint_models, strict=True)
+        }
+
+    def speeds_ticks_s(self) -> list[float]:
+        """Fastest move of each motor."""
+        return [
+            min(self.velocity * VELOCITY_TICKS_S or model.max_speed_ticks_s, model.max_speed_ticks_s)
+            for model in self.joint_models
+        ]

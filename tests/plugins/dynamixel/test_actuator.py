@@ -1,0 +1,265 @@
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.servo.errors import (
+    CalibrationMismatch,
+    MotorCheckFailed,
+    NoReply,
+    NotCalibrated,
+    NotEnabled,
+    SafetyTripped,
+)
+from joshua_dynamixel.actuator import DynamixelActuator
+from joshua_emulator import EmulatedBus
+
+MIXED = ["xl330-m077", "xl430-w250", "xl430-w250"]
+POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
+
+
+def drive_to(arm: DynamixelActuator, pose: Any, timeout_s: float = 20.0) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while np.abs(arm.read().position_rad - pose).max() > 0.005:
+        assert time.monotonic() < deadline_s
+        arm.write(pose)
+
+
+def energised(emulator: EmulatedBus) -> set[bool]:
+    return {servo["energised"] for servo in emulator.servos()}
+
+
+def read_until_it_trips(arm: DynamixelActuator) -> str:
+    deadline_s = time.monotonic() + 10
+    while time.monotonic() < deadline_s:
+        try:
+            arm.read()
+        except SafetyTripped as trip:
+            return str(trip)
+    raise AssertionError("nothing tripped")
+
+
+def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm_emulator.hand({1: 2200})
+    arm = make_arm(arm_emulator)
+    assert arm.joint_names[:2] == ("shoulder_pan", "shoulder_lift")
+    arm.connect()
+    writes = arm_emulator.log("write", "sync_write")
+    assert [entry["parameters"] for entry in writes] == ["00000000"]  # the echo probe writes nothing
+    reading = arm.read()
+    assert reading.position_rad[0] == pytest.approx((2200 - 2048) * 2 * np.pi / 4096)
+    assert reading.position_rad.shape == reading.velocity_rad_s.shape == reading.effort.shape == (6,)
+    assert energised(arm_emulator) == {False}
+    assert arm.identity == "usb:KOCH1"
+
+
+def test_enabling_seeds_the_goal_where_the_arm_is(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm_emulator.hand({1: 2300, 6: 1900})  # goals in the servos are stale now
+    arm = make_arm(arm_emulator, velocity=100, acceleration=50)
+    arm.connect()
+    arm.enable()
+    servos = arm_emulator.servos()
+    assert energised(arm_emulator) == {True}
+    assert [servo["goal_position"] for servo in servos] == [servo["present_position"] for servo in servos]
+    assert servos[0]["present_position"] == 2300
+    registers = arm_emulator.ask("registers", id=1)["registers"]
+    assert (registers["profile_velocity"], registers["profile_acceleration"]) == (100, 50)
+
+
+def test_a_speed_above_the_servos_limit_is_lowered_to_it(emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(
+        emulator, {"allow_uncalibrated": True}, calibrated=False, velocity=400,
+        models=MIXED,
+    )  # fmt: skip
+    arm.connect()
+    arm.enable()
+    speeds = [emulator.ask("registers", id=i)["registers"]["profile_velocity"] for i in (1, 2, 3)]
+    assert speeds == [400, 265, 265]
+    assert arm.limits.velocity_max_rad_s == pytest.approx([9.592, 6.355, 6.355], rel=1e-3)
+
+
+def test_writing_moves_within_limits_and_returns_what_was_written(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    drive_to(arm, POSE)
+    assert arm.write(POSE) == pytest.approx(POSE, abs=0.001)
+    top = arm.limits.position_max_rad
+    drive_to(arm, top)
+    assert arm.write(np.full(6, 9.0)) == pytest.approx(top, abs=1e-9)
+    goals = [servo["goal_position"] for servo in arm_emulator.servos()]
+    assert goals == [motor["range_max"] for motor in arm_emulator.calibration()["motors"]]
+
+
+def test_the_servos_limits_hold_in_position_mode(emulator: EmulatedBus, make_arm: Any) -> None:
+    emulator.ask("set_register", id=2, name="max_position_limit", value=2300)
+    arm = make_arm(emulator, calibrated=False, position_max_ticks=2700, models=MIXED)
+    arm.connect()
+    ends = np.rint(arm.limits.position_max_rad * 4096 / (2 * np.pi) + 1350).astype(int)
+    assert ends.tolist() == [2700, 2300, 2700]
+
+
+def test_a_position_a_turn_away_is_taken_for_that_of_the_range(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    """Turns are forgotten without power: a joint beyond the encoder's end comes back a whole turn away."""
+    beyond = {}  # positions of joints whose range crosses the end of the encoder's turn
+    for motor in arm_emulator.calibration()["motors"]:
+        for position in (motor["range_min"] + 20, motor["range_max"] - 20):
+            if not 0 <= position + motor["homing_offset"] < 4096:
+                beyond[motor["id"]] = position
+    assert beyond
+    arm_emulator.hand(beyond)
+    arm_emulator.fault("brown_out")
+    found = {servo["id"]: servo["present_position"] for servo in arm_emulator.servos()}
+    assert {abs(found[i] - position) for i, position in beyond.items()} == {4096}
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    shown = dict(zip(arm.settings.motor_ids, arm.read().position_rad, strict=True))
+    for servo_id, position in beyond.items():
+        assert shown[servo_id] == pytest.approx((position - 2048) * 2 * np.pi / 4096, abs=0.002)
+    arm.enable()
+    drive_to(arm, np.zeros(6))
+    park = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=[0.0] * 6).park_ticks
+    for servo_id, position in beyond.items():
+        assert park[servo_id] - 2048 == found[servo_id] - position
+
+
+def test_a_joint_beyond_its_servos_limits_gets_no_torque(emulator: EmulatedBus, make_arm: Any) -> None:
+    emulator.ask("set_register", id=1, name="max_position_limit", value=2000)
+    arm = make_arm(
+        emulator,
+        {"allow_uncalibrated": True},
+        calibrated=False,
+        models=MIXED,
+    )
+    arm.connect()
+    with pytest.raises(
+        DeviceError, match=r"joint_1 \(id 1\) stands at 2048 ticks, beyond the limits of its servo, 0 to 2000"
+    ):
+        arm.enable()
+    assert energised(emulator) == {False}
+
+
+def test_a_hardware_error_trips_and_enabling_reboots(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault("overload", 3)
+    reason = read_until_it_trips(arm)
+    assert "elbow_flex: the servo reports: overloaded" in reason
+    assert "The torque of this arm was taken off" in reason
+    assert energised(arm_emulator) == {False}
+    with pytest.raises(SafetyTripped, match="Enable it again first"):
+        arm.write(POSE)
+    arm.read()  # reading goes on
+    assert any(row.message == "overloaded" for row in arm.diagnostics())
+    arm.enable()
+    assert energised(arm_emulator) == {True}
+    assert [entry["id"] for entry in arm_emulator.log("reboot")] == [3]
+
+
+def test_heat_keeps_the_torque_off_even_after_a_reboot(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.fault("over_temperature", 2)
+    with pytest.raises(SafetyTripped, match=r"torque stays off: shoulder_lift: .*(too hot|85 °C)"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+
+
+@pytest.mark.parametrize("fault", ["under_voltage", "brown_out"])
+def test_a_weak_supply_trips(fault: str, arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault(fault)
+    reason = read_until_it_trips(arm)
+    assert "V, allowed 3.5 to 7.0 V" in reason or "its supply was interrupted" in reason
+    assert energised(arm_emulator) == {False}
+
+
+def test_without_torque_or_calibration_nothing_is_written(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    with pytest.raises(NotEnabled, match="call enable first"):
+        arm.write(POSE)
+    arm.disconnect()
+    arm = make_arm(arm_emulator, calibrated=False)
+    arm.connect()
+    with pytest.raises(NotCalibrated, match="the arm is not calibrated"):
+        arm.enable()
+
+
+def test_another_arms_calibration_is_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    calibration = arm_emulator.calibration()
+    calibration["motors"][0]["homing_offset"] += 7
+    with pytest.raises(CalibrationMismatch, match=r"shoulder_pan \(id 1\): homing_offset -?\d+ in the"):
+        make_arm(arm_emulator, calibration=calibration).connect()
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "text"),
+    [
+        ("operating_mode", 1, r"id 2 works in mode 1, expected 3 \(position\), 4 \(extended position\) or 5"),
+        ("operating_mode", 3, r"id 2 ignores its homing offset of -?\d+ ticks in mode 3 \(position\)"),
+        ("drive_mode", 4, r"id 2 takes velocities for times \(drive mode bit 2\), expected 0"),
+        ("status_level", 1, r"id 2 acknowledges no writes \(status level 1\), expected 2"),
+    ],
+)
+def test_servos_that_are_set_up_for_something_else(
+    register: str, value: int, text: str, arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm_emulator.ask("set_register", id=2, name="homing_offset", value=-1500)
+    arm_emulator.ask("set_register", id=2, name=register, value=value)
+    with pytest.raises(MotorCheckFailed, match=text):
+        make_arm(arm_emulator).connect()
+
+
+def test_the_motor_check_names_models_and_the_break(emulator: EmulatedBus, make_arm: Any) -> None:
+    with pytest.raises(MotorCheckFailed) as caught:
+        make_arm(emulator, calibrated=False).connect()
+    text = str(caught.value)
+    assert "wrong model: id 2 is a xl430-w250, expected xl330-m077" in text
+    assert "expected: 1 (xl330-m077), 2 (xl330-m077), 3 (xl330-m077)\n" in text
+    emulator.fault("break_after", 1)
+    with pytest.raises(MotorCheckFailed) as caught:
+        make_arm(emulator, calibrated=False, motor_ids=[1, 2, 3]).connect()
+    assert "missing ids: 2, 3\n  the chain breaks after id 1: check the cable" in str(caught.value)
+    assert "found: 1 (xl330-m077, firmware 46)" in str(caught.value)
+
+
+def test_another_line_speed_is_found(make_arm: Any) -> None:
+    with (
+        EmulatedBus("dynamixel", ids=(1, 2), baudrate=57_600) as emulator,
+        pytest.raises(MotorCheckFailed, match=r"but ids 1, 2 answer at 57600: set baudrate: 57600"),
+    ):
+        make_arm(emulator, calibrated=False).connect()
+
+
+def test_a_silent_servo_and_a_replug(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.fault("silent", 4)
+    with pytest.raises(NoReply, match=r"wrist_flex \(id 4\) does not answer any more"):
+        arm.read()
+    arm_emulator.ask("clear_faults")
+    arm_emulator.fault("unplug", replug_after_s=0.1, name="ttyACM9")
+    arm_emulator.wait_for(["unplug"])
+    with pytest.raises(DeviceDisconnected):
+        arm.read()
+    arm.disconnect()
+    arm_emulator.wait_for(["plug"], since=arm_emulator.log("unplug")[-1]["sequence"])
+    arm.connect()  # by the adapter's identity, under another name
+    assert arm.read().position_rad.shape == (6,)
+
+
+def test_a_dry_run_never_energises(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, {"dry_run": True})
+    arm.connect()
+    arm.enable()
+    arm.write(POSE)
+    assert energised(arm_emulator) == {False}

@@ -1,0 +1,157 @@
+import math
+import time
+from typing import Any
+
+import pytest
+from joshua.devices.serial_errors import PortDisconnected
+from joshua.devices.servo.errors import NoReply, ServoRefused
+from joshua_dynamixel import registers as reg
+from joshua_emulator import EmulatedBus
+
+IDS = (1, 2, 3)
+
+
+def position(data: bytes) -> int:
+    return int.from_bytes(data[:4], "little", signed=True)
+
+
+def test_registers_are_written_and_read(emulator: EmulatedBus, open_bus: Any) -> None:
+    with open_bus(emulator) as bus:
+        bus.write(1, reg.PROFILE_VELOCITY, 20)
+        assert bus.read(1, reg.PROFILE_VELOCITY) == 20
+        assert bus.read(2, reg.MODEL) == 1060
+        assert [bus.ping(servo_id) for servo_id in (1, 2, 3, 4)] == [True, True, True, False]
+        assert str(bus.identify(1)) == "1 (xl330-m077, firmware 46)"
+        assert bus.call_all(0.05) == ([1, 2, 3], False)
+
+
+def test_several_servos_are_read_and_written_at_once(emulator: EmulatedBus, open_bus: Any) -> None:
+    emulator.hand({1: 1000, 2: 1500, 3: 2000})
+    with open_bus(emulator) as bus:
+        values = bus.sync_read(132, 4, IDS)
+        assert {servo_id: position(data) for servo_id, data in values.items()} == {1: 1000, 2: 1500, 3: 2000}
+        blocks = bus.bulk_read({1: (132, 4), 2: (144, 2), 3: (0, 2)})
+        assert position(blocks[1]) == 1000
+        assert (blocks[2], blocks[3]) == ((120).to_bytes(2, "little"), (1060).to_bytes(2, "little"))
+        bus.sync_write(116, 4, {1: b"\x00\x04\x00\x00", 3: b"\x00\x08\x00\x00"})
+        bus.ping(1)  # answered after the write has been heard
+        assert [servo["goal_position"] for servo in emulator.servos()] == [1024, 2048, 2048]
+        assert (bus.counters.corrupt, bus.counters.stale, bus.counters.retries) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "reason"),
+    [
+        (reg.PRESENT_POSITION, 5, "read-only, absent, or locked while torque is on"),
+        (reg.GOAL_POSITION, 5000, "beyond a limit that the servo holds"),
+        (reg.TORQUE_ENABLE, 2, "out of the register's range"),
+    ],
+)
+def test_a_refused_write_names_servo_register_and_reason(
+    register: Any, value: int, reason: str, emulator: EmulatedBus, open_bus: Any
+) -> None:
+    with (
+        open_bus(emulator) as bus,
+        pytest.raises(ServoRefused, match=rf"ttyACM0.*: id 1 refuses {register.name} = {value}: .*{reason}"),
+    ):
+        bus.write(1, register, value)
+
+
+@pytest.mark.parametrize("kind", ["drop", "drop_request", "corrupt"])
+def test_lost_and_corrupt_packets_are_asked_for_again(
+    kind: str, emulator: EmulatedBus, open_bus: Any
+) -> None:
+    emulator.hand({1: 1000, 2: 1500, 3: 2000})
+    emulator.fault(kind, 0.3)
+    with open_bus(emulator, retries=12) as bus:
+        for _ in range(20):
+            values = bus.sync_read(132, 4, IDS)
+            assert {i: position(data) for i, data in values.items()} == {1: 1000, 2: 1500, 3: 2000}
+        blocks = bus.bulk_read(dict.fromkeys(IDS, (132, 4)))
+        assert {i: position(data) for i, data in blocks.items()} == {1: 1000, 2: 1500, 3: 2000}
+        assert bus.counters.retries > 0
+        assert sum(bus.counters.lost.values()) > 0
+
+
+@pytest.mark.parametrize("late_by_s", [0.004, 0.022, 0.06])
+def test_a_late_reply_never_passes_for_the_next_one(
+    late_by_s: float, emulator: EmulatedBus, open_bus: Any
+) -> None:
+    """The joints move; each accepted position must be one that its joint had since the request was sent."""
+    emulator.fault("late", 0.05, late_by_s=late_by_s)
+    emulator.fault("drop", 0.02)
+    emulator.ask("motion", kind="sine", amplitude_rad=1.2, frequency_hz=0.8)
+    start_s = emulator.log("motion")[-1]["t_ns"] / 1e9
+
+    def truth(servo_id: int, time_s: float) -> float:
+        elapsed_s = max(0.0, time_s - start_s)
+        phase = math.tau * 0.8 * elapsed_s + 0.7 * (servo_id - 1)
+        return 2048 + min(1.0, elapsed_s) * 1.2 * math.sin(phase) * 4096 / math.tau
+
+    with open_bus(emulator, retries=8) as bus:
+        for _ in range(150):
+            sent_s = time.monotonic()
+            values = bus.sync_read(132, 4, IDS)
+            span_s = time.monotonic() - sent_s + 0.002  # a request is carried out when its last byte is heard
+            for servo_id in IDS:
+                possible = [truth(servo_id, sent_s + span_s * share / 20) for share in range(21)]
+                assert min(possible) - 3 <= position(values[servo_id]) <= max(possible) + 3
+        assert bus.counters.stale + sum(bus.counters.lost.values()) > 0
+
+
+def test_stuffed_replies_are_read_at_once(emulator: EmulatedBus, open_bus: Any) -> None:
+    """Offsets whose bytes are those of a header: the reply is longer than its data."""
+    with open_bus(emulator) as bus:
+        for servo_id in IDS:
+            emulator.ask("set_register", id=servo_id, name="homing_offset", value=-131073)  # FF FF FD FF
+        values = bus.sync_read(20, 4, IDS)
+        assert {i: position(data) for i, data in values.items()} == dict.fromkeys(IDS, -131073)
+        assert (bus.counters.retries, bus.counters.lost) == (0, {})
+        bus.write(1, reg.HOMING_OFFSET, -131073 - 256)  # and so is the request
+        assert bus.read(1, reg.HOMING_OFFSET) == -131329
+
+
+def test_a_silent_servo_is_left_out_or_named(emulator: EmulatedBus, open_bus: Any) -> None:
+    emulator.fault("silent", 2)
+    with open_bus(emulator) as bus:
+        assert set(bus.sync_read(132, 4, IDS)) == {1, 3}
+        assert set(bus.bulk_read(dict.fromkeys(IDS, (132, 4)))) == {1, 3}
+        with pytest.raises(
+            NoReply, match=r"ttyACM0.*: id 2 does not answer a read in 5 attempts\. Check its cable"
+        ):
+            bus.read(2, reg.MODEL)
+
+
+def test_a_reboot_ends_a_hardware_error(emulator: EmulatedBus, open_bus: Any) -> None:
+    with open_bus(emulator) as bus:
+        bus.write(1, reg.TORQUE_ENABLE, 1)
+        emulator.fault("overload", 1)
+        bus.sync_read(132, 4, IDS)
+        assert bus.alerted(IDS) == (1,)
+        assert bus.read(1, reg.HARDWARE_ERROR) == 1 << 5
+        with pytest.raises(ServoRefused, match="id 1 refuses torque_enable = 1: it cannot do that"):
+            bus.write(1, reg.TORQUE_ENABLE, 1)
+        bus.reboot(1)
+        bus.write(1, reg.TORQUE_ENABLE, 1)
+        assert emulator.servo(1)["energised"]
+        assert bus.alerted(IDS) == ()
+        emulator.fault("silent", 1)
+        with pytest.raises(NoReply, match="id 1 does not come back after a reboot"):
+            bus.reboot(1)
+
+
+def test_an_adapter_that_echoes(open_bus: Any) -> None:
+    with EmulatedBus("dynamixel", ids=(1, 2), echo=True) as emulator, open_bus(emulator) as bus:
+        emulator.hand({1: 568})
+        assert bus.read(1, reg.PRESENT_POSITION) == 568
+        assert position(bus.sync_read(132, 4, (1, 2))[1]) == 568
+        assert position(bus.bulk_read({1: (132, 4), 2: (132, 4)})[1]) == 568
+        assert bus.counters.lost == {}
+
+
+def test_unplugging_ends_a_request_at_once(emulator: EmulatedBus, open_bus: Any) -> None:
+    with open_bus(emulator) as bus:
+        emulator.fault("unplug")
+        emulator.wait_for(["unplug"])
+        with pytest.raises(PortDisconnected):
+            bus.sync_read(132, 4, IDS)
