@@ -104,6 +104,32 @@ class SerialPort:
         except (OSError, termios.error) as error:
             raise self._disconnected(error) from error
 
+    def discard_input(self) -> None:
+        """Drops received bytes. Raises PortDisconnected."""
+        try:
+            termios.tcflush(self._fd, termios.TCIFLUSH)
+        except termios.error as error:
+            raise self._disconnected(error) from error
+
+    def set_dtr(self, raised: bool, *, drop_on_close: bool = False) -> None:
+        """Raises or lowers DTR, which some devices take as a switch; pseudo-terminals have none.
+
+        Args:
+            drop_on_close: lets the system lower it when the port is closed, even by the end of the process.
+
+        Raises PortDisconnected.
+        """
+        try:
+            attributes = termios.tcgetattr(self._fd)
+            attributes[2] = attributes[2] | termios.HUPCL if drop_on_close else attributes[2] & ~termios.HUPCL
+            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+            self._attributes = termios.tcgetattr(self._fd)
+            request = termios.TIOCMBIS if raised else termios.TIOCMBIC
+            fcntl.ioctl(self._fd, request, struct.pack("I", termios.TIOCM_DTR))
+        except (OSError, termios.error) as error:
+            if error.args[0] not in (errno.ENOTTY, errno.EINVAL):
+                raise self._disconnected(error) from error
+
     def receive(self, size: int, deadline_s: float) -> bytes:
         """Waits for ``size`` bytes, until a time of the monotonic clock; returns what came, perhaps less.
 

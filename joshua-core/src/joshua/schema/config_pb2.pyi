@@ -439,14 +439,22 @@ class MockCameraConfig(_message.Message):
     def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ...) -> None: ...
 
 class EncoderConfig(_message.Message):
-    __slots__ = ("comm", "resolution", "inverted")
+    __slots__ = ("comm", "resolution", "inverted", "protocol", "joint_name", "address", "counter_range")
     COMM_FIELD_NUMBER: _ClassVar[int]
     RESOLUTION_FIELD_NUMBER: _ClassVar[int]
     INVERTED_FIELD_NUMBER: _ClassVar[int]
+    PROTOCOL_FIELD_NUMBER: _ClassVar[int]
+    JOINT_NAME_FIELD_NUMBER: _ClassVar[int]
+    ADDRESS_FIELD_NUMBER: _ClassVar[int]
+    COUNTER_RANGE_FIELD_NUMBER: _ClassVar[int]
     comm: _comm_pb2.Comm
     resolution: int
     inverted: bool
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., resolution: _Optional[int] = ..., inverted: _Optional[bool] = ...) -> None: ...
+    protocol: str
+    joint_name: _containers.RepeatedScalarFieldContainer[str]
+    address: _containers.RepeatedScalarFieldContainer[int]
+    counter_range: int
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., resolution: _Optional[int] = ..., inverted: _Optional[bool] = ..., protocol: _Optional[str] = ..., joint_name: _Optional[_Iterable[str]] = ..., address: _Optional[_Iterable[int]] = ..., counter_range: _Optional[int] = ...) -> None: ...
 
 class MockEncoderConfig(_message.Message):
     __slots__ = ("resolution", "speed_rad_s", "inverted")
@@ -459,20 +467,24 @@ class MockEncoderConfig(_message.Message):
     def __init__(self, resolution: _Optional[int] = ..., speed_rad_s: _Optional[float] = ..., inverted: _Optional[bool] = ...) -> None: ...
 
 class LidarConfig(_message.Message):
-    __slots__ = ("comm", "angle_min", "angle_max", "range_min", "range_max", "display")
+    __slots__ = ("comm", "angle_min", "angle_max", "range_min", "range_max", "display", "model", "scan_mode")
     COMM_FIELD_NUMBER: _ClassVar[int]
     ANGLE_MIN_FIELD_NUMBER: _ClassVar[int]
     ANGLE_MAX_FIELD_NUMBER: _ClassVar[int]
     RANGE_MIN_FIELD_NUMBER: _ClassVar[int]
     RANGE_MAX_FIELD_NUMBER: _ClassVar[int]
     DISPLAY_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    SCAN_MODE_FIELD_NUMBER: _ClassVar[int]
     comm: _comm_pb2.Comm
     angle_min: float
     angle_max: float
     range_min: float
     range_max: float
     display: bool
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ..., display: _Optional[bool] = ...) -> None: ...
+    model: str
+    scan_mode: str
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ..., display: _Optional[bool] = ..., model: _Optional[str] = ..., scan_mode: _Optional[str] = ...) -> None: ...
 
 class MockLidarConfig(_message.Message):
     __slots__ = ("angle_min", "angle_max", "range_min", "range_max", "num_beams", "room_length_m", "room_width_m")

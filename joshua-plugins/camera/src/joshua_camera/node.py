@@ -7,6 +7,7 @@ import re
 import time
 from pathlib import Path
 
+from joshua.devices.preview import Preview, display_problem
 from joshua.devices.sensor import Reading
 from joshua.devices.sensor_node import SensorNode
 from joshua.generator.log_files import log_directory
@@ -15,7 +16,6 @@ from joshua.node.behaviour import NodeContext
 from joshua_camera.camera import OpenCvCamera
 from joshua_camera.figures import Figures
 from joshua_camera.picture import Picture
-from joshua_camera.preview import Preview, display_problem
 
 FIGURES_PERIOD_S = 1.0
 
@@ -66,7 +66,7 @@ class CameraNode(SensorNode):
         """Keeps the newest picture for the window and for the end of a test."""
         self._last_picture = reading.data
         if self._preview is not None:
-            self._preview.show(reading.data)
+            self._preview.show(reading.data.as_rgb)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """The rows of a sensor, then rate, settings, losses, latency and the last picture."""

@@ -23,6 +23,7 @@ from joshua_emulator.dynamixel.models import MODELS
 from joshua_emulator.eeprom_store import EepromStoreError
 from joshua_emulator.feetech import registers as feetech
 from joshua_emulator.feetech.assembly import FeetechAssembly
+from joshua_emulator.lidar import cli as lidar_cli
 from joshua_emulator.motion import MotionError
 from joshua_emulator.servo_bus.assembly import BusAssembly, BusSpec, SpecError
 from joshua_emulator.spike import cli as spike_cli
@@ -126,7 +127,18 @@ def _hub(options: argparse.Namespace, root: Path) -> Machine:
     return Machine(spike_cli.ready_facts(machine), handle, machine.run, machine.stop, machine.close)
 
 
-MAKERS: dict[str, Callable[[argparse.Namespace, Path], Machine]] = {"camera": _camera, "spike": _hub}
+def _lidar(options: argparse.Namespace, root: Path) -> Machine:
+    station = lidar_cli.make_station(options, root)
+    return Machine(
+        lidar_cli.ready_facts(station), station.control.handler, station.run, station.stop, station.close
+    )
+
+
+MAKERS: dict[str, Callable[[argparse.Namespace, Path], Machine]] = {
+    "camera": _camera,
+    "lidar": _lidar,
+    "spike": _hub,
+}
 
 
 def _spec(options: argparse.Namespace, root: Path) -> BusSpec:
@@ -156,6 +168,7 @@ def _parser() -> argparse.ArgumentParser:
     speeds = dynamixel.BAUDRATES.values()
     _add_bus(protocols, "dynamixel", "a bus of X-series servos", speeds, f"models, of {', '.join(MODELS)}")
     camera_cli.add_parser(protocols)
+    lidar_cli.add_parser(protocols)
     spike_cli.add_parser(protocols)
     return parser
 

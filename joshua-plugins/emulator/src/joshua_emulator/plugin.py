@@ -34,4 +34,10 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_emulator.devices:HubEmulator",
             summary="LEGO SPIKE hub with Pybricks over virtual Bluetooth, its program run by MicroPython",
         ),
+        Provision(
+            kind=ProvisionKind.EMULATOR,
+            block="lidar_config",
+            implementation="joshua_emulator.serial_sensors:LidarEmulator",
+            summary="laser scanner in a room, on a pseudo-terminal",
+        ),
     ]

@@ -25,11 +25,13 @@ class PtyLine:
     Args:
         root: folder for the names; ``dev/NAME``, ``dev/serial/by-id/…`` and ``sys/class/tty/NAME``.
         identity: USB serial number of the adapter.
+        product: what the adapter is called in its name by identity.
     """
 
-    def __init__(self, root: Path, identity: str) -> None:
+    def __init__(self, root: Path, identity: str, product: str = "Servo_Bus") -> None:
         self.root = root
         self.identity = identity
+        self.product = product
         self.name = ""
         self.master = -1
         self._slave = -1
@@ -47,7 +49,7 @@ class PtyLine:
     @property
     def by_id(self) -> Path:
         """Path by the adapter's identity, which stays the same from plug to plug."""
-        name = f"usb-JOSHUA_Emulated_Servo_Bus_{self.identity}-if00"
+        name = f"usb-JOSHUA_Emulated_{self.product}_{self.identity}-if00"
         return self.root / "dev" / "serial" / "by-id" / name
 
     def plug(self, name: str) -> None:

@@ -18,6 +18,7 @@ from joshua_emulator.pty_line import PtyLine
 from joshua_emulator.wire import TimedReply
 
 READ_SIZE = 4096
+STREAM_S = 0.004  # how often a device that sends by itself is asked what it has to send
 SPIN_S = 60e-6  # the last stretch before a reply is waited for without sleeping
 
 
@@ -62,6 +63,17 @@ class Station:
         """Calls ``action`` after a delay, on the loop."""
         heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
 
+    def stream(self, produce: Callable[[float, int], list[TimedReply]], period_s: float = STREAM_S) -> None:
+        """Lets a device send by itself: each period ``produce`` gets the time and the line speed."""
+
+        def turn() -> None:
+            self.at(period_s, turn)
+            if self.line.plugged:
+                for reply in produce(time.monotonic(), self.line.line_speed()):
+                    heapq.heappush(self._replies, reply)
+
+        self.at(0.0, turn)
+
     def unplug(self) -> None:
         """Takes the adapter away; replies under way are lost."""
         self._replies.clear()
@@ -77,6 +89,11 @@ class Station:
     def stop(self) -> None:
         """Ends ``run`` after the present turn."""
         self._running = False
+
+    def close(self) -> None:
+        """Takes the device names and the control socket away."""
+        self.line.unplug()
+        self.control.close()
 
     def run(self, watched: Collection[int] = ()) -> None:
         """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""

@@ -93,7 +93,7 @@ def test_the_real_program_lists_third_parties_without_importing_their_drivers(tm
     )
     install(tmp_path, "acme-lidar", LIDAR.replace("IMPLEMENTATION", "acme_driver:Lidar"))
     install(tmp_path, "acme-broken", "import acme_does_not_exist\n")
-    result = joshua(tmp_path, "plugins")
+    result = joshua(tmp_path, "plugins", "--block-plugin", "joshua-lidar")
     assert result.returncode == 0, result.stderr
     lines = result.stdout.splitlines()
     row = next(line for line in lines if line.startswith("acme-lidar"))
@@ -102,7 +102,7 @@ def test_the_real_program_lists_third_parties_without_importing_their_drivers(tm
     assert "broken" in broken
     assert "! acme_broken_plugin cannot be imported: ModuleNotFoundError" in broken
 
-    checked = joshua(tmp_path, "plugins", "--check")
+    checked = joshua(tmp_path, "plugins", "--check", "--block-plugin", "joshua-lidar")
     assert checked.returncode == 1
     assert "lidar_config: implementation: acme_driver:Lidar cannot be imported" in checked.stdout
     assert "the driver was imported" in checked.stdout

@@ -1,7 +1,7 @@
-"""Shows what a camera sees in a window, where the machine has a display.
+"""Shows what a sensor sees in a window, where the machine has a display.
 
 The window is a process of its own (``preview_window``): a toolkit that fails, or a slow display over SSH,
-must not touch the camera.
+must not touch the sensor.
 """
 
 from __future__ import annotations
@@ -12,9 +12,15 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from typing import TypeAlias
 
-from joshua_camera.picture import Picture, Pixels
-from joshua_camera.preview_window import HEAD
+import numpy as np
+import numpy.typing as npt
+
+from joshua.devices.preview_window import HEAD
+
+#: Shape (H, W, 3), RGB.
+Pixels: TypeAlias = npt.NDArray[np.uint8]
 
 REFRESH_S = 0.04
 MAX_WIDTH = 960
@@ -33,7 +39,7 @@ def display_problem() -> str:
 
 
 class Preview:
-    """A window; it shows the newest picture and never holds up the camera.
+    """A window; it shows the newest picture and never holds up the sensor.
 
     Args:
         title: of the window.
@@ -45,7 +51,7 @@ class Preview:
         self._title = title
         self._caption = caption
         self._report = report
-        self._newest: Picture | None = None
+        self._newest: Callable[[], Pixels | None] | None = None
         self._changed = threading.Event()
         self._stop = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
@@ -53,13 +59,17 @@ class Preview:
 
     def open(self) -> None:
         """Opens the window."""
-        command = [sys.executable, "-m", "joshua_camera.preview_window", self._title]
+        command = [sys.executable, "-m", "joshua.devices.preview_window", self._title]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
         self._thread.start()
 
-    def show(self, picture: Picture) -> None:
-        """Shows a picture soon, unless a newer one comes before; any thread."""
-        self._newest = picture
+    def show(self, make_pixels: Callable[[], Pixels | None]) -> None:
+        """Shows a picture soon, unless a newer one comes before; any thread.
+
+        Args:
+            make_pixels: makes the picture, on a thread of this class; None where that fails.
+        """
+        self._newest = make_pixels
         self._changed.set()
 
     def close(self) -> None:
@@ -91,8 +101,8 @@ class Preview:
             while not self._stop.is_set():
                 self._changed.wait()
                 self._changed.clear()
-                picture = self._newest
-                pixels = picture.as_rgb() if picture is not None else None
+                make_pixels = self._newest
+                pixels = make_pixels() if make_pixels is not None else None
                 if pixels is not None and not self._stop.is_set():
                     caption, image = self._caption().encode(), portable_pixmap(pixels)
                     process.stdin.write(HEAD.pack(len(caption), len(image)) + caption + image)

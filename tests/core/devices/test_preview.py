@@ -13,11 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joshua_camera import preview
-from joshua_camera.picture import Picture
-from joshua_camera.preview import Preview, display_problem, portable_pixmap
+from joshua.devices import preview
+from joshua.devices.preview import Pixels, Preview, display_problem, portable_pixmap
 
 ORANGE = (250, 130, 20)
+
+
+def picture(height: int, width: int, colour: tuple[int, int, int]) -> Callable[[], Pixels]:
+    return lambda: np.full((height, width, 3), colour, np.uint8)
 
 
 def test_a_pixmap_is_thinned_to_the_screen() -> None:
@@ -48,7 +51,7 @@ def test_a_display_that_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     window.open()
 
     def refused() -> bool:
-        window.show(Picture(rgb=np.zeros((8, 8, 3), np.uint8)))
+        window.show(picture(8, 8, (0, 0, 0)))
         return bool(reasons)
 
     wait_until(refused)
@@ -99,10 +102,10 @@ def test_the_window_shows_the_newest_picture(screen: Screen) -> None:
     reasons: list[str] = []
     window = Preview("camera_top", lambda: "30.0 Hz", reasons.append)
     window.open()
-    window.show(Picture(rgb=np.full((240, 320, 3), 0, np.uint8)))
-    window.show(Picture(rgb=np.full((240, 320, 3), ORANGE, np.uint8)))
+    window.show(picture(240, 320, (0, 0, 0)))
+    window.show(picture(240, 320, ORANGE))
     wait_until(lambda: screen.shows(ORANGE) == 240 * 320)
-    window.show(Picture(rgb=np.full((120, 160, 3), ORANGE, np.uint8)))
+    window.show(picture(120, 160, ORANGE))
     wait_until(lambda: screen.shows(ORANGE) == 120 * 160)
     window.close()
     wait_until(lambda: screen.shows(ORANGE) == 0)

@@ -40,7 +40,7 @@ def main() -> int:
     except tkinter.TclError as error:
         sys.stderr.write(f"{error}\n")
         return 1
-    window.title(sys.argv[1] if len(sys.argv) > 1 else "camera")
+    window.title(sys.argv[1] if len(sys.argv) > 1 else "sensor")
     picture = tkinter.Label(window, borderwidth=0)
     picture.pack()
     line = tkinter.Label(window, anchor="w")

@@ -1,0 +1,45 @@
+"""The emulators of sensors with a serial link that ``--emulate`` puts in place of a file's devices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from google.protobuf.message import Message
+
+from joshua_emulator.devices import ProcessEmulator
+from joshua_emulator.lidar.models import MODELS
+from joshua_emulator.lidar.process import EmulatedLidar
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+#: The scanner that stands for a block without a model, by its line speed.
+_SCANNERS = {128_000: "ydlidar_x4", 230_400: "ld19", 460_800: "rplidar_c1"}
+_USUAL_SCANNER = "rplidar_a1"
+
+
+class SerialSensorEmulator(ProcessEmulator):
+    """A sensor on a pseudo-terminal."""
+
+    def amend(self, block: Message) -> None:
+        """Puts the pseudo-terminal in place of the serial port."""
+        serial: Any = block.comm.serial  # type: ignore[attr-defined]
+        for field in ("serial_number", "vid_pid"):
+            serial.ClearField(field)
+        serial.port = self._process.by_id
+
+    @property
+    def endpoint(self) -> str:
+        """Path of the pseudo-terminal."""
+        return str(self._process.port)
+
+
+class LidarEmulator(SerialSensorEmulator):
+    """A laser scanner in a room."""
+
+    def make_process(self, block: Any, folder: Path) -> EmulatedLidar:
+        """Makes the scanner of the block's model, else a usual one with the block's line speed."""
+        del folder  # a scanner remembers nothing
+        usual = _SCANNERS.get(block.comm.serial.baudrate, _USUAL_SCANNER)
+        model = block.model if block.model in MODELS else usual
+        return EmulatedLidar(model, identity=self.device.node_name, fault=list(self.device.faults))

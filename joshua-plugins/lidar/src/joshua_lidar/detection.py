@@ -1,0 +1,106 @@
+"""Finds out which scanner is at a port, and says why the expected one is not."""
+
+from __future__ import annotations
+
+import time
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.serial_port import SerialPort
+
+from joshua_lidar import requests
+from joshua_lidar.models import MODELS, RPLIDAR_NUMBERS, YDLIDAR_NUMBERS, Model, same_stream
+from joshua_lidar.parsers.ld06 import Ld06Parser
+from joshua_lidar.parsers.lds01 import Lds01Parser
+from joshua_lidar.parsers.ydlidar import YdlidarParser
+from joshua_lidar.samples import Parser
+from joshua_lidar.stop_bytes import STOP_BYTES
+
+LISTEN_S = 0.4
+ANSWER_S = 0.15
+
+#: An LDS-01 sends nothing before it turns.
+SPIN_UP_S = 1.5
+
+#: Packets in a row that are no accident.
+_SURE = 6
+_CHUNK = 128
+_LDS01 = "lds01"
+
+
+def detect(port: SerialPort) -> str:
+    """Name of the model at a port, at the line speed that the port has; "" where none is found.
+
+    A scanner that sends by itself is known by its packets; others are asked. Raises PortDisconnected.
+    """
+    requests.quieten(port)
+    heard = _listen(port, LISTEN_S)
+    if heard:
+        return heard
+    for command, numbers in ((requests.GET_INFO, RPLIDAR_NUMBERS), (requests.YDLIDAR_INFO, YDLIDAR_NUMBERS)):
+        info = requests.ask(port, requests.request(command), requests.INFO_ANSWER, ANSWER_S)
+        if info is not None and info.data[0] in numbers:
+            return numbers[info.data[0]]
+    if port.baudrate == MODELS[_LDS01].baudrate:
+        port.send(b"b")
+        heard = _listen(port, SPIN_UP_S)
+        for message in STOP_BYTES[_LDS01]:
+            port.send(message)
+    return heard
+
+
+def explain(port: SerialPort, expected: Model | None) -> DeviceError:
+    """Says why a scanner does not answer as expected, by looking for any at every line speed."""
+    asked_baudrate = port.baudrate
+    what = f"a laser scanner ({expected.title})" if expected else "a laser scanner"
+    bytes_seen = 0
+    rates = [asked_baudrate, *sorted({model.baudrate for model in MODELS.values()} - {asked_baudrate})]
+    for baudrate in rates:
+        port.set_baudrate(baudrate)
+        port.discard_input()
+        bytes_seen += len(port.receive(_CHUNK, time.monotonic() + 0.05)) if baudrate == asked_baudrate else 0
+        found = detect(port)
+        if not found:
+            continue
+        model = MODELS[found]
+        if baudrate != asked_baudrate:
+            return DeviceError(
+                f"{port}: {what} does not answer at {asked_baudrate} bit/s, but a {model.title} does at "
+                f"{baudrate}: set baudrate: {baudrate}"
+                + (f' and model: "{found}"' if expected and not same_stream(found, expected.name) else "")
+            )
+        if expected and not same_stream(found, expected.name):
+            return DeviceError(
+                f'{port}: is a {model.title}, and the file says model: "{expected.name}": '
+                f'set model: "{found}", or plug the {expected.title} in'
+            )
+        if expected:
+            return DeviceError(
+                f"{port}: the {expected.title} answers, but does not start to measure: check its power "
+                f"({expected.power})"
+            )
+    if bytes_seen:
+        return DeviceError(
+            f"{port}: sends bytes, but none that a known laser scanner sends at any of its line speeds: "
+            f"check comm.serial; the models are {', '.join(MODELS)}"
+        )
+    power = expected.power if expected else "5 V; many need more current than a USB 2 socket gives"
+    return DeviceError(
+        f"{port}: no laser scanner answers at any line speed: check that it has power ({power}), that its "
+        "data cable is plugged in, and comm.serial; joshua find-port lists the ports"
+    )
+
+
+def _listen(port: SerialPort, duration_s: float) -> str:
+    """Name of the model whose packets come."""
+    parsers: dict[str, Parser] = {
+        "ld19": Ld06Parser(_SURE),
+        _LDS01: Lds01Parser(_SURE),
+        "ydlidar_x2": YdlidarParser(_SURE),
+    }
+    deadline_s = time.monotonic() + duration_s
+    while (now_s := time.monotonic()) < deadline_s:
+        data = port.receive(_CHUNK, min(deadline_s, now_s + 0.05))
+        for name, parser in parsers.items():
+            if len(parser.feed(data)):
+                return name
+    return ""

@@ -1,0 +1,277 @@
+"""The laser scanner as a sensor."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.serial_port import BITS_PER_BYTE, SerialPort
+from joshua.devices.stamps import StampClock
+from joshua.devices.usb_ports import Endpoint
+from joshua.messages import message_class
+from joshua.messages.make import header
+
+from joshua_lidar.arrivals import Arrivals
+from joshua_lidar.assembly import Beams, Scan, TurnAssembler
+from joshua_lidar.detection import detect, explain
+from joshua_lidar.figures import FigureKeeper, Figures
+from joshua_lidar.links import LINKS, Link, NoAnswerError
+from joshua_lidar.models import MODELS, Model
+from joshua_lidar.samples import Parser
+from joshua_lidar.settings import LidarSettings
+
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+
+#: Longest wait for the first scan; motors take seconds to come up to speed.
+FIRST_SCAN_S = 8.0
+
+#: Silence after which a line counts as dead; time without a packet that counts, and without a whole turn.
+SILENT_S = 1.0
+NO_PACKET_S = 2.5
+NO_TURN_S = 3.0
+
+_CHUNK_S = 0.01
+_LARGEST_CHUNK = 255
+
+
+class SerialLidar(Sensor):
+    """A laser scanner with a serial link.
+
+    ``Reading.data`` is a ``Scan``: one turn. Its stamp is the time of its first beam.
+
+    Args:
+        settings: link, window, ranges and model.
+        context: further facts of the plan; not used.
+    """
+
+    settings: LidarSettings
+
+    def __init__(self, settings: LidarSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        endpoint = Endpoint(settings.port, settings.serial_number, settings.vid_pid, settings.device_root)
+        self._port = SerialPort(endpoint, settings.baudrate)
+        self._cancelled = threading.Event()
+        self._link: Link | None = None
+        self._parser: Parser | None = None
+        self._assembler: TurnAssembler | None = None
+        self._ready: deque[Scan] = deque()
+        self._clock = StampClock()
+        self._keeper = FigureKeeper()
+        self._arrivals = Arrivals(settings.baudrate)
+        self._sequence = 0
+        self._last_stamp_ns = 0
+        self._byte_s = self._packet_s = self._turn_s = 0.0
+        self.model: Model | None = MODELS.get(settings.model)
+        self.beams: Beams | None = None
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """Laser scans."""
+        return (LASER_SCAN,)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the scanner turns."""
+        return self._parser is not None
+
+    @property
+    def figures(self) -> Figures:
+        """Figures since the scanner was opened last."""
+        return self._keeper.figures()
+
+    @property
+    def facts(self) -> str:
+        """What the scanner says about itself, for people; "" before it was opened."""
+        if self._link is None:
+            return ""
+        return self._link.facts or self._link.model.title
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know about the scanner, known once it was opened."""
+        return tuple(self._link.warnings) if self._link is not None else ()
+
+    def cancel(self) -> None:
+        """Ends a wait of ``connect``; any thread."""
+        self._cancelled.set()
+
+    def connect(self) -> None:
+        """Opens the port, finds the scanner, starts its motor and waits for the first whole turn.
+
+        Raises:
+            DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed,
+                or does not turn; the message names port and remedy. The motor is off then.
+        """
+        if self.connected:
+            raise DeviceError(f"{self._port} is open already: disconnect first")
+        self._port.baudrate = self.settings.baudrate
+        self._port.open()
+        try:
+            self._start()
+            self._await_first_scan()
+        except BaseException:
+            self.disconnect()
+            raise
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next turn.
+
+        Raises:
+            DeviceDisconnected: the adapter was unplugged, the scanner is silent, its motor stands still, or
+                its line is too noisy to trust.
+        """
+        self.require_connected("read")
+        deadline_s = time.monotonic() + timeout_s
+        while not self._ready:
+            if time.monotonic() >= deadline_s or self._cancelled.is_set():
+                return None
+            self._receive(deadline_s)
+            self._check_alive()
+        scan = self._ready.popleft()
+        reading = Reading(scan.stamp_ns, self._sequence, scan)
+        self._sequence += 1
+        return reading
+
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes a LaserScan; beam i was measured at stamp + i * time_increment."""
+        scan: Scan = reading.data
+        beams = self.beams
+        assert beams is not None
+        return message_class(type_name)(
+            header=header(frame_id, reading.stamp_ns),
+            angle_min=beams.angle_min_rad,
+            angle_max=beams.angle_max_rad,
+            angle_increment=beams.increment_rad,
+            time_increment=scan.time_increment_s,
+            scan_time=scan.turn_s,
+            range_min=self.settings.range_min_m,
+            range_max=self.settings.range_max_m,
+            ranges=scan.ranges_m,
+            intensities=scan.intensities,
+        )
+
+    def implausible(self, reading: Reading) -> str:
+        """Says when a range lies outside the limits, or nothing at all was measured."""
+        scan: Scan = reading.data
+        measured = scan.ranges_m[np.isfinite(scan.ranges_m)]
+        low, high = np.float32(self.settings.range_min_m), np.float32(self.settings.range_max_m)
+        outside = int(((measured < low) | (measured > high)).sum())
+        if outside:
+            return f"{outside} ranges lie outside {low} m to {high} m"
+        if np.isnan(scan.ranges_m).all():
+            return "no beam measured anything: is the window of the scanner covered?"
+        return ""
+
+    def disconnect(self) -> None:
+        """Stops the motor and closes the port; a second call does nothing."""
+        self._parser = None
+        if self._link is not None and self._port.is_open:
+            self._link.stop()
+        self._port.close()
+        self._ready.clear()
+
+    def _start(self) -> None:
+        port, settings = self._port, self.settings
+        model = MODELS.get(settings.model)
+        if model is None:
+            found = detect(port)
+            if not found:
+                raise explain(port, None)
+            model = MODELS[found]
+        self.model = model
+        self._link = LINKS[model.family](port, model)
+        try:
+            parser, rest = self._link.start(settings.scan_mode)
+        except NoAnswerError:
+            raise explain(port, model) from None
+        beams = Beams.of(settings.angle_min_rad, settings.angle_max_rad, model.beams_in(settings.scan_mode))
+        self.beams = beams
+        self._assembler = TurnAssembler(
+            beams, settings.range_min_m, settings.range_max_m, self._link.seam_rad
+        )
+        self._keeper = FigureKeeper()
+        self._arrivals = Arrivals(port.baudrate)
+        self._sequence = 0
+        self._byte_s = self._packet_s = self._turn_s = time.monotonic()
+        self._parser = parser
+        self._take(rest, self._clock.now_ns())
+
+    def _await_first_scan(self) -> None:
+        deadline_s = time.monotonic() + FIRST_SCAN_S
+        model = self.model
+        assert model is not None
+        while not self._ready:
+            if self._cancelled.is_set():
+                raise DeviceError(f"{self._port} was closed while it was being opened: open it again")
+            now_s = time.monotonic()
+            heard = self._keeper.packets > 0
+            if not heard and now_s - self._packet_s > NO_PACKET_S:
+                self._stop_link()
+                raise explain(self._port, model)
+            if now_s > deadline_s:
+                raise DeviceError(self._stalled())
+            self._receive(now_s + _CHUNK_S)
+        self._ready.clear()  # the motor was still coming up to speed
+
+    def _stop_link(self) -> None:
+        if self._link is not None:
+            self._link.stop()
+
+    def _receive(self, deadline_s: float) -> None:
+        size = max(1, min(_LARGEST_CHUNK, round(self._port.baudrate / BITS_PER_BYTE * _CHUNK_S)))
+        data = self._port.receive(size, min(deadline_s, time.monotonic() + 2 * _CHUNK_S))
+        if data:
+            self._byte_s = time.monotonic()
+            self._take(data, self._clock.now_ns())
+
+    def _take(self, data: bytes, now_ns: int) -> None:
+        parser, assembler = self._parser, self._assembler
+        assert parser is not None
+        assert assembler is not None
+        self._arrivals.add(len(data), now_ns)
+        samples = parser.feed(data)
+        self._keeper.packets, self._keeper.damaged = parser.packets, parser.damaged
+        if not len(samples):
+            return
+        self._packet_s = time.monotonic()
+        times_ns = self._arrivals.times_ns(samples.end)
+        self._arrivals.forget(int(samples.end[-1]))
+        for scan in assembler.add(samples, times_ns):
+            self._turn_s = time.monotonic()
+            if scan.stamp_ns <= self._last_stamp_ns or scan.stamp_ns > now_ns:
+                continue
+            self._last_stamp_ns = scan.stamp_ns
+            coverage = 1.0 - float(np.isnan(scan.ranges_m).mean())
+            self._keeper.add(scan.turn_s, scan.points, coverage)
+            self._ready.append(scan)
+
+    def _check_alive(self) -> None:
+        now_s = time.monotonic()
+        model = self.model
+        assert model is not None
+        if now_s - self._byte_s > SILENT_S:
+            raise DeviceDisconnected(
+                f"{self._port}: the {model.title} has sent nothing for {SILENT_S:g} s: check that its rotor "
+                f"turns, its cable, and its power ({model.power})"
+            )
+        if now_s - self._packet_s > NO_PACKET_S:
+            raise DeviceDisconnected(
+                f"{self._port}: nothing that the {model.title} sends can be trusted for {NO_PACKET_S:g} s "
+                f"({self._keeper.damaged} damaged places): check cable and ground, keep the cable away from "
+                "motors, and check its power"
+            )
+        if now_s - self._turn_s > NO_TURN_S:
+            raise DeviceDisconnected(self._stalled())
+
+    def _stalled(self) -> str:
+        model = self.model
+        assert model is not None
+        return (
+            f"{self._port}: the {model.title} measures, but does not turn: free its rotor and its belt, and "
+            f"check its power ({model.power})"
+        )

@@ -1,0 +1,211 @@
+"""How each family of scanners is started and stopped."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.serial_port import SerialPort
+
+from joshua_lidar import requests
+from joshua_lidar.models import EXPRESS, RPLIDAR_NUMBERS, YDLIDAR_NUMBERS, Model
+from joshua_lidar.parsers.ld06 import Ld06Parser
+from joshua_lidar.parsers.lds01 import Lds01Parser
+from joshua_lidar.parsers.rplidar_express import DenseExpressParser, LegacyExpressParser
+from joshua_lidar.parsers.rplidar_standard import StandardParser
+from joshua_lidar.parsers.ydlidar import LARGEST_CORRECTION_RAD, YdlidarParser
+from joshua_lidar.samples import Parser
+from joshua_lidar.stop_bytes import MOTOR_PWM, MOTOR_RPM, STOP_BYTES
+
+RESET_S = 1.0
+_PAUSE_S = 0.002
+_ERROR = 2
+_WARNING = 1
+_TYPICAL_MODE = (0x7C).to_bytes(4, "little")
+_STANDARD, _LEGACY, _DENSE = 0x81, 0x82, 0x85
+
+
+class NoAnswerError(DeviceError):
+    """The scanner does not answer, or what answers is no such scanner; the caller finds out what is there."""
+
+
+class Link(ABC):
+    """A scanner of one family at an open port.
+
+    Attributes:
+        seam_rad: how far its angles jump back and forth.
+        facts: what the scanner says about itself, for people; warnings: what the user should know.
+    """
+
+    seam_rad = 0.0
+
+    def __init__(self, port: SerialPort, model: Model) -> None:
+        self.port, self.model = port, model
+        self.facts = ""
+        self.warnings: list[str] = []
+
+    @abstractmethod
+    def start(self, scan_mode: str) -> tuple[Parser, bytes]:
+        """Starts motor and measurements; returns the parser of what comes, and bytes that came already.
+
+        Raises DeviceError.
+        """
+
+    def stop(self) -> None:
+        """Stops measurements and motor where the scanner can be told to; never raises."""
+        with contextlib.suppress(DeviceError, OSError):
+            for message in STOP_BYTES[self.model.name]:
+                self.port.send(message)
+                time.sleep(_PAUSE_S)
+            self.stop_by_dtr()
+
+    def stop_by_dtr(self) -> None:
+        """Stops the motor of a scanner that takes DTR as its switch."""
+
+
+class OneWayLink(Link):
+    """LD06, LD19 and YDLIDAR X2: they send as long as they have power, the X2 while DTR is raised."""
+
+    def __init__(self, port: SerialPort, model: Model) -> None:
+        super().__init__(port, model)
+        if model.name == "ydlidar_x2":
+            self.seam_rad = LARGEST_CORRECTION_RAD
+
+    def start(self, scan_mode: str) -> tuple[Parser, bytes]:
+        """Drops what waited in the port; the motor turns."""
+        self.port.discard_input()
+        if self.model.name == "ydlidar_x2":
+            self.port.set_dtr(True, drop_on_close=True)
+            return YdlidarParser(), b""
+        return Ld06Parser(), b""
+
+    def stop_by_dtr(self) -> None:
+        """Lowers DTR at an X2."""
+        if self.model.name == "ydlidar_x2":
+            self.port.set_dtr(False, drop_on_close=True)
+
+
+class Lds01Link(Link):
+    """LDS-01: one letter starts it, another one stops it."""
+
+    def start(self, scan_mode: str) -> tuple[Parser, bytes]:
+        """Starts motor and measurements."""
+        self.port.send(b"b")
+        return Lds01Parser(), b""
+
+
+class YdlidarLink(Link):
+    """YDLIDAR X4."""
+
+    seam_rad = LARGEST_CORRECTION_RAD
+
+    def start(self, scan_mode: str) -> tuple[Parser, bytes]:
+        """Asks who it is, then starts motor and measurements."""
+        port = self.port
+        requests.quieten(port)
+        info = requests.ask(port, requests.request(requests.YDLIDAR_INFO), requests.INFO_ANSWER)
+        if info is None or YDLIDAR_NUMBERS.get(info.data[0]) != self.model.name:
+            raise NoAnswerError(f"{port}: no {self.model.title} answers")
+        self.facts = _facts(self.model, info.data)
+        port.set_dtr(True, drop_on_close=True)  # its adapter switches the motor by it
+        port.send(requests.request(requests.YDLIDAR_SCAN))
+        answer = requests.await_answer(port, (_STANDARD,), many=True)
+        if answer is None:
+            raise NoAnswerError(f"{port}: the {self.model.title} does not start to measure")
+        return YdlidarParser(), answer.rest
+
+    def stop_by_dtr(self) -> None:
+        """Lowers DTR."""
+        self.port.set_dtr(False, drop_on_close=True)
+
+
+class RplidarLink(Link):
+    """RPLIDAR A1 and C1."""
+
+    seam_rad = 0.05
+
+    def start(self, scan_mode: str) -> tuple[Parser, bytes]:
+        """Asks who and how it is, then starts motor and measurements."""
+        port = self.port
+        requests.quieten(port)
+        info = requests.ask(port, requests.request(requests.GET_INFO), requests.INFO_ANSWER)
+        if info is None or RPLIDAR_NUMBERS.get(info.data[0], self.model.name) != self.model.name:
+            raise NoAnswerError(f"{port}: no {self.model.title} answers")
+        self.facts = _facts(self.model, info.data)
+        self._check_health()
+        self._start_motor()
+        if scan_mode == EXPRESS:
+            payload = bytes((self._express_mode(), 0, 0, 0, 0))
+            port.send(requests.request(requests.EXPRESS_SCAN, payload))
+        else:
+            port.send(requests.request(requests.SCAN))
+        answer = requests.await_answer(port, tuple(_PARSERS), timeout_s=1.0, many=True)
+        if answer is None:
+            raise NoAnswerError(f"{port}: the {self.model.title} does not start to measure")
+        return _PARSERS[answer.kind](), answer.rest
+
+    def stop_by_dtr(self) -> None:
+        """Raises DTR, which an A1's adapter takes as stop; it stays raised when the port is closed."""
+        if self.model.name == "rplidar_a1":
+            self.port.set_dtr(True)
+
+    def _start_motor(self) -> None:
+        if self.model.name == "rplidar_c1":
+            self.port.send(requests.request(requests.SET_RPM, MOTOR_RPM.to_bytes(2, "little")))
+            return
+        self.port.set_dtr(False)
+        self.port.send(requests.request(requests.SET_PWM, MOTOR_PWM.to_bytes(2, "little")))
+
+    def _express_mode(self) -> int:
+        """The number of the C1's express scan; the A1's is 0, which older firmware knows too."""
+        if self.model.name != "rplidar_c1":
+            return 0
+        answer = requests.ask(
+            self.port, requests.request(requests.GET_CONF, _TYPICAL_MODE), requests.CONF_ANSWER
+        )
+        return answer.data[4] if answer is not None and len(answer.data) > 4 else 1
+
+    def _check_health(self) -> None:
+        status, code = self._health()
+        if status == _ERROR:  # a reset ends a protection stop whose cause is gone
+            self.port.send(requests.request(requests.RESET))
+            time.sleep(RESET_S)
+            self.port.discard_input()
+            status, code = self._health()
+        if status == _ERROR:
+            raise DeviceError(
+                f"{self.port}: the {self.model.title} has stopped itself (error {code:#06x}): free its "
+                f"rotor, take its power away and give it again; it needs {self.model.power}"
+            )
+        if status == _WARNING:
+            self.warnings.append(
+                f"{self.port}: the {self.model.title} warns that it may fail soon (code {code:#06x}): "
+                "clean its window and check its power"
+            )
+
+    def _health(self) -> tuple[int, int]:
+        answer = requests.ask(self.port, requests.request(requests.GET_HEALTH), requests.HEALTH_ANSWER)
+        if answer is None:
+            raise NoAnswerError(f"{self.port}: the {self.model.title} does not say how it is")
+        return answer.data[0], answer.data[1] | answer.data[2] << 8
+
+
+_PARSERS: dict[int, Callable[[], Parser]] = {
+    _STANDARD: StandardParser,
+    _LEGACY: LegacyExpressParser,
+    _DENSE: DenseExpressParser,
+}
+
+LINKS: dict[str, type[Link]] = {
+    "rplidar": RplidarLink,
+    "ydlidar": YdlidarLink,
+    "lds01": Lds01Link,
+    "none": OneWayLink,
+}
+
+
+def _facts(model: Model, info: bytes) -> str:
+    return f"{model.title}, firmware {info[2]}.{info[1]}, serial number {info[4:20].hex().upper()}"

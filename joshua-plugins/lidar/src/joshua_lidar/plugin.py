@@ -1,0 +1,22 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins import Provision, ProvisionKind, hookimpl
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the laser scanner."""
+    return [
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="lidar_config",
+            enum_values=("PERCEPTION_LIDAR",),
+            implementation="joshua_lidar.lidar:SerialLidar",
+            settings="joshua_lidar.settings:LidarSettings",
+            behaviour="joshua_lidar.node:LidarNode",
+            data_types=("sensor_msgs/msg/LaserScan",),
+            summary="RPLIDAR A1 and C1, LD06 and LD19, LDS-01, YDLIDAR X2 and X4",
+        )
+    ]

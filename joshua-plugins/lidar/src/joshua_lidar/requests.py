@@ -1,0 +1,87 @@
+"""Requests to scanners that take some, and their answers: RPLIDAR and YDLIDAR share one form."""
+
+from __future__ import annotations
+
+import time
+from functools import reduce
+from operator import xor
+from typing import NamedTuple
+
+from joshua.devices.serial_port import SerialPort
+
+STOP, RESET, SCAN, EXPRESS_SCAN = 0x25, 0x40, 0x20, 0x82
+GET_INFO, GET_HEALTH, GET_CONF = 0x50, 0x52, 0x84
+SET_PWM, SET_RPM = 0xF0, 0xA8
+YDLIDAR_SCAN, YDLIDAR_STOP, YDLIDAR_INFO = 0x60, 0x65, 0x90
+
+INFO_ANSWER, HEALTH_ANSWER, CONF_ANSWER = 0x04, 0x06, 0x20
+INFO_LENGTH, HEALTH_LENGTH = 20, 3
+
+ANSWER_TIMEOUT_S = 0.5
+
+#: A scanner that is told to stop sends what it has begun; after this time the line is quiet.
+QUIET_S = 0.03
+
+_SYNC = 0xA5
+_DESCRIPTOR = b"\xa5\x5a"
+_DESCRIPTOR_LENGTH = 7
+_LENGTH_BITS = 0x3FFFFFFF
+_READ_AHEAD_S = 0.02
+
+
+class Answer(NamedTuple):
+    """An answer: its type, its content, and bytes that followed it."""
+
+    kind: int
+    data: bytes
+    rest: bytes
+
+
+def request(command: int, payload: bytes = b"") -> bytes:
+    """The bytes of a request; one with a payload carries its length and the XOR of all bytes."""
+    head = bytes((_SYNC, command))
+    if not payload:
+        return head
+    body = head + bytes((len(payload),)) + payload
+    return body + bytes((reduce(xor, body),))
+
+
+def ask(port: SerialPort, message: bytes, kind: int, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer | None:
+    """Sends a request and waits for its answer; None when none of that type came. Raises PortDisconnected."""
+    port.send(message)
+    return await_answer(port, (kind,), timeout_s)
+
+
+def await_answer(
+    port: SerialPort, kinds: tuple[int, ...], timeout_s: float = ANSWER_TIMEOUT_S, *, many: bool = False
+) -> Answer | None:
+    """Waits for an answer of one of some types; what comes before it is left out.
+
+    Args:
+        many: the answer is a stream, of which the descriptor alone is waited for.
+    """
+    deadline_s = time.monotonic() + timeout_s
+    received = b""
+    while True:
+        start = received.find(_DESCRIPTOR)
+        while start >= 0 and len(received) >= start + _DESCRIPTOR_LENGTH:
+            length = int.from_bytes(received[start + 2 : start + 6], "little") & _LENGTH_BITS
+            content = start + _DESCRIPTOR_LENGTH
+            end = content if many else content + length
+            if received[start + 6] in kinds:
+                if len(received) >= end:
+                    return Answer(received[start + 6], received[content:end], received[end:])
+                break
+            start = received.find(_DESCRIPTOR, start + 1)
+        now_s = time.monotonic()
+        if now_s >= deadline_s:
+            return None
+        received += port.receive(_DESCRIPTOR_LENGTH, min(deadline_s, now_s + _READ_AHEAD_S))
+
+
+def quieten(port: SerialPort) -> None:
+    """Ends a scan that a program before this one has left running, and drops what was on the line."""
+    for command in (STOP, YDLIDAR_STOP):
+        port.send(request(command))
+    time.sleep(QUIET_S)
+    port.discard_input()

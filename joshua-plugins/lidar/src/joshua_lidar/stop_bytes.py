@@ -1,0 +1,21 @@
+"""What stops each scanner, as bytes; free of numpy, for the process that outlives the driver."""
+
+from __future__ import annotations
+
+from joshua_lidar.requests import SET_PWM, SET_RPM, STOP, YDLIDAR_STOP, request
+
+MOTOR_PWM = 660  # of 1023, the usual speed
+MOTOR_RPM = 600
+
+_STILL = (0).to_bytes(2, "little")
+
+#: Requests in their order; a scanner without any cannot be told.
+STOP_BYTES: dict[str, tuple[bytes, ...]] = {
+    "rplidar_a1": (request(STOP), request(SET_PWM, _STILL)),
+    "rplidar_c1": (request(STOP), request(SET_RPM, _STILL)),
+    "lds01": (b"e",),
+    "ydlidar_x4": (request(YDLIDAR_STOP),),
+    "ydlidar_x2": (),
+    "ld06": (),
+    "ld19": (),
+}

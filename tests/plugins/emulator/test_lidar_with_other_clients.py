@@ -1,0 +1,63 @@
+"""Clients that others wrote find a scanner in the emulator: rplidar-roboticia and pyrplidar."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+import time
+import warnings
+
+import numpy as np
+import pytest
+from joshua_emulator import EmulatedLidar
+from joshua_emulator.lidar.room import distances_m
+
+
+def disagreement_m(degrees: list[float], mm: list[float]) -> float:
+    """Median distance between what a client measured and the room."""
+    truth = distances_m(-np.radians(degrees))
+    return float(np.median(np.abs(np.array(mm) / 1000 - truth)))
+
+
+@pytest.mark.parametrize("scan_type", ["normal", "express"])
+def test_rplidar_roboticia_drives_the_a1(scan_type: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rplidar = pytest.importorskip("rplidar")
+    # a pseudo-terminal has no modem lines, and this client insists on DTR
+    monkeypatch.setattr(rplidar.serial.Serial, "_update_dtr_state", lambda _: None)
+    with EmulatedLidar("rplidar_a1") as emulator:
+        client = rplidar.RPLidar(emulator.port, timeout=3)
+        info = client.get_info()
+        assert info["model"] == 0x18
+        assert info["firmware"] == (1, 29)
+        assert client.get_health() == ("Good", 0)
+        measures = list(itertools.islice(client.iter_measures(scan_type), 900))
+        starts = sum(new for new, _, _, _ in measures)
+        assert 1 <= starts <= 3
+        degrees, mm = [m[2] for m in measures], [m[3] for m in measures]
+        assert disagreement_m(degrees, mm) < 0.01
+        assert emulator.state()["motor"]
+        client.stop()
+        client.stop_motor()
+        emulator.wait_for(["motor"])
+        time.sleep(0.05)
+        assert not emulator.state()["motor"]
+        client.disconnect()
+
+
+def test_pyrplidar_drives_the_c1() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        pyrplidar = pytest.importorskip("pyrplidar")
+    with EmulatedLidar("rplidar_c1") as emulator, contextlib.redirect_stdout(io.StringIO()):
+        client = pyrplidar.PyRPlidar()
+        client.connect(emulator.port, 460_800, timeout=3)
+        assert client.get_info().model == 0x41
+        assert client.get_health().status == 0
+        assert client.get_scan_mode_typical() == 1
+        assert [mode.name for mode in client.get_scan_modes()] == ["Standard", "Express"]
+        measures = list(itertools.islice(client.start_scan()(), 1200))
+        assert disagreement_m([m.angle for m in measures], [m.distance for m in measures]) < 0.01
+        assert sum(m.start_flag for m in measures) >= 2
+        client.stop()
+        client.disconnect()

@@ -1,0 +1,159 @@
+"""What goes wrong with scanners, and what the user is told."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Callable
+
+import pytest
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.serial_errors import PortBusy, PortNotFound
+from joshua_emulator import EmulatedLidar
+from joshua_lidar import lidar as lidar_module
+from joshua_lidar.lidar import SerialLidar
+
+Start = Callable[..., EmulatedLidar]
+Make = Callable[..., SerialLidar]
+
+
+def refusal(lidar: SerialLidar, kind: type[DeviceError] = DeviceError) -> str:
+    with pytest.raises(kind) as caught:
+        lidar.connect()
+    assert not lidar.connected
+    return str(caught.value)
+
+
+def loss(lidar: SerialLidar, timeout_s: float = 15.0) -> str:
+    deadline_s = time.monotonic() + timeout_s
+    while time.monotonic() < deadline_s:
+        try:
+            lidar.read(0.2)
+        except DeviceDisconnected as error:
+            return str(error)
+    raise AssertionError("the loss was not noticed")
+
+
+def test_no_such_port(lidar_at: Make) -> None:
+    text = refusal(lidar_at("/dev/ttyUSB_none", "ld19"), PortNotFound)
+    assert "/dev/ttyUSB_none: no such serial port" in text
+
+
+def test_a_port_in_use(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19")
+    first = lidar_at(emulator.port, "ld19")
+    first.connect()
+    text = refusal(lidar_at(emulator.port, "ld19"), PortBusy)
+    assert f"(process {os.getpid()}, this one)" in text
+
+
+@pytest.mark.parametrize(
+    ("there", "asked"),
+    [
+        ("rplidar_a1", 460_800),
+        ("ld19", 115_200),
+        ("ydlidar_x4", 115_200),
+        ("rplidar_c1", 115_200),
+        ("lds01", 128_000),
+    ],
+)
+def test_the_wrong_line_speed(emulator_of: Start, lidar_at: Make, there: str, asked: int) -> None:
+    emulator = emulator_of(there)
+    text = refusal(lidar_at(emulator.port, "", asked))
+    right = emulator.state()["baudrate"]
+    assert f"does not answer at {asked} bit/s" in text
+    assert text.endswith(f"does at {right}: set baudrate: {right}")
+
+
+def test_another_model_than_the_file_says(emulator_of: Start, lidar_at: Make) -> None:
+    text = refusal(lidar_at(emulator_of("ydlidar_x2").port, "rplidar_a1"))
+    assert 'is a YDLIDAR X2, and the file says model: "rplidar_a1": set model: "ydlidar_x2"' in text
+    text = refusal(lidar_at(emulator_of("lds01").port, "ld19"))
+    assert 'is a LDS-01, and the file says model: "ld19"' in text
+    text = refusal(lidar_at(emulator_of("ld19").port, "ydlidar_x4"))
+    assert 'a LD19 does at 230400: set baudrate: 230400 and model: "ld19"' in text
+
+
+def test_nothing_at_the_port(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19", fault=["silent"])
+    text = refusal(lidar_at(emulator.port, "ld19"))
+    assert "no laser scanner answers at any line speed: check that it has power" in text
+
+
+def test_something_else_at_the_port(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19", fault=["rate=57600"])
+    text = refusal(lidar_at(emulator.port, "", 230_400))
+    assert "sends bytes, but none that a known laser scanner sends at any of its line speeds" in text
+
+
+def test_a_motor_that_stands_still_from_the_start(
+    emulator_of: Start, lidar_at: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lidar_module, "FIRST_SCAN_S", 2.0)
+    emulator = emulator_of("rplidar_a1", fault=["stall"])
+    text = refusal(lidar_at(emulator.port, "rplidar_a1"))
+    assert "the RPLIDAR A1 measures, but does not turn: free its rotor" in text
+    assert not emulator.state()["motor"]
+
+
+@pytest.mark.parametrize("model", ["rplidar_a1", "ld19", "ydlidar_x4"])
+def test_a_motor_that_stalls(emulator_of: Start, lidar_at: Make, model: str) -> None:
+    emulator = emulator_of(model)
+    lidar = lidar_at(emulator.port, model)
+    lidar.connect()
+    emulator.fault("stall")
+    text = loss(lidar)
+    assert "measures, but does not turn: free its rotor and its belt, and check its power" in text
+
+
+def test_a_scanner_that_falls_silent(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("lds01")
+    lidar = lidar_at(emulator.port, "lds01")
+    lidar.connect()
+    emulator.fault("stall")  # this one sends only while it turns
+    assert "the LDS-01 has sent nothing for 1 s: check that its rotor turns" in loss(lidar)
+
+
+def test_a_line_too_noisy_to_trust(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19")
+    lidar = lidar_at(emulator.port, "ld19")
+    lidar.connect()
+    emulator.fault("corrupt", 0.02)
+    text = loss(lidar)
+    assert re.search(r"nothing that the LD19 sends can be trusted for 2\.5 s \(\d+ damaged places\)", text)
+
+
+def test_unplug_and_replug(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_a1")
+    lidar = lidar_at(emulator.by_id, "rplidar_a1")
+    lidar.connect()
+    emulator.fault("unplug")
+    assert "the adapter is gone" in loss(lidar)
+    lidar.disconnect()
+    assert "no such serial port" in refusal(lidar)
+    emulator.fault("replug")
+    lidar.connect()
+    assert lidar.read(2.0) is not None
+
+
+def test_a_protection_stop_is_ended_by_a_reset(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_a1", fault=["health=2"])
+    lidar = lidar_at(emulator.port, "rplidar_a1")
+    lidar.connect()
+    assert lidar.read(2.0) is not None
+
+
+def test_a_warning_of_the_scanner_is_passed_on(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_a1", fault=["health=1"])
+    lidar = lidar_at(emulator.port, "rplidar_a1")
+    lidar.connect()
+    (text,) = lidar.warnings
+    assert "the RPLIDAR A1 warns that it may fail soon (code 0x8001): clean its window" in text
+
+
+def test_a_wait_for_the_first_scan_is_ended_by_the_stop(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19", fault=["stall"])
+    lidar = lidar_at(emulator.port, "ld19")
+    lidar.cancel()
+    assert "was closed while it was being opened" in refusal(lidar)

@@ -1,0 +1,156 @@
+"""The scanner as a sensor, on emulated scanners of every model in a room whose walls are known."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from joshua.devices.sensor import Reading
+from joshua_emulator import EmulatedLidar
+from joshua_emulator.lidar.room import distances_m
+from joshua_lidar.assembly import Scan
+from joshua_lidar.lidar import LASER_SCAN, SerialLidar
+from joshua_lidar.models import MODELS, same_stream
+
+Start = Callable[..., EmulatedLidar]
+Make = Callable[..., SerialLidar]
+
+
+def next_reading(lidar: SerialLidar, timeout_s: float = 5.0) -> Reading:
+    deadline_s = time.monotonic() + timeout_s
+    while time.monotonic() < deadline_s:
+        reading = lidar.read(0.2)
+        if reading is not None:
+            return reading
+    raise AssertionError("no scan came")
+
+
+def beam_angles(lidar: SerialLidar) -> np.ndarray:
+    assert lidar.beams is not None
+    return lidar.beams.angle_min_rad + lidar.beams.increment_rad * np.arange(lidar.beams.count)
+
+
+def agrees_with_the_room(lidar: SerialLidar, scan: Scan) -> float:
+    """Share of the measured beams that show what stands in their direction."""
+    ranges = scan.ranges_m
+    measured = np.isfinite(ranges)
+    angle = beam_angles(lidar)[measured]
+    near = [np.abs(ranges[measured] - distances_m(angle + off)) for off in np.radians([-0.6, 0, 0.6])]
+    return float(np.mean(np.min(near, axis=0) < 0.03))
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["model given", "model found out"])
+@pytest.mark.parametrize("model", MODELS)
+def test_each_model_sees_the_room(emulator_of: Start, lidar_at: Make, model: str, told: bool) -> None:
+    emulator = emulator_of(model)
+    lidar = lidar_at(emulator.port, model if told else "", MODELS[model].baudrate)
+    lidar.connect()
+    assert lidar.model is not None
+    assert same_stream(lidar.model.name, model)
+    scan: Scan = next_reading(lidar).data
+    assert scan.ranges_m.shape == (MODELS[model].beams,)
+    assert np.mean(np.isfinite(scan.ranges_m)) > 0.98
+    assert agrees_with_the_room(lidar, scan) > 0.97
+    assert scan.turn_s == pytest.approx(1 / MODELS[model].turn_hz, rel=0.15)
+    lidar.disconnect()
+    if MODELS[model].family != "none":
+        emulator.wait_for(["request"] if MODELS[model].family != "lds01" else ["motor"])
+        assert not emulator.state()["motor"]
+
+
+@pytest.mark.parametrize("model", ["rplidar_a1", "rplidar_c1"])
+def test_the_standard_scan_of_an_rplidar(emulator_of: Start, lidar_at: Make, model: str) -> None:
+    emulator = emulator_of(model)
+    lidar = lidar_at(emulator.port, model, scan_mode="standard")
+    lidar.connect()
+    scan: Scan = next_reading(lidar).data
+    assert scan.ranges_m.shape == (MODELS[model].standard_beams,)
+    assert agrees_with_the_room(lidar, scan) > 0.97
+    assert scan.intensities.shape == scan.ranges_m.shape
+    assert set(scan.intensities) == {47.0}
+
+
+def test_the_message_describes_its_beams(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19")
+    lidar = lidar_at(emulator.port, "ld19", range_min=1.0, range_max=3.0)
+    lidar.connect()
+    before_ns = time.time_ns()
+    next_reading(lidar)
+    reading = next_reading(lidar)
+    message = lidar.message(reading, LASER_SCAN, "laser")
+    count = len(message.ranges)
+    assert message.header.frame_id == "laser"
+    assert count == len(message.intensities) == 450
+    assert message.angle_increment == pytest.approx(math.tau / 450)
+    assert message.angle_min == pytest.approx(-3.1415)
+    assert message.angle_max == pytest.approx(message.angle_min + (count - 1) * message.angle_increment)
+    assert message.scan_time == pytest.approx(0.1, rel=0.1)
+    # the scanner turns clockwise: the first beam of the message is measured last
+    assert message.time_increment == pytest.approx(-message.scan_time / 450, rel=0.05)
+    assert before_ns - 5e7 < reading.stamp_ns < time.time_ns()
+    ranges = np.asarray(message.ranges)
+    truth = distances_m(beam_angles(lidar))
+    assert np.all(np.isneginf(ranges[truth < 0.95]))
+    assert np.all(np.isposinf(ranges[truth > 3.3]))
+    measured = ranges[np.isfinite(ranges)]
+    assert measured.min() >= 1.0
+    assert measured.max() <= 3.0
+
+
+def test_a_window_is_cut_out(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19")
+    lidar = lidar_at(emulator.port, "ld19", angle_min=-0.5, angle_max=1.0)
+    lidar.connect()
+    scan: Scan = next_reading(lidar).data
+    assert lidar.beams is not None
+    assert lidar.beams.count == math.floor(1.5 / (math.tau / 450)) + 1
+    assert lidar.beams.angle_max_rad <= 1.0
+    assert agrees_with_the_room(lidar, scan) > 0.9  # the sides of the corridor are seen at a flat angle
+
+
+def test_scans_follow_each_other_at_the_pace_of_the_turns(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19")
+    lidar = lidar_at(emulator.port, "ld19")
+    lidar.connect()
+    readings = [next_reading(lidar) for _ in range(12)]
+    assert [reading.sequence for reading in readings] == list(range(12))
+    distances = np.diff([reading.stamp_ns for reading in readings]) / 1e9
+    assert np.median(distances) == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_scan_that_another_program_left_running(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_a1")
+    with open(emulator.port, "r+b", buffering=0) as line:
+        first = lidar_at(emulator.port, "rplidar_a1")
+        first.connect()
+        next_reading(first)
+        first._port.close()  # as a program that crashed: nobody stops the scanner
+        assert emulator.state()["scanning"]
+        assert line
+    second = lidar_at(emulator.port)
+    second.connect()
+    assert agrees_with_the_room(second, next_reading(second).data) > 0.97
+
+
+def test_noise_and_half_a_packet_at_the_start(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("ld19", fault=["dirty=700"])
+    lidar = lidar_at(emulator.port, "ld19")
+    lidar.connect()
+    emulator.fault("dirty", 3000)
+    for _ in range(5):
+        assert agrees_with_the_room(lidar, next_reading(lidar).data) > 0.97
+
+
+def test_a_line_that_loses_packets_leaves_gaps(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_a1")
+    lidar = lidar_at(emulator.port, scan_mode="standard")
+    lidar.connect()
+    emulator.fault("drop", 0.1)
+    next_reading(lidar)
+    scan: Scan = next_reading(lidar).data
+    missing = np.isnan(scan.ranges_m).mean()
+    assert 0.01 < missing < 0.4
+    assert agrees_with_the_room(lidar, scan) > 0.95
