@@ -36,6 +36,7 @@ PACKAGED_MODELS: tuple[PackagedModel, ...] = (
     PackagedModel(
         "so_arm100/scene.xml", "SO-ARM100 on a table, cameras top, wrist, front", "so_arm100/scene_mjx.xml"
     ),
+    PackagedModel("so_arm100/reach.xml", "SO-ARM100 with a place to reach", "so_arm100/reach_mjx.xml"),
     PackagedModel(
         "so_arm100/pick_place.xml",
         "SO-ARM100 with a cube to pick up and a goal to put it on",

@@ -1,0 +1,48 @@
+"""Gymnasium environments. Importing this package registers them, as does ``gymnasium`` by itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+
+from joshua_mujoco_sim.envs.single import TermEnv
+from joshua_mujoco_sim.envs.tasks import TASKS
+from joshua_mujoco_sim.envs.vector import TermVectorEnv
+
+__all__ = ["TASKS", "TermEnv", "TermVectorEnv", "make_environment", "register"]
+
+
+def register() -> None:
+    """Registers the environments under ``joshua/``; a second call does nothing."""
+    for name, task in TASKS.items():
+        if name in gymnasium.registry:
+            continue
+        gymnasium.register(
+            id=name,
+            entry_point="joshua_mujoco_sim.envs.single:TermEnv",
+            vector_entry_point="joshua_mujoco_sim.envs.vector:TermVectorEnv",
+            max_episode_steps=task().max_steps,
+            kwargs={"task": task},
+        )
+
+
+def make_environment(environment_id: str, reward_function: str = "", **options: Any) -> Any:
+    """Makes an environment as trainers do.
+
+    Args:
+        environment_id: such as ``joshua/SoArm100Reach-v0``.
+        reward_function: name of a reward of its task; "" for the default.
+        options: further arguments of ``gymnasium.make``.
+
+    Raises:
+        ValueError: the id or the reward is unknown; lists those that are known.
+    """
+    if environment_id not in TASKS and environment_id not in gymnasium.registry:
+        raise ValueError(f"no environment {environment_id!r}: choose {', '.join(TASKS)}")
+    if reward_function:
+        options["reward_function"] = reward_function
+    return gymnasium.make(environment_id, **options)
+
+
+register()

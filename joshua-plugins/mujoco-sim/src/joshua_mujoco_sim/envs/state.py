@@ -1,0 +1,196 @@
+"""The state of one or many simulations as arrays with a leading axis, so that a term is written once.
+
+``N`` is the number of simulations: 1 for an environment of its own, many for a vectorised one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+class State(Protocol):
+    """What terms read and resets write; all arrays are live.
+
+    Attributes:
+        model: the compiled model, with its nominal parameters.
+        qpos, qvel, ctrl: shapes (N, nq), (N, nv), (N, nu).
+        mocap_pos: shape (N, nmocap, 3), m.
+        action, last_action: what the policy wants now and wanted before, shape (N, A), in [-1, 1].
+        elapsed_steps: steps of the present episodes, shape (N,).
+        memory: arrays that a task keeps between steps, by name, each (N, …).
+        step_cache: what terms have computed from the present state; emptied whenever it changes.
+    """
+
+    model: mujoco.MjModel
+    qpos: FloatArray
+    qvel: FloatArray
+    ctrl: FloatArray
+    mocap_pos: FloatArray
+    action: FloatArray
+    last_action: FloatArray
+    elapsed_steps: IntArray
+    memory: dict[str, FloatArray]
+    step_cache: dict[Any, Any]
+
+    @property
+    def count(self) -> int:
+        """N."""
+
+    def site(self, name: str) -> FloatArray:
+        """Positions of a site, shape (N, 3), m; one substep old after a step."""
+
+    def body(self, name: str) -> FloatArray:
+        """Positions of a body, shape (N, 3), m; one substep old after a step."""
+
+    def parameter(self, field: str) -> Any:
+        """A field of the model with a value for each simulation, (N, …), to be written by resets."""
+
+
+def square_sum(values: FloatArray) -> FloatArray:
+    """Sum of the squares of each row, shape (N,)."""
+    result: FloatArray = np.add.reduce(values * values, axis=1)
+    return result
+
+
+class Columns:
+    """Where named joints stand in ``qpos`` and ``qvel``; looked up once.
+
+    Args:
+        model: the compiled model.
+        joints: names of joints with one degree of freedom.
+    """
+
+    def __init__(self, model: mujoco.MjModel, joints: Sequence[str]) -> None:
+        ids = [model.joint(name).id for name in joints]
+        self.qpos: IntArray = model.jnt_qposadr[ids].astype(np.int64)
+        self.qvel: IntArray = model.jnt_dofadr[ids].astype(np.int64)
+
+
+class SingleState:
+    """The state of one simulation, N = 1.
+
+    Args:
+        model: the compiled model, not shared with anybody.
+        action_size: A.
+    """
+
+    def __init__(self, model: mujoco.MjModel, action_size: int) -> None:
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.qpos, self.qvel = self.data.qpos[None], self.data.qvel[None]
+        self.ctrl = self.data.ctrl[None]
+        self.mocap_pos = self.data.mocap_pos[None]
+        self.action = np.zeros((1, action_size))
+        self.last_action = np.zeros((1, action_size))
+        self.elapsed_steps = np.zeros(1, np.int64)
+        self.memory: dict[str, FloatArray] = {}
+        self.step_cache: dict[Any, Any] = {}
+        self._sites: dict[str, FloatArray] = {
+            model.site(i).name: self.data.site_xpos[None, i] for i in range(model.nsite)
+        }
+        self._bodies: dict[str, FloatArray] = {
+            model.body(i).name: self.data.xpos[None, i] for i in range(model.nbody)
+        }
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return 1
+
+    def site(self, name: str) -> FloatArray:
+        """Positions of a site, shape (1, 3)."""
+        return self._sites[name]
+
+    def body(self, name: str) -> FloatArray:
+        """Positions of a body, shape (1, 3)."""
+        return self._bodies[name]
+
+    def parameter(self, field: str) -> Any:
+        """A field of the model, shape (1, …)."""
+        return getattr(self.model, field)[None]
+
+    def step(self, substeps: int) -> None:
+        """Steps the physics."""
+        mujoco.mj_step(self.model, self.data, substeps)
+        self.step_cache.clear()
+
+    def reset(self, ids: IntArray, keyframe: int) -> None:
+        """Puts the simulation to a keyframe; -1 for the model's default."""
+        del ids
+        if keyframe >= 0:
+            mujoco.mj_resetDataKeyframe(self.model, self.data, keyframe)
+        else:
+            mujoco.mj_resetData(self.model, self.data)
+
+    def forward(self, ids: IntArray) -> None:
+        """Makes sites, bodies and contacts current after a reset."""
+        del ids
+        mujoco.mj_forward(self.model, self.data)
+        self.step_cache.clear()
+
+
+class BatchState:
+    """The state of N simulations that are stepped on all cores. Needs MuJoCo 4.
+
+    Args:
+        model: the compiled model.
+        count: N.
+        action_size: A.
+        threads: cores to use; 0 for all.
+    """
+
+    def __init__(self, model: mujoco.MjModel, count: int, action_size: int, threads: int = 0) -> None:
+        from mujoco.batch import Batch
+
+        self.model = model
+        self.batch: Any = Batch(model, count, threads)
+        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self.ctrl = self.batch.bind("ctrl")
+        self.mocap_pos = self.batch.bind("mocap_pos") if model.nmocap else np.zeros((count, 0, 3), np.float64)
+        self.action = np.zeros((count, action_size))
+        self.last_action = np.zeros((count, action_size))
+        self.elapsed_steps = np.zeros(count, np.int64)
+        self.memory: dict[str, FloatArray] = {}
+        self.step_cache: dict[Any, Any] = {}
+        sites, bodies = self.batch.bind("site_xpos"), self.batch.bind("xpos")
+        self._sites: dict[str, FloatArray] = {model.site(i).name: sites[:, i] for i in range(model.nsite)}
+        self._bodies: dict[str, FloatArray] = {model.body(i).name: bodies[:, i] for i in range(model.nbody)}
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return int(self.batch.nsim)
+
+    def site(self, name: str) -> FloatArray:
+        """Positions of a site, shape (N, 3)."""
+        return self._sites[name]
+
+    def body(self, name: str) -> FloatArray:
+        """Positions of a body, shape (N, 3)."""
+        return self._bodies[name]
+
+    def parameter(self, field: str) -> Any:
+        """A field of the model with a value for each simulation, shape (N, …)."""
+        return self.batch.expand(field)
+
+    def step(self, substeps: int) -> None:
+        """Steps the physics of all simulations."""
+        self.batch.step(nstep=substeps)
+        self.step_cache.clear()
+
+    def reset(self, ids: IntArray, keyframe: int) -> None:
+        """Puts simulations to a keyframe; -1 for the model's default."""
+        self.batch.reset(ids, keyframe, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
+
+    def forward(self, ids: IntArray) -> None:
+        """Makes sites, bodies and contacts current after a reset."""
+        self.batch.forward(ids)
+        self.step_cache.clear()

@@ -1,0 +1,163 @@
+"""The tasks that come with JOSHUA, as data, and the rewards that each can be given by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from joshua_mujoco_sim.envs import ant_terms as ant
+from joshua_mujoco_sim.envs import arm_terms as arm
+from joshua_mujoco_sim.envs import common_terms as common
+from joshua_mujoco_sim.envs.terms import ObservationTerm, ResetTerm, RewardTerm, Task, TerminationTerm
+
+#: The arm's joints come first in every model that has one.
+_ARM = slice(0, 6)
+
+_ARM_OBSERVATIONS = (
+    ObservationTerm("joint_position_rad", common.columns, {"qpos": _ARM}),
+    ObservationTerm("joint_velocity_rad_s", common.velocities, {"qvel": _ARM, "scale": 0.1}),
+    ObservationTerm("grip_position_m", common.site_position, {"site": "gripper"}),
+    ObservationTerm("last_action", common.last_action),
+)
+
+_SMOOTH = (
+    RewardTerm("action_change", common.action_change, -0.01),
+    RewardTerm("joint_speed", common.joint_speed, -0.0005, {"qvel": _ARM}),
+)
+
+_DIVERGED = TerminationTerm("diverged", common.not_finite)
+
+#: Randomised physics, to be added to a task by ``with_resets`` or ``randomise=True``.
+ARM_RANDOMISATION = (
+    ResetTerm("servo_gain", common.randomise_servos, {"low": 0.8, "high": 1.2}),
+    ResetTerm("damping", common.randomise, {"field": "dof_damping", "rows": _ARM, "low": 0.7, "high": 1.3}),
+    ResetTerm(
+        "dry_friction",
+        common.randomise,
+        {"field": "dof_frictionloss", "rows": _ARM, "low": 0.5, "high": 1.5},
+    ),
+    ResetTerm(
+        "contact_friction",
+        common.randomise,
+        {"field": "geom_friction", "columns": 0, "low": 0.7, "high": 1.3},
+    ),
+)
+
+
+def reach(reward: str = "dense") -> Task:
+    """The grip goes to a place in front of the arm. Rewards: ``dense``, ``sparse``."""
+    sites = {"first": "gripper", "second": "goal"}
+    rewards = {
+        "dense": (
+            RewardTerm("closeness", arm.closeness, 1.0, {**sites, "scale_m": 0.1}),
+            RewardTerm("fine_closeness", arm.closeness, 1.0, {**sites, "scale_m": 0.02}),
+            *_SMOOTH,
+        ),
+        "sparse": (RewardTerm("reached", arm.within_reward, 1.0, {**sites, "radius_m": 0.02}),),
+    }
+    return Task(
+        model_path="so_arm100/reach.xml",
+        frame_skip=20,
+        action=arm.move_goals,
+        action_size=6,
+        observations=(*_ARM_OBSERVATIONS, ObservationTerm("to_goal_m", arm.offset, sites)),
+        rewards=_choose("reach", rewards, reward),
+        terminations=(
+            TerminationTerm("reached", arm.within, {**sites, "radius_m": 0.01}, success=True),
+            _DIVERGED,
+        ),
+        resets=(
+            ResetTerm("joints", common.noisy_joints, {"qpos": _ARM, "qvel": _ARM, "position_rad": 0.1}),
+            ResetTerm(
+                "goal",
+                arm.place_goal,
+                {"radius_m": (0.16, 0.32), "angle_rad": 1.0, "height_m": (0.04, 0.22)},
+            ),
+        ),
+        max_steps=75,
+        camera="front",
+    )
+
+
+def pick_place(reward: str = "dense") -> Task:
+    """The cube goes onto the goal, and the jaw lets go. Rewards: ``dense``, ``sparse``."""
+    to_cube = {"first": "gripper", "second": "cube"}
+    rewards = {
+        "dense": (
+            RewardTerm(
+                "near_cube", arm.closeness, 1.0, {"first": "gripper", "second": "cube", "scale_m": 0.1}
+            ),
+            RewardTerm("lifted", arm.lifted, 2.0, {"height_m": 0.05}),
+            RewardTerm("near_goal", arm.carried_closeness, 4.0, {"height_m": 0.05, "scale_m": 0.15}),
+            RewardTerm("placed", arm.placed_reward, 50.0, {"radius_m": 0.02}),
+            *_SMOOTH,
+        ),
+        "sparse": (RewardTerm("placed", arm.placed_reward, 1.0, {"radius_m": 0.02}),),
+    }
+    sector = {"radius_m": (0.19, 0.27), "angle_rad": 0.8}
+    return Task(
+        model_path="so_arm100/pick_place.xml",
+        frame_skip=20,
+        action=arm.move_goals,
+        action_size=6,
+        observations=(
+            *_ARM_OBSERVATIONS,
+            ObservationTerm("to_cube_m", arm.offset, to_cube),
+            ObservationTerm("cube_to_goal_m", arm.offset, {"first": "cube", "second": "goal"}),
+            ObservationTerm("cube_attitude", common.columns, {"qpos": slice(9, 13)}),
+        ),
+        rewards=_choose("pick_place", rewards, reward),
+        terminations=(
+            TerminationTerm("placed", arm.placed, {"radius_m": 0.02}, success=True),
+            TerminationTerm("dropped", arm.dropped),
+            _DIVERGED,
+        ),
+        resets=(
+            ResetTerm("joints", common.noisy_joints, {"qpos": _ARM, "qvel": _ARM, "position_rad": 0.05}),
+            ResetTerm("goal", arm.place_goal, {**sector, "height_m": (0.001, 0.001)}),
+            ResetTerm("cube", arm.place_cube, {**sector, "apart_m": 0.07}),
+        ),
+        max_steps=200,
+        camera="front",
+    )
+
+
+def ant_forward(reward: str = "forward") -> Task:
+    """The ant runs along x. Reward: ``forward``."""
+    rewards = {
+        "forward": (
+            RewardTerm("forward", ant.forward_speed, 1.0, {"step_s": 0.05}),
+            RewardTerm("healthy", ant.healthy, 1.0),
+            RewardTerm("control", common.action_size, -0.5),
+        ),
+    }
+    return Task(
+        model_path="ant/ant.xml",
+        frame_skip=5,
+        action=ant.motors,
+        action_size=8,
+        observations=(
+            ObservationTerm("posture", ant.posture),
+            ObservationTerm("velocity", common.velocities),
+        ),
+        rewards=_choose("ant", rewards, reward),
+        terminations=(TerminationTerm("unhealthy", ant.unhealthy),),
+        resets=(ResetTerm("noise", ant.start, {"scale": 0.1}),),
+        max_steps=1000,
+        camera="track",
+        prepare=ant.prepare,
+    )
+
+
+#: Tasks by the id of their environment.
+TASKS: dict[str, Callable[..., Task]] = {
+    "joshua/SoArm100Reach-v0": reach,
+    "joshua/SoArm100PickPlace-v0": pick_place,
+    "joshua/Ant-v0": ant_forward,
+}
+
+
+def _choose(task: str, rewards: Mapping[str, tuple[RewardTerm, ...]], name: str) -> tuple[RewardTerm, ...]:
+    try:
+        return rewards[name]
+    except KeyError:
+        raise ValueError(f"{task} has no reward function {name!r}: choose {' or '.join(rewards)}") from None
