@@ -106,7 +106,6 @@ def test_the_tightest_limit_holds(arm_emulator: EmulatedBus, make_arm: Any) -> N
     arm_emulator.ask("set_register", id=2, name="max_position_limit", value=2300)
     calibration = arm_emulator.calibration()
     calibration["motors"][0]["range_max"] = 2500
-    calibration["motors"][1]["range_max"] = 2600
     arm = make_arm(arm_emulator, calibration=calibration, position_max_ticks=2700)
     arm.connect()
     ends = np.rint(arm.limits.position_max_rad * 4096 / (2 * np.pi) + 2048).astype(int)
@@ -219,6 +218,27 @@ def test_servos_calibrated_anew_need_a_new_file(arm_emulator: EmulatedBus, make_
         make_arm(arm_emulator, calibration=old).connect()
 
 
+def test_a_calibration_wider_than_the_servo_allows_is_refused(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    calibration = arm_emulator.calibration()
+    calibration["motors"][1]["range_max"] += 5
+    with pytest.raises(CalibrationMismatch, match=r"shoulder_lift \(id 2\): range 959 to 3142 in the cal"):
+        make_arm(arm_emulator, calibration=calibration).connect()
+
+
+def test_another_adapter_is_refused_even_with_the_same_values(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    calibration = arm_emulator.calibration()
+    calibration["device_identity"] = "usb:ARM9"
+    with pytest.raises(
+        CalibrationMismatch,
+        match=r'for usb:ARM9, and this is usb:ARM1(.|\n)*write device_identity: "usb:ARM1"',
+    ):
+        make_arm(arm_emulator, calibration=calibration).connect()
+
+
 def test_servos_set_up_for_something_else_are_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator)
     arm_emulator.ask("set_register", id=2, name="mode", value=1)
@@ -226,10 +246,8 @@ def test_servos_set_up_for_something_else_are_refused(arm_emulator: EmulatedBus,
         arm.connect()
     arm_emulator.ask("set_register", id=2, name="mode", value=0)
     arm_emulator.ask("set_register", id=2, name="max_position_limit", value=0)
-    with pytest.raises(
-        MotorCheckFailed, match=r"shoulder_lift \(id 2\): \d+ to \d+ allowed by the configuration"
-    ):
-        arm.connect()
+    with pytest.raises(MotorCheckFailed, match=r"joint_2 \(id 2\): \d+ to \d+ allowed by the configuration"):
+        make_arm(arm_emulator, calibrated=False).connect()
 
 
 def test_overload_takes_the_torque_off_until_it_is_enabled_again(

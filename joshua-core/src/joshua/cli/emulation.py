@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from joshua.generator.examination import Checked
 
 
-def start_rig(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> int | None:
+def start_rig(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> EmulatedRig | int:
     """Starts the emulators; ``stack`` ends them. Returns an exit code where something is refused."""
     from joshua.cli.report import show_findings
     from joshua.generator.emulation import EmulatedRig, EmulationError, parse_faults
@@ -39,7 +39,7 @@ def start_rig(checked: Checked, arguments: argparse.Namespace, stack: ExitStack)
         sys.stderr.write(f"joshua: error: {error}\nnothing was started\n")
         return ExitCode.FAILED
     show_rig(rig)
-    return None
+    return rig
 
 
 def show_rig(rig: EmulatedRig) -> None:

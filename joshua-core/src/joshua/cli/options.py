@@ -78,6 +78,7 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
         "--emulate", action="store_true", help="replace every device by an emulator; no hardware is opened"
     )
     add_fault_option(group)
+    group.add_argument("--open", action="store_true", help="open the page of a calibration in the browser")
     group.add_argument(
         "--allow-uncalibrated",
         action="store_true",

@@ -28,6 +28,7 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
         duration_s=getattr(arguments, "duration", None),
         allow_uncalibrated=getattr(arguments, "allow_uncalibrated", False),
         dry_run=getattr(arguments, "dry_run", False),
+        emulate=getattr(arguments, "emulate", False),
     )
 
 

@@ -13,6 +13,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
+    from joshua.generator.emulation import EmulatedRig
     from joshua.generator.examination import Checked, Examination
     from joshua.generator.fork_server import ForkServer
     from joshua.plan import Plan, RunReport
@@ -31,10 +32,14 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.generator.examination import finish
 
         checked = check(arguments)
+        rig = None
         if arguments.emulate and not checked.examination.errors:
-            refusal = emulate(checked, arguments, stack)
-            if refusal is not None:
-                return refusal
+            started = emulate(checked, arguments, stack)
+            if isinstance(started, int):
+                return started
+            rig = started
+        if is_calibration(checked):
+            return calibrate(checked, arguments, rig)
         examination = finish(checked)
         if examination.plan is None:
             return refuse(examination, arguments)
@@ -51,11 +56,25 @@ def check(arguments: argparse.Namespace) -> Checked:
     return check_file(request_of(arguments, Purpose.LAUNCH))
 
 
-def emulate(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> int | None:
+def emulate(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> EmulatedRig | int:
     """Puts emulators in place of the devices; returns an exit code where that is refused."""
     from joshua.cli.emulation import start_rig
 
     return start_rig(checked, arguments, stack)
+
+
+def is_calibration(checked: Checked) -> bool:
+    """Whether the file's mode is calibration, in which no node is started."""
+    from joshua.schema import config_pb2
+
+    return checked.loaded.config.general.mode == config_pb2.MODE_CALIBRATION
+
+
+def calibrate(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
+    """Calibrates the arms of the file."""
+    from joshua.cli.calibration.run import run_calibration
+
+    return run_calibration(checked, arguments, rig)
 
 
 def refuse(examination: Examination, arguments: argparse.Namespace) -> int:

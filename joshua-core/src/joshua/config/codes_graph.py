@@ -93,6 +93,10 @@ GRAPH_CODES: dict[str, CodeDoc] = {
         "A calibration lacks motors of the bus.",
         "Calibrate again.",
     ),
+    "calibration-interrupted": CodeDoc(
+        "A calibration ended while it was being written, as by a power cut: servos and file may disagree.",
+        "Run joshua calibrate --recover with the arm connected.",
+    ),
     "duplicate-joint-name": CodeDoc(
         "Two motors of one arm have the same joint name, and joints are matched by name.",
         "Give each joint its own name.",

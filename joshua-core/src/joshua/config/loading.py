@@ -7,16 +7,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.binder import Binder, Merge
+from joshua.config.calibration_paths import calibration_path
 from joshua.config.files import FileId, file_id, read_source
 from joshua.config.limits import MAX_FILES
 from joshua.config.parser import parse
 from joshua.config.plugin_types import PluginTypes
 from joshua.config.positions import Positions
 from joshua.config.problems import Problems, Span
-from joshua.schema.config_pb2 import Config
+from joshua.schema.config_pb2 import MODE_CALIBRATION, Config
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from google.protobuf.message import Message
 
@@ -36,6 +37,7 @@ class LoadedConfig:
         sources: file name, as positions give it, to text; the file itself first, the options of
             ``--set`` last, one to a line.
         is_readable: False where the file itself could not be read, so that nothing is known about it.
+        calibration_file: the robot's calibration file, where it was loaded because no other file holds one.
     """
 
     path: str
@@ -44,22 +46,27 @@ class LoadedConfig:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     sources: dict[str, str] = field(default_factory=dict)
     is_readable: bool = True
+    calibration_file: str = ""
 
 
 def load(
     path: str | os.PathLike[str],
     overrides: Sequence[str] = (),
     message_types: Iterable[str | type[Message]] = (),
+    calibration: Callable[[str, str], str] = calibration_path,
 ) -> LoadedConfig:
     """Loads a configuration file; never raises for what stands in it.
+
+    A file without a calibration gets that of its robot, where there is one, except to calibrate anew.
 
     Args:
         path: of the file.
         overrides: options of ``--set``, such as ``general.name=demo``; the last one wins.
         message_types: types for ``plugin_config`` blocks: message classes, or import strings of
             compiled ``_pb2`` modules. They are looked at only when a block asks.
+        calibration: names the calibration file for the path of a configuration and the id of its robot.
     """
-    return _Loading(os.fspath(path), PluginTypes(message_types)).run(overrides)
+    return _Loading(os.fspath(path), PluginTypes(message_types)).run(overrides, calibration)
 
 
 class _OpenFile(NamedTuple):
@@ -80,13 +87,14 @@ class _Loading:
         self._chain: list[_OpenFile] = []
         self._included: dict[FileId, tuple[str, Span | None]] = {}
 
-    def run(self, overrides: Sequence[str]) -> LoadedConfig:
+    def run(self, overrides: Sequence[str], calibration: Callable[[str, str], str]) -> LoadedConfig:
         self._read(self._path, None)
         is_readable = self._path in self._sources
         if overrides and is_readable:
             from joshua.config.overrides import OPTION, Overrides
 
             self._sources[OPTION] = Overrides(self._config, self._merge).apply(overrides)
+        calibration_file = self._load_calibration(calibration) if is_readable else ""
         return LoadedConfig(
             self._path,
             self._config,
@@ -94,7 +102,19 @@ class _Loading:
             self._problems.diagnostics(),
             self._sources,
             is_readable,
+            calibration_file,
         )
+
+    def _load_calibration(self, calibration: Callable[[str, str], str]) -> str:
+        general = self._config.general
+        if self._config.HasField("calibration") or general.mode == MODE_CALIBRATION:
+            return ""
+        path = calibration(self._path, general.id)
+        identity = file_id(path) if path else None
+        if identity is None or identity in self._included:
+            return ""
+        self._read(path, None)
+        return path
 
     def _read(self, path: str, at: Span | None) -> None:
         identity = file_id(path)

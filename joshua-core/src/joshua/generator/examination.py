@@ -58,15 +58,23 @@ def check_file(request: Request) -> Checked:
     """Loads a configuration and checks everything that its text decides."""
     from joshua.config import check, load
     from joshua.config.checks.paths import check_paths
+    from joshua.generator.calibration_place import calibration_place, interrupted_calibrations
     from joshua.modes import check_mode
     from joshua.plugins import load_registry
 
     registry = load_registry(blocked=tuple(request.blocked_plugins))
-    loaded = load(request.path, overrides=request.overrides, message_types=registry.message_modules())
+    loaded = load(
+        request.path,
+        overrides=request.overrides,
+        message_types=registry.message_modules(),
+        calibration=calibration_place(request.emulate),
+    )
     diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded)]
     diagnostics += check_paths(
         loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged
     )
+    if request.launch:
+        diagnostics += interrupted_calibrations(loaded, emulate=request.emulate)
     return Checked(request, registry, loaded, diagnostics)
 
 

@@ -30,6 +30,7 @@ class Request:
         duration_s: length of the run; None leaves it to the mode.
         allow_uncalibrated: energise actuators that have no calibration.
         dry_run: do everything with torque off.
+        emulate: emulators stand for the devices, with calibrations of their own.
     """
 
     path: str
@@ -40,6 +41,7 @@ class Request:
     duration_s: float | None = None
     allow_uncalibrated: bool = False
     dry_run: bool = False
+    emulate: bool = False
 
     @property
     def launch(self) -> bool:

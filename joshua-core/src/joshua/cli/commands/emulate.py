@@ -30,14 +30,14 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua.generator.examination import check_file
     from joshua.generator.request import Request
 
-    checked = check_file(Request(arguments.file, arguments.overrides))
+    checked = check_file(Request(arguments.file, arguments.overrides, emulate=True))
     if checked.examination.errors:
         show_findings(checked.examination, arguments.format)
         return exit_code_of(checked.examination)
     with ExitStack() as stack:
-        refusal = start_rig(checked, arguments, stack)
-        if refusal is not None:
-            return refusal
+        rig = start_rig(checked, arguments, stack)
+        if isinstance(rig, int):
+            return rig
         sys.stdout.write("stop with Ctrl-C\n")
         sys.stdout.flush()
         signal.sigwait({signal.SIGINT, signal.SIGTERM})

@@ -13,6 +13,8 @@ from joshua.plan import Diagnostic, Severity
 
 __all__ = ["Context", "Loaded", "at_most", "check", "settle"]
 
+_MODE_CALIBRATION = 4  # a calibration run asks nothing of the calibration that it replaces
+
 # Each family is a module with a function ``check``; the condition says which files it concerns, so that
 # the others do not wait for its import.
 _FAMILIES: dict[str, Callable[[Context], bool]] = {
@@ -28,7 +30,9 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "qos": lambda context: bool(context.entries),
     "no_effect": lambda context: True,
     "safety": lambda context: any(_has_safety(entry.owner) for entry in context.entries),
-    "calibration": lambda context: context.config.HasField("calibration"),
+    "calibration": lambda context: (
+        context.config.HasField("calibration") and context.config.general.mode != _MODE_CALIBRATION
+    ),
     "transport": lambda context: context.config.HasField("transport"),
     "machines": lambda context: any(entry.node.host for entry in context.entries),
 }

@@ -35,6 +35,8 @@ def check(context: Context) -> Iterator[Diagnostic]:
                 related=context.see(f"{other}.node_name", "first calibration"),
             )
         elif arm.node_name not in actuators:
+            if _is_shared(context, path):
+                continue  # the file of the robot holds all its arms, and this configuration has some of them
             yield context.warning(
                 "calibration-unknown-node",
                 f"No actuator of this file is called {arm.node_name}, so this calibration has no effect",
@@ -45,6 +47,11 @@ def check(context: Context) -> Iterator[Diagnostic]:
             )
         else:
             yield from _motors(context, path, arm, actuators[arm.node_name])
+
+
+def _is_shared(context: Context, path: str) -> bool:
+    position = context.position(f"{path}.node_name")
+    return position is not None and position.file == context.loaded.calibration_file
 
 
 def _joints(context: Context, path: str, arm: calibration_pb.ArmCalibration) -> Iterator[Diagnostic]:

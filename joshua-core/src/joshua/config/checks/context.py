@@ -59,6 +59,10 @@ class Loaded(Protocol):
     def is_readable(self) -> bool:
         """Whether the root file could be read at all."""
 
+    @property
+    def calibration_file(self) -> str:
+        """The robot's calibration file, where it was loaded by itself; "" otherwise."""
+
 
 class Context:
     """One configuration under check.

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from joshua.devices.calibration import MotorCalibration
 from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.errors import CalibrationMismatch, MotorCheckFailed
 from joshua.devices.servo.settings import ServoSettings
@@ -59,23 +60,23 @@ def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[
     calibration = settings.calibration
     if calibration is None:
         return
-    problems = []
-    for setup in setups:
-        motor = calibration.motor(setup.servo_id)
-        if motor is not None and motor.homing_offset != setup.homing_offset:
-            problems.append(
-                f"{motor.joint_name} (id {motor.id}): homing_offset {motor.homing_offset} in the calibration "
-                f"and {setup.homing_offset} in the servo"
-            )
-    if not problems:
+    problems = [
+        problem
+        for setup in setups
+        if (motor := calibration.motor(setup.servo_id)) is not None
+        for problem in _differences(motor, setup)
+    ]
+    found, made_for = bus.port.entry.identity, calibration.device_identity
+    is_other = bool(made_for and found and made_for != found)
+    if not problems and not is_other:
         return
-    found = bus.port.entry.identity
-    made_for = calibration.device_identity
     cause = "the servos were calibrated anew since, or the file is of another arm"
     remedy = "Calibrate again, or include the right file"
-    if made_for and found and made_for != found:
+    if is_other:
         cause = f"it was made for {made_for}, and this is {found}"
         remedy = "Connect the other arm, or include the calibration of this one"
+        if not problems:
+            remedy += f'; if only the adapter was exchanged, write device_identity: "{found}" into the file'
     raise CalibrationMismatch(
         "\n  ".join(
             [
@@ -85,6 +86,23 @@ def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[
             ]
         )
     )
+
+
+def _differences(motor: MotorCalibration, setup: ServoSetup) -> list[str]:
+    """How the file and one servo disagree; a file may narrow the servo's range, and never widen it."""
+    name = f"{motor.joint_name} (id {motor.id})"
+    found = []
+    if motor.homing_offset != setup.homing_offset:
+        found.append(
+            f"{name}: homing_offset {motor.homing_offset} in the calibration "
+            f"and {setup.homing_offset} in the servo"
+        )
+    if not setup.turns and (motor.range_min < setup.min_position or motor.range_max > setup.max_position):
+        found.append(
+            f"{name}: range {motor.range_min} to {motor.range_max} in the calibration "
+            f"and {setup.min_position} to {setup.max_position} in the servo"
+        )
+    return found
 
 
 def _check_ranges(bus: ServoBus, settings: ServoSettings, setups: Sequence[ServoSetup]) -> None:

@@ -1,0 +1,199 @@
+"""The calibration file of a robot: one entry is replaced, the rest of the text stays as it is."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+from google.protobuf import text_format
+from pydantic import ValidationError
+
+from joshua.config.files import decode_source, read_bytes
+from joshua.config.lexer import tokenize
+from joshua.config.loading import LoadedConfig, load
+from joshua.config.parser import Parser
+from joshua.config.problems import Problems
+from joshua.config.source import Source
+from joshua.config.syntax import Block, Field, ListValue, Scalar
+from joshua.devices.calibration import ArmCalibration
+from joshua.plan import Severity
+
+HEADER = """# Calibration of the arms of one robot, written by joshua.
+# Every configuration with its general.id loads it.
+# The same values stand in the servos: calibrate again instead of changing them here.
+
+"""
+
+
+class FileRefused(Exception):
+    """The calibration file cannot be read or written; the message says why and what to do."""
+
+
+class ArmFile:
+    """The file with the calibrations of a robot's arms.
+
+    Args:
+        path: of the file, which need not exist.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+
+    def arm(self, node_name: str) -> ArmCalibration | None:
+        """Calibration of one arm; None where the file holds none.
+
+        Raises:
+            FileRefused: the file cannot be read, or its entry is no calibration.
+        """
+        if not self.path.exists():
+            return None
+        return _arm(self._load(), node_name, self.path)
+
+    def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
+        """Writes the new content beside the file, where it waits for ``commit``.
+
+        Raises:
+            FileRefused: the file cannot be read or written, or the new content would not be read back equal.
+        """
+        text = self._text(node_name, calibration)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            target = self.path.resolve()
+            mode = target.stat().st_mode & 0o7777 if target.exists() else 0o644
+            handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".new", dir=target.parent)
+            prepared = PreparedFile(Path(name), target)
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    file.write(text.encode())
+                    file.flush()
+                    os.fchmod(handle, mode)
+                    os.fsync(handle)
+                if _arm(load(name), node_name, self.path) != calibration:
+                    raise FileRefused(f"{self.path}: the new entry would not be read back as it was written")
+            except BaseException:
+                prepared.discard()
+                raise
+        except OSError as error:
+            raise FileRefused(
+                f"{self.path}: cannot be written ({error.strerror}); check the permissions of the folder and "
+                "the space on the disk"
+            ) from error
+        return prepared
+
+    def _load(self) -> LoadedConfig:
+        loaded = load(self.path)
+        errors = [item for item in loaded.diagnostics if item.severity is Severity.ERROR]
+        if errors:
+            place = errors[0].position or self.path
+            raise FileRefused(f"{place}: {errors[0].message} Correct the calibration file, or move it away")
+        return loaded
+
+    def _text(self, node_name: str, calibration: ArmCalibration) -> str:
+        body = text_format.MessageToString(calibration.to_block(node_name))
+        if not self.path.exists():
+            return f"{HEADER}calibration {{\n{_indented(f'arms {_block(body)}')}}}\n"
+        self._load()
+        problems = Problems()
+        data = read_bytes(str(self.path), problems, None)
+        source = decode_source(str(self.path), data, problems, None) if data is not None else None
+        if source is None or len(problems):
+            raise FileRefused(f"{self.path}: cannot be read; correct it, or move it away")
+        return _with_arm(source, problems, node_name, body)
+
+
+class PreparedFile:
+    """New content that stands beside the file."""
+
+    def __init__(self, temporary: Path, target: Path) -> None:
+        self._temporary = temporary
+        self._target = target
+
+    def commit(self) -> None:
+        """Puts the new content in the file's place in one step. Raises FileRefused; then nothing changed."""
+        try:
+            self._temporary.replace(self._target)
+        except OSError as error:
+            raise FileRefused(f"{self._target}: cannot be replaced ({error.strerror})") from error
+        with contextlib.suppress(OSError):  # the content stands; only its survival of a power cut is at stake
+            sync_folder(self._target.parent)
+
+    def discard(self) -> None:
+        """Removes the new content; does nothing after ``commit``."""
+        self._temporary.unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Makes the names in a folder survive a power cut. Raises OSError."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _arm(loaded: LoadedConfig, node_name: str, path: Path) -> ArmCalibration | None:
+    for block in loaded.config.calibration.arms:
+        if block.node_name == node_name:
+            try:
+                return ArmCalibration.from_block(block)
+            except ValidationError as error:
+                detail = error.errors(include_url=False)[0]
+                reason = detail["msg"].removeprefix("Value error, ")
+                raise FileRefused(
+                    f"{path}: the calibration of {node_name} cannot be used: {reason}. "
+                    "Calibrate the arm again, or correct the file"
+                ) from error
+    return None
+
+
+def _with_arm(source: Source, problems: Problems, node_name: str, body: str) -> str:
+    """The text with one arm's entry replaced, else added to the first calibration block, else at the end."""
+    fields = Parser(source, tokenize(source), problems).document()
+    text = source.text
+    blocks = [f.value for f in fields if f.name == "calibration" and isinstance(f.value, Block)]
+    for block in blocks:
+        for entry in _entries(block):
+            if _node_name(source, entry) == node_name:
+                return text[: entry.start] + _block(body, depth=1) + text[entry.end :]
+    new = _indented(f"arms {_block(body)}")
+    if not blocks:
+        return f"{text.rstrip()}\n\ncalibration {{\n{new}}}\n".lstrip("\n")
+    before, after = text[: blocks[0].end - 1].rstrip(), text[blocks[0].end - 1 :]
+    return f"{before}\n{new}{after}"
+
+
+def _entries(block: Block) -> list[Block]:
+    """Blocks of the field ``arms``, in either way of writing them."""
+    found: list[Block] = []
+    for field in block.fields:
+        if field.name == "arms" and isinstance(field.value, Block):
+            found.append(field.value)
+        elif field.name == "arms" and isinstance(field.value, ListValue):
+            found += [item for item in field.value.items if isinstance(item, Block)]
+    return found
+
+
+def _node_name(source: Source, block: Block) -> str:
+    for field in block.fields:
+        if field.name == "node_name" and isinstance(field.value, Scalar):
+            return _string(source, field)
+    return ""
+
+
+def _string(source: Source, field: Field) -> str:
+    from joshua.schema.calibration_pb2 import ArmCalibration as ArmBlock
+
+    text = source.text[field.name_start : field.end]
+    return text_format.Parse(text, ArmBlock()).node_name
+
+
+def _block(body: str, depth: int = 0) -> str:
+    lines = "".join(f"  {line}\n" for line in body.splitlines())
+    text = f"{{\n{lines}}}"
+    return text if not depth else text.replace("\n", "\n" + "  " * depth)
+
+
+def _indented(text: str) -> str:
+    return "".join(f"  {line}\n" for line in text.splitlines())

@@ -1,0 +1,98 @@
+"""File against servos: every difference of one arm, joint by joint, with what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from joshua.devices.calibration import ArmCalibration, MotorCalibration
+from joshua.devices.calibration_target import CalibrationTarget, StoredMotor
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What was found.
+
+    Attributes:
+        identity: of the device; calibrated_at: of the file's calibration.
+        rows: one line for each joint.
+        problems: what differs; remedy: what to do then.
+    """
+
+    node_name: str
+    identity: str
+    calibrated_at: str
+    rows: tuple[str, ...]
+    problems: tuple[str, ...]
+    remedy: str = ""
+
+
+def compare(
+    node_name: str, calibration: ArmCalibration | None, target: CalibrationTarget, *, interrupted: bool
+) -> Comparison:
+    """Compares the calibration of a file with what an open device holds; writes nothing.
+
+    Raises:
+        DeviceError: the device does not answer.
+    """
+    identity = target.identity
+    if calibration is None:
+        problem = "the file holds no calibration of this arm"
+        return Comparison(node_name, identity, "", (), (problem,), "Calibrate it, or import one")
+    problems, remedy = [], "Calibrate the arm again, or include the file that belongs to it"
+    if interrupted:
+        problems.append("a calibration was interrupted while it was written")
+        remedy = "Run the command with --recover in place of --check"
+    if calibration.device_identity and identity and calibration.device_identity != identity:
+        problems.append(f"the calibration was made for {calibration.device_identity}, and this is {identity}")
+        remedy = remedy if interrupted else "Connect the other arm, or include the calibration of this one"
+    stored = target.stored()
+    held = {m.id: v for m, v in zip(target.motors, stored, strict=True)} if stored is not None else None
+    rows = []
+    for motor in target.motors:
+        wanted = calibration.motor(motor.id)
+        if wanted is None:
+            problems.append(f"{motor.joint_name} (id {motor.id}) is not in the file")
+            continue
+        differences = _differences(wanted, held[motor.id]) if held is not None else []
+        problems += [f"{wanted.joint_name} (id {wanted.id}): {text}" for text in differences]
+        rows.append(_row(wanted, differences))
+    known = {motor.id for motor in target.motors}
+    problems += [
+        f"{m.joint_name} (id {m.id}) is not on the bus" for m in calibration.motors if m.id not in known
+    ]
+    return Comparison(
+        node_name,
+        identity,
+        calibration.calibrated_at,
+        tuple(rows),
+        tuple(problems),
+        remedy if problems else "",
+    )
+
+
+def comparison_text(found: Comparison) -> str:
+    """The comparison for people."""
+    head = f"{found.node_name} ({found.identity or 'no identity'})"
+    if found.calibrated_at:
+        head += f", calibrated at {found.calibrated_at}"
+    lines = [f"{'DIFFERS' if found.problems else 'EQUAL'}  {head}", *(f"  {row}" for row in found.rows)]
+    lines += [f"  ! {problem}" for problem in found.problems]
+    lines += [f"  {found.remedy}."] if found.remedy else []
+    return "\n".join(lines) + "\n"
+
+
+def _differences(wanted: MotorCalibration, held: StoredMotor) -> Sequence[str]:
+    return [
+        f"{name} is {getattr(wanted, name)} in the file and {getattr(held, name)} in the servo"
+        for name in ("homing_offset", "range_min", "range_max")
+        if getattr(wanted, name) != getattr(held, name)
+    ]
+
+
+def _row(motor: MotorCalibration, differences: Sequence[str]) -> str:
+    sign, inverted = "!" if differences else "=", "  inverted" if motor.inverted else ""
+    return (
+        f"{sign} {motor.id:>3}  {motor.joint_name:<16} offset {motor.homing_offset:>5}  "
+        f"range {motor.range_min:>4} to {motor.range_max:>4}{inverted}"
+    )

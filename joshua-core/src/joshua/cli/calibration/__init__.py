@@ -1,0 +1,1 @@
+"""Calibration on the command line: running it, comparing, recovering, exchanging with LeRobot."""

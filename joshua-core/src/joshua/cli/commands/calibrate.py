@@ -1,0 +1,71 @@
+"""``joshua calibrate``: calibrate the arms of any file, compare, recover, exchange with LeRobot."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+
+SUMMARY = "calibrate arms by hand, compare file and servos, or exchange calibrations with LeRobot"
+ACTIONS = ("import-lerobot", "export-lerobot")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of ``joshua calibrate``."""
+    from joshua.cli.options import add_config_options, add_fault_option
+
+    add_config_options(parser)
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=ACTIONS,
+        metavar="ACTION",
+        help="import-lerobot or export-lerobot; without it the arms of the file are calibrated",
+    )
+    parser.add_argument(
+        "items",
+        nargs="*",
+        metavar="NODE=PATH",
+        help="node name and LeRobot file, such as leader_arm=my_leader.json",
+    )
+    work = parser.add_mutually_exclusive_group()
+    work.add_argument("--check", action="store_true", help="compare file and servos; nothing is written")
+    work.add_argument(
+        "--recover", action="store_true", help="undo or complete a calibration that was interrupted"
+    )
+    parser.add_argument(
+        "--node", dest="nodes", metavar="NAME", action="append", help="only this arm; may be repeated"
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument(
+        "--emulate", action="store_true", help="calibrate emulated arms, which move themselves"
+    )
+    parser.add_argument("--force", action="store_true", help="replace files that export-lerobot finds there")
+    add_fault_option(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Does what was asked for; exit code 1 where ``--check`` finds differences, 4 without hardware."""
+    if not arguments.config:
+        if arguments.action == "import-lerobot" and not arguments.items:
+            from joshua.cli.calibration.lerobot import list_files
+
+            return list_files()
+        sys.stderr.write("joshua calibrate: no file given: add --config PATH\n")
+        return ExitCode.INVALID
+    if arguments.action:
+        from joshua.cli.calibration import lerobot
+
+        if arguments.check or arguments.recover:
+            sys.stderr.write(f"joshua calibrate {arguments.action}: takes neither --check nor --recover\n")
+            return ExitCode.INVALID
+        return (
+            lerobot.import_files(arguments) if arguments.action == ACTIONS[0] else lerobot.export(arguments)
+        )
+    from joshua.cli.calibration.hardware import with_arms
+
+    return with_arms(arguments)

@@ -1,0 +1,52 @@
+"""Where the calibration of a run is kept, and whether one was interrupted while it was written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.config.calibration_paths import calibration_path, journal_path
+from joshua.config.topics import node_entries
+from joshua.plan import Diagnostic, Severity
+from joshua.schema import config_pb2 as pb
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+
+Place = Callable[[str, str], str]
+
+
+def calibration_place(emulate: bool) -> Place:
+    """The rule that names the calibration file: beside the configuration, or with the emulated arms."""
+    return _emulated if emulate else calibration_path
+
+
+def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Diagnostic]:
+    """Arms whose servos and file may disagree; they are not to be driven. A calibration run recovers them."""
+    config = loaded.config
+    path = calibration_place(emulate)(loaded.path, config.general.id)
+    if not path or config.general.mode == pb.MODE_CALIBRATION:
+        return []
+    names = [e.node.node_name for e in node_entries(config) if isinstance(e.owner, pb.SingleAction)]
+    return [
+        Diagnostic(
+            "calibration-interrupted",
+            Severity.ERROR,
+            f"A calibration of {name} was interrupted while it was written, so servos and file may disagree",
+            field_path="calibration",
+            found=journal_path(path, name),
+            remedy=f"Run joshua calibrate --recover --config {loaded.path}"
+            + (" --emulate" if emulate else "")
+            + ", which puts the old calibration back",
+        )
+        for name in names
+        if name and Path(journal_path(path, name)).exists()
+    ]
+
+
+def _emulated(config_path: str, robot_id: str) -> str:
+    from joshua.generator.emulation import state_folder
+
+    del config_path  # a real arm's file stands there
+    return calibration_path(str(state_folder(robot_id) / "robot.pbtxt"), robot_id)
