@@ -312,7 +312,7 @@ def test_any_joint_gives_its_stops_back_wherever_its_encoder_wraps(
     home = middle + round(off * 2 * half)
     hand.move({0: home})
     hand.take_home()
-    hand.sweep(0)
+    hand.sweep(0, back_to=middle)
     hand.procedure.confirm()
     fits = home - (middle - half) <= 2048 and middle + half - home <= 2047
     assert (hand.procedure.step is Step.REVIEW) == fits, message(hand)

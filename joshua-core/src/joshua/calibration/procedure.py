@@ -327,17 +327,20 @@ class Procedure:
     def _joint_view(self, index: int) -> JointView:
         motor, sweep, track = self.motors[index], self._sweeps[index], self._tracks[index]
         scale = 360 / motor.ticks_per_turn
-        zero = self._homes[index][0] if self._homes else motor.ticks_per_turn // 2
+        half = motor.ticks_per_turn // 2
+        known = self._homes is not None
+        zero = self._homes[index][0] if self._homes else half
+        # before there is a middle pose, what the encoder itself reads
+        present = track.position if known else track.raw
 
         def degrees(position: int | None) -> float | None:
             return None if position is None else (position - zero) * scale
 
-        known = self._homes is not None
         return JointView(
             id=motor.id,
             name=self.names[index],
             state=self._state(index),
-            present_deg=None if track.raw is None else degrees(track.position),
+            present_deg=None if track.raw is None else degrees(present),
             low_deg=degrees(sweep.low) if known else None,
             high_deg=degrees(sweep.high) if known else None,
             coverage=sweep.coverage,
