@@ -27,7 +27,7 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "calibration": ("devices", "config"),
     "models": ("node",),
     "modes": ("config", "plugins"),
-    "generator": ("modes", "config", "plugins", "transport", "ipc"),
+    "generator": ("modes", "config", "plugins", "transport", "ipc", "guardian"),
     "cli": ("generator", "calibration", "models"),
     "testing": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.

@@ -4,74 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from emulated_teleop import teleoperation
-from joshua_emulator import EmulatedBus
-from processes import children_of, descendants_of, is_guardian, parent_of, title_of
+from guarded_arm import HOLD, RELEASE, park, running
+from processes import children_of, descendants_of, is_guardian, title_of
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
-
-RELEASE = ("robot.actions[1].safe_state=RELEASE",)
-HOLD = ("robot.actions[1].safe_state=HOLD",)
-
-
-@dataclass
-class Rig:
-    """A running teleoperation whose follower has torque."""
-
-    process: subprocess.Popen[str]
-    follower: EmulatedBus
-    driver: int
-    guardian: int
-    fork_server: int
-
-    def wait(self, condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
-        deadline_s = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline_s, [servo["energised"] for servo in self.follower.servos()]
-            time.sleep(0.02)
-
-    def energised(self) -> set[bool]:
-        return {servo["energised"] for servo in self.follower.servos()}
-
-    def gone(self, process_id: int) -> bool:
-        return parent_of(process_id) == 0
-
-    def stop(self) -> str:
-        self.process.send_signal(signal.SIGINT)
-        return self.process.communicate(timeout=60)[0]
-
-
-@contextmanager
-def running(folder: Path, domain_id: int, overrides: tuple[str, ...]) -> Iterator[Rig]:
-    with (
-        EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER") as leader,
-        EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
-        teleoperation(leader, follower, folder, domain_id, overrides=overrides) as process,
-    ):
-        deadline_s = time.monotonic() + 60
-        while {servo["energised"] for servo in follower.servos()} != {True}:
-            if process.poll() is not None or time.monotonic() > deadline_s:
-                process.kill()
-                pytest.fail(process.communicate()[0])
-            time.sleep(0.02)
-        (guardian,) = [number for number in descendants_of(process.pid) if is_guardian(number)]
-        driver = parent_of(guardian)
-        assert title_of(driver) == "follower_arm"
-        rig = Rig(process, follower, driver, guardian, parent_of(driver))
-        try:
-            yield rig
-        finally:
-            left = descendants_of(process.pid)
-            process.kill()
-            rig.wait(lambda: all(rig.gone(number) for number in [*left, driver, guardian]))
 
 
 def test_only_the_actuator_with_torque_has_a_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
@@ -93,9 +32,7 @@ def test_a_normal_stop_releases(tmp_path: Path, joshua_domain_id: int) -> None:
 
 
 def test_a_normal_stop_parks_then_releases(tmp_path: Path, joshua_domain_id: int) -> None:
-    pose = tuple(f"robot.actions[1].park_pose_rad=[{', '.join(['0.1'] * 6)}]" for _ in range(1))
-    park = ("robot.actions[1].safe_state=PARK_THEN_RELEASE", *pose)
-    with running(tmp_path, joshua_domain_id, park) as rig:
+    with running(tmp_path, joshua_domain_id, park(0.1)) as rig:
         output = rig.stop()
         assert rig.process.returncode == 0, output
         assert rig.energised() == {False}

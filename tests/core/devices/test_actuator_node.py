@@ -247,18 +247,19 @@ def test_the_safe_state_of_a_follower_is_to_hold(run: Any) -> None:
     assert not node.actuator.connected
 
 
-def test_after_a_failure_nothing_moves_without_consent(run: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_after_a_failure_nothing_moves_without_consent(run: Any) -> None:
     node = run(context={"restarted": True})
     node.cycles(10, send=joint_state(["joint_1"], [0.5]))
     assert node.written == []
     assert len(node.states) == 10
-    assert (
-        "comes back after a failure and follows no command: look at the arm, then start the run anew"
-        in caplog.messages
-    )
+    assert node.context.faults == [
+        "comes back after a failure and follows no command: look at the arm; "
+        "joshua resume arm gives torque again"
+    ]
     with pytest.raises(DeviceError, match="no torque"):
         node.actuator.write(np.zeros(2))
-    node.node.energise()
+    assert node.node.resume() == "/arm has torque again; it approaches its next command slowly"
+    assert node.context.faults[-1] == ""
     node.cycles(3, send=joint_state(["joint_1"], [0.5]))
     assert len(node.written) == 3
     assert node.written[-1].position[0] < 0.1, "approached slowly from where the joint was"

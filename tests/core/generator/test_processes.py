@@ -280,7 +280,10 @@ def test_the_control_socket_answers_and_stops_the_run(robot, launch):
     status = ask(path / SOCKET_NAME, {"request": "status"})["status"]
     assert [node["state"] for node in status["nodes"]] == ["ready"]
     refused = ask(path / SOCKET_NAME, {"request": "explode"})
-    assert refused == {"error": "unknown request 'explode'", "allowed": ["guardian", "status", "stop"]}
+    assert refused == {
+        "error": "unknown request 'explode'",
+        "allowed": ["estop", "guardian", "resume", "status", "stop"],
+    }
     assert ask(path / SOCKET_NAME, {"request": "stop"}) == {"stopping": True}
 
     assert run.end() == 0

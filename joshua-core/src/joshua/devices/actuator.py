@@ -14,6 +14,7 @@ from joshua.devices.calibration_target import CalibrationTarget
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
+from joshua.devices.errors import SafetyTripped as SafetyTripped
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -82,7 +83,12 @@ class Actuator(ABC):
 
     @abstractmethod
     def read(self) -> JointReading:
-        """Reads the state of all joints. Raises DeviceDisconnected."""
+        """Reads the state of all joints.
+
+        Raises:
+            DeviceDisconnected: the device does not answer any more.
+            SafetyTripped: a protection has just taken the torque off; reading goes on after that.
+        """
 
     @abstractmethod
     def enable(self) -> None:
@@ -102,6 +108,16 @@ class Actuator(ABC):
     @abstractmethod
     def release(self) -> None:
         """Takes torque off all joints."""
+
+    def check(self) -> None:
+        """Looks once more whether the open device is the right one and in order. Raises DeviceError."""
+
+    def read_torque(self) -> dict[str, bool] | None:
+        """Reads back which joints have torque, by name; None where the device cannot say.
+
+        Raises DeviceDisconnected.
+        """
+        return None
 
     @abstractmethod
     def disconnect(self) -> None:

@@ -11,12 +11,14 @@ from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
 from joshua.devices.command_intake import CommandIntake, leader_mappings
 from joshua.devices.diagnostics import DiagnosticsPublisher
-from joshua.devices.errors import DeviceError
+from joshua.devices.errors import DeviceError, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.take_over import TakeOver
+from joshua.guardian.order import BEAT_S
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.errors import ResumeRefusedError
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below
 from joshua.plan import TopicSpec
@@ -35,8 +37,9 @@ class ActuatorNode(NodeBehaviour):
     command. What was written is published on ``~/command``. A leader is read only and never gets torque;
     neither does an actuator that nobody commands.
 
-    After a failure (``restarted`` in the context) it gives no torque and writes nothing before ``energise``
-    is called: torque stays as the safe state has left it.
+    It is in fault, which means that it reads, gives no torque and writes nothing until ``resume``: after a
+    failure (``restarted`` in the context; torque is then as the safe state has left it), after a trip of a
+    protection and after an e-stop (the torque is off).
     With a ``safe_stop`` in its context it has a guardian from before the joints get torque until their safe
     state stands.
 
@@ -60,6 +63,7 @@ class ActuatorNode(NodeBehaviour):
         self._test = ActuatorTest(spec)
         self._safety = ActuatorSafety(context)
         self._status = ActuatorStatus(spec)
+        self._stopped_by = ""
         self._diagnostics: DiagnosticsPublisher | None = None
 
     def configure(self) -> None:
@@ -70,6 +74,7 @@ class ActuatorNode(NodeBehaviour):
         self._check_topics()
         self._actuator = actuator
         actuator.connect()
+        self._safety.introduce(actuator)
         self._goals = GoalGenerator(
             actuator.limits,
             1 / self._rate_hz,
@@ -99,16 +104,16 @@ class ActuatorNode(NodeBehaviour):
         actuator, _ = self._device()
         if self._is_leader:
             actuator.release()  # a person moves it, also where an earlier run has left it holding
-        if self._is_commanded and self.context.spec.context.get("restarted"):
-            self.context.log.warning(
-                "comes back after a failure and follows no command: look at the arm, then start the run anew"
-            )
+        if self._safety.latch() is not None:
+            self._watch()
+        elif self._is_commanded and self.context.spec.context.get("restarted"):
+            self._enter_fault("comes back after a failure and follows no command: look at the arm")
         elif self._is_commanded:
             self.energise()
         if not self._timer_runs:
             self._timer_runs = True
             self.context.create_timer(1 / self._rate_hz, self._control, name="control")
-            self._safety.create_timer()
+            self.context.create_timer(BEAT_S, self._watch, name="safety")
             if self._diagnostics is not None:
                 self._diagnostics.start()
 
@@ -120,6 +125,30 @@ class ActuatorNode(NodeBehaviour):
         self._energised = True  # whatever fails from here on, the safe state is called for
         actuator.enable()
         self._safety.beat()
+
+    def resume(self) -> str:
+        """Ends a fault: checks the device as at the start, and energises it. Raises ResumeRefusedError."""
+        actuator, _ = self._device()
+        name = self.context.spec.full_name
+        if not self._is_commanded:
+            raise ResumeRefusedError(f"{name} never has torque: a person moves it, or nobody commands it")
+        latch = self._safety.latch()
+        if latch is not None:
+            raise ResumeRefusedError(f"{name} stays without torque: {latch.text}")
+        if self._energised:
+            return f"{name} has torque and follows commands: there is nothing to resume"
+        try:
+            actuator.check()
+        except DeviceError as error:
+            raise ResumeRefusedError(f"{name}: the check of the device failed: {error}") from error
+        try:
+            self.energise()
+        except SafetyTripped as error:
+            self._energised = False
+            self._safety.stand_down()
+            raise ResumeRefusedError(f"{name}: the fault is still there: {error}") from error
+        self._leave_fault()
+        return f"{name} has torque again; it approaches its next command slowly"
 
     def deactivate(self) -> None:
         """Brings the joints into their safe state: a leader without torque, others as planned."""
@@ -138,8 +167,9 @@ class ActuatorNode(NodeBehaviour):
             self._safety.finish()
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Rates, commands, tracking error and range."""
-        return self._test.results(self._readers)
+        """Rates, commands, tracking error, range, and a fault that was not ended."""
+        results = self._test.results(self._readers)
+        return [*results, ("torque", False, self._status.fault)] if self._status.fault else results
 
     @property
     def _is_commanded(self) -> bool:
@@ -183,7 +213,11 @@ class ActuatorNode(NodeBehaviour):
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever the device raises fails the node."""
         actuator, goals = self._device()
-        reading = self._status.reading = actuator.read()
+        try:
+            reading = self._status.reading = actuator.read()
+        except SafetyTripped as error:
+            self._trip(error)
+            return
         for publisher, limit, meter in self._states:
             if limit is None or limit.passes(reading.stamp_ns):
                 publisher.publish(self._message(reading))
@@ -197,6 +231,47 @@ class ActuatorNode(NodeBehaviour):
         self._test.written(written, following=goals.state is GoalState.FOLLOWING and not goals.ramping)
         self._status.doing = goals.state.value
         self._report_state(goals.state)
+
+    def _watch(self) -> None:
+        """Shows the guardian a sign of life, and obeys an e-stop."""
+        actuator, _ = self._device()
+        self._safety.beat()
+        latch = self._safety.latch()
+        if latch is None:
+            if self._stopped_by:
+                self._stopped_by = ""
+                self._after_estop()
+        elif latch.identifier != self._stopped_by:
+            self._stopped_by = latch.identifier
+            self._energised = False
+            said = self._safety.stop_now(actuator, latch)
+            self._enter_fault(f"{said}: {latch.text}")
+
+    def _after_estop(self) -> None:
+        if self._is_commanded:
+            self._enter_fault("the e-stop is released, and the torque is still off")
+        else:
+            self._leave_fault()
+
+    def _trip(self, error: SafetyTripped) -> None:
+        """A protection has taken the torque off; unless the device confirms that, the guardian acts."""
+        if not error.released:
+            self._safety.release_only()
+            raise error
+        self._energised = False
+        self._safety.stand_down()
+        self._enter_fault(str(error))
+
+    def _enter_fault(self, reason: str) -> None:
+        spec = self.context.spec
+        if self._is_commanded and self._safety.latch() is None:
+            reason = f"{reason.rstrip('.')}; joshua resume {spec.name} gives torque again"
+        self._status.fault = reason
+        self.context.fault(reason)
+
+    def _leave_fault(self) -> None:
+        self._status.fault = ""
+        self.context.fault("")
 
     def _message(self, reading: JointReading) -> Any:
         assert self._actuator is not None

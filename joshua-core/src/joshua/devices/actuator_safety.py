@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
@@ -9,9 +10,14 @@ from typing import Any
 
 from joshua.devices.actuator import Actuator
 from joshua.devices.errors import DeviceError
+from joshua.devices.estop import Estop
+from joshua.guardian.latch import Latch
 from joshua.guardian.link import GuardianError, GuardianLink
-from joshua.guardian.order import BEAT_S, GuardianOrder
+from joshua.guardian.order import GuardianOrder
 from joshua.node.behaviour import NodeContext
+
+#: Time for an e-stop that reaches a device without its driver.
+ESTOP_TIMEOUT_S = 2.0
 
 HOLD, RELEASE, PARK = "HOLD", "RELEASE", "PARK_THEN_RELEASE"
 
@@ -20,7 +26,8 @@ class ActuatorSafety:
     """Safe state and guardian of one node.
 
     Keys of ``NodeSpec.context`` that it uses: ``safe_state``; ``safe_stop`` (``implementation``, ``state``,
-    ``park_pose_rad``, ``timeout_s``), without which there is no guardian; ``run_log`` and ``run_socket``.
+    ``park_pose_rad``, ``timeout_s``), without which there is no guardian; ``run_log`` and ``run_socket``;
+    ``estop_action``, which releases the joints without the driver; those of ``Estop``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -28,25 +35,40 @@ class ActuatorSafety:
         self._values: dict[str, Any] = context.spec.context
         self._state: str = self._values.get("safe_state", HOLD)
         self._link: GuardianLink | None = None
-        self._stands = False
+        self._applied = ""
+        self._estop = Estop(context)
+
+    def introduce(self, actuator: Actuator) -> None:
+        """Leaves what an e-stop needs where the driver of this open device cannot answer."""
+        action = self._values.get("estop_action")
+        if action:
+            with contextlib.suppress(NotImplementedError):  # who wants torque from it hears of that
+                request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
+                self._estop.leave_order(action, json.loads(request.to_json()))
+
+    def latch(self) -> Latch | None:
+        """The e-stop that stands, if any."""
+        return self._estop.latch()
 
     def guard(self, actuator: Actuator) -> None:
         """Starts the guardian if the plan names its action. Raises DeviceError if it does not start."""
         stop = self._values.get("safe_stop")
         if not stop or self._values.get("dry_run"):
             return
-        request = actuator.safe_stop_request(
-            stop["state"], park_pose_rad=stop["park_pose_rad"], timeout_s=stop["timeout_s"]
-        )
         order = GuardianOrder(
             node=self._context.spec.full_name,
             implementation=stop["implementation"],
-            request=json.loads(request.to_json()),
+            request=self._request(actuator, stop["state"]),
+            release_request=self._request(actuator, RELEASE),
             timeout_s=stop["timeout_s"],
             process_id=os.getpid(),
             thread_id=threading.get_native_id(),
             log=self._values.get("run_log", ""),
             control_socket=self._values.get("run_socket", ""),
+            robot=self._values.get("robot", ""),
+            domain_id=self._values.get("domain_id", 0),
+            latch_folder=self._values.get("latch_folder", ""),
+            estop_files=self._values.get("estop_files", ""),
         )
         try:
             self._link = GuardianLink(order)
@@ -58,29 +80,52 @@ class ActuatorSafety:
             ) from error
         self._context.log.debug("guardian: process %d", self._link.process_id)
 
-    def create_timer(self) -> None:
-        """Has the control loop show signs of life."""
-        if self._values.get("safe_stop"):
-            self._context.create_timer(BEAT_S, self.beat, name="guardian")
-
     def apply(self, actuator: Actuator) -> None:
         """Applies the safe state; ``finish`` does the rest. Raises what the device raises."""
         if self._link is not None:
             self._say_stopping()
-        if self._link is not None and self._state == PARK:
-            return  # its guardian parks it as soon as the device is closed
-        if self._state == HOLD:
+        latch = self._estop.latch()
+        if latch is not None:
+            self._estop.release(actuator, latch, guarded=self._link is not None)
+            self._applied = RELEASE
+        elif self._state == HOLD:
             actuator.hold()
-        else:
+            self._applied = HOLD
+        elif self._link is None or self._state == RELEASE:
             actuator.release()
-        self._stands = True
+            self._applied = RELEASE
+        # else its guardian parks it as soon as the device is closed
+
+    def stop_now(self, actuator: Actuator, latch: Latch) -> str:
+        """Obeys an e-stop; returns what the device has said.
+
+        Raises:
+            DeviceError: it does not say that its torque is off; then ``finish`` lets the guardian act.
+        """
+        if self._link is not None:
+            self._say_stopping()
+        said = self._estop.release(actuator, latch, guarded=self._link is not None)
+        self.stand_down()
+        return said
+
+    def stand_down(self) -> None:
+        """Lets the guardian go: the device has confirmed that the joints have no torque."""
+        link, self._link = self._link, None
+        if link is not None:  # its end takes longer than a control loop may be silent
+            threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
+
+    def release_only(self) -> None:
+        """Has the guardian, which acts next, take the torque off whatever the safe state is."""
+        if self._link is not None:
+            with contextlib.suppress(GuardianError):  # the failure of the node says that it is gone
+                self._link.release_only()
 
     def finish(self) -> None:
         """Lets the guardian go, or act where the driver could not. Raises DeviceError if that fails."""
         link, self._link = self._link, None
         if link is None:
             return
-        if self._stands:
+        if self._applied == RELEASE or (self._applied and self._estop.latch() is None):
             link.done()
             return
         try:
@@ -91,6 +136,13 @@ class ActuatorSafety:
             raise DeviceError(f"the safe state {self._state} is not verified: {report.get('detail', '')}")
         joints = ", ".join(f"{joint} {state}" for joint, state in report.get("joints", {}).items())
         self._context.log.info("safe state %s: %s %s", self._state, joints, report.get("detail", ""))
+
+    def _request(self, actuator: Actuator, action: str) -> dict[str, Any]:
+        stop = self._values["safe_stop"]
+        pose = stop["park_pose_rad"] if action == PARK else ()
+        request = actuator.safe_stop_request(action, park_pose_rad=pose, timeout_s=stop["timeout_s"])
+        values: dict[str, Any] = json.loads(request.to_json())
+        return values
 
     def _say_stopping(self) -> None:
         assert self._link is not None

@@ -15,3 +15,15 @@ class DeviceError(NodeError):
 
 class DeviceDisconnected(DeviceError):
     """A device that was connected does not answer any more."""
+
+
+class SafetyTripped(DeviceError):
+    """A protection took the torque of all joints off; it stays off until the actuator is resumed.
+
+    Args:
+        released: whether the device has confirmed that.
+    """
+
+    def __init__(self, text: str, *, released: bool = True) -> None:
+        super().__init__(text)
+        self.released = released

@@ -118,6 +118,10 @@ class MockActuator(Actuator):
             self._advance()
         self._energised = False
 
+    def read_torque(self) -> dict[str, bool]:
+        """Whether the joints have torque."""
+        return dict.fromkeys(self._names, self._energised)
+
     def disconnect(self) -> None:
         """Ends the simulation; a second call does nothing."""
         self._connected = self._energised = False

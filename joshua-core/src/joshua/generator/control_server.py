@@ -12,7 +12,21 @@ from joshua.generator.reactor import Reactor
 from joshua.generator.socket_address import socket_address
 
 Request = Mapping[str, Any]
-Handler = Callable[[Request], dict[str, Any]]
+
+
+class Deferred:
+    """An answer that comes later; one that nobody waits for any more is dropped."""
+
+    def __init__(self) -> None:
+        self.deliver: Callable[[dict[str, Any]], None] | None = None
+
+    def answer(self, values: dict[str, Any]) -> None:
+        """Gives the answer."""
+        if self.deliver is not None:
+            self.deliver(values)
+
+
+Handler = Callable[[Request], dict[str, Any] | Deferred]
 
 MAX_REQUEST_BYTES = 65536
 MAX_CLIENTS = 16
@@ -82,7 +96,7 @@ class ControlServer:
         client.incoming += data
         *lines, client.incoming = client.incoming.split(b"\n")
         for line in lines:
-            client.outgoing += json.dumps(self._answer(line)).encode() + b"\n"
+            self._reply(client, self._answer(line))
         if not data or len(client.incoming) > MAX_REQUEST_BYTES:
             client.finished = True
         self._write(client)
@@ -101,7 +115,18 @@ class ControlServer:
         else:
             self._reactor.watch(client.descriptor, lambda: self._read(client))
 
-    def _answer(self, line: bytes) -> dict[str, Any]:
+    def _reply(self, client: _Client, answer: dict[str, Any] | Deferred) -> None:
+        if isinstance(answer, Deferred):
+            answer.deliver = lambda values: self._deliver(client, values)
+        else:
+            client.outgoing += json.dumps(answer).encode() + b"\n"
+
+    def _deliver(self, client: _Client, values: dict[str, Any]) -> None:
+        if self._clients.get(client.descriptor) is client:
+            client.outgoing += json.dumps(values).encode() + b"\n"
+            self._write(client)
+
+    def _answer(self, line: bytes) -> dict[str, Any] | Deferred:
         try:
             request = json.loads(line)
             name = request["request"]

@@ -92,6 +92,10 @@ class HeartbeatWatch:
         """Watches a node from now on."""
         self._pulses[spec.full_name] = _Pulse(hang_limit_s(spec), now_s)
 
+    def drop(self, node: str) -> None:
+        """Watches a node no more."""
+        self._pulses.pop(node, None)
+
     def hear(self, beat: Heartbeat) -> None:
         """Takes a heartbeat; its stamp is of the clock that ``hung`` is asked with."""
         pulse = self._pulses.get(beat.node)

@@ -6,7 +6,7 @@ import logging
 import os
 import signal
 import time
-from typing import Protocol
+from typing import Any, Protocol
 
 from joshua.generator.child import Child
 from joshua.generator.heartbeats import HeartbeatWatch, ProcessorTime, processor_time
@@ -44,6 +44,12 @@ class ProcessOwner(Protocol):
     def on_first_message(self, stamp_ns: int) -> None:
         """A subscription has received its first message."""
 
+    def on_fault(self, node: str, text: str) -> None:
+        """The device of a node does nothing until it is resumed; "" ends that."""
+
+    def on_resumed(self, message: ipc.Resumed) -> None:
+        """A node has answered to ``resume``."""
+
     def on_stop_run(self, node: str, reason: str) -> None:
         """A node asks for the end of the run."""
 
@@ -73,7 +79,7 @@ class ManagedProcess:
         self.watch = HeartbeatWatch(self._usage)
         self.restart_timer: ReactorTimer | None = None
         self.stop_reason = ""
-        self.run_context: dict[str, str] = {}
+        self.run_context: dict[str, Any] = {}
         self._transport = transport
         self._options = options
         self._reactor, self._launcher, self._logbook = tools
@@ -143,6 +149,10 @@ class ManagedProcess:
         """Lets the nodes move and publish."""
         self._send(ipc.Activate())
         self._set_deadline()
+
+    def resume(self, node: str) -> None:
+        """Asks a node to end its fault."""
+        self._send(ipc.Resume(node=node))
 
     def stop(self, reason: str) -> None:
         """Begins the stop ladder; a process that waits for its restart just stays down."""
@@ -218,6 +228,11 @@ class ManagedProcess:
             self._logbook.write(logging.WARNING, message.text, name)
         elif isinstance(message, ipc.Failure):
             self._on_failure(record, message)
+        elif isinstance(message, ipc.Fault):
+            record.fault = message.text
+            self._owner.on_fault(name, message.text)
+        elif isinstance(message, ipc.Resumed):
+            self._owner.on_resumed(message)
         elif isinstance(message, ipc.StopRun):
             self._owner.on_stop_run(name, message.reason)
         else:
@@ -283,11 +298,16 @@ class ManagedProcess:
                 self._cancel_deadline()
                 self._owner.on_process_configured(self)
         elif step == "active":
-            record.state, record.reason = "ready", ""
+            resumed, record.state, record.reason = record.state == "resuming", "ready", ""
             self.watch.begin(record.spec, self._reactor.now_s())
             if self.ready:
                 self._cancel_deadline()
-                self._owner.on_process_ready(self)
+                if not resumed:
+                    self._owner.on_process_ready(self)
+        elif step == "activate" and record.state == "ready":  # it resumes, which may take its time
+            record.state = "resuming"
+            self.watch.drop(name)
+            self._set_deadline()
         elif step == "deactivate":
             self.watch.end()
             if record.state != "failed":
@@ -354,7 +374,7 @@ class ManagedProcess:
 
     def _too_late(self, limit_s: float) -> None:
         for name, record in self.records.items():
-            if record.state in ("starting", "configured"):
+            if record.state in ("starting", "configured", "resuming"):
                 text = f"not ready after {limit_s:g} s: it is still {record.doing}"
                 self._logbook.write(logging.ERROR, text, name)
                 record.fail(text, EXIT_NODE_FAILED)

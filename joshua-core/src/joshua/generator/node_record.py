@@ -33,6 +33,7 @@ class NodeRecord:
 
     Attributes:
         state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node says it waits for.
+        fault: why its device does nothing although the node runs; "" for none.
         reason: why it failed; exit_code: that the failure calls for.
         report: its own last report; None if it ended without one.
     """
@@ -41,6 +42,7 @@ class NodeRecord:
     state: str = "starting"
     step: str = ""
     waiting: str = ""
+    fault: str = ""
     process_id: int = 0
     restarts: int = 0
     reason: str = ""
@@ -59,6 +61,7 @@ class NodeRecord:
     def begin(self) -> None:
         """A process for the node starts."""
         self.state, self.step, self.waiting, self.process_id = "starting", "", "", 0
+        self.fault = ""
         self.report = None
         self.warnings.clear()
         self.totals.clear()
@@ -99,11 +102,11 @@ class NodeRecord:
             received = _rates(first.received, last.received, length_s)
         return NodeStatus(
             full_name=self.spec.full_name,
-            state=self.state,
+            state="fault" if self.state == "ready" and self.fault else self.state,
             process_id=self.process_id,
             restarts=self.restarts,
             doing=self.doing,
-            reason=self.reason,
+            reason=self.reason or self.fault,
             published_hz=published,
             received_hz=received,
         )
@@ -117,7 +120,7 @@ class NodeRecord:
             warnings=tuple(self.warnings),
         )
         return report.model_copy(
-            update={"state": self.state, "reason": self.reason, "restarts": self.restarts}
+            update={"state": self.state, "reason": self.reason or self.fault, "restarts": self.restarts}
         )
 
     def _topics_from_totals(self) -> tuple[TopicReport, ...]:

@@ -53,6 +53,10 @@ class RestartPolicy:
         """Whether a failure ends the whole run."""
         return self.policy == "stop-run"
 
+    def forget(self) -> None:
+        """Counts anew: somebody has looked at the device."""
+        self._failures_s = []
+
     def failed(self, now_s: float) -> RestartDecision:
         """Counts a failure and decides."""
         if self.policy != "on-failure":

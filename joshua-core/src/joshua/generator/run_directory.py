@@ -13,6 +13,9 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
+
+from joshua.guardian import estop_files, latch
 
 LOCK_NAME = "lock"
 INFO_NAME = "run.json"
@@ -35,6 +38,7 @@ class RunInfo:
     Attributes:
         run: name of the run; process_id: of its supervisor; source: its file, as given.
         since: local time of its start; domain_id: ROS 2 domain; nodes: fully qualified names.
+        robot: ``general.id`` of its file; actuators: those of the nodes that have joints.
     """
 
     run: str
@@ -43,6 +47,8 @@ class RunInfo:
     since: str
     domain_id: int
     nodes: tuple[str, ...]
+    robot: str = ""
+    actuators: tuple[str, ...] = ()
 
 
 def base_directory(environment: Mapping[str, str]) -> Path:
@@ -62,7 +68,16 @@ class RunDirectory:
         self._descriptors = descriptors
 
     @classmethod
-    def create(cls, base: Path, source: str, domain_id: int, nodes: Sequence[str]) -> RunDirectory:
+    def create(
+        cls,
+        base: Path,
+        source: str,
+        domain_id: int,
+        nodes: Sequence[str],
+        *,
+        robot: str = "",
+        actuators: Sequence[str] = (),
+    ) -> RunDirectory:
         """Takes the nodes and makes the directory; removes those of runs that were killed.
 
         Raises:
@@ -72,7 +87,8 @@ class RunDirectory:
         runs = _private(_private(base) / "runs")
         locks = _private(base / "nodes")
         run = secrets.token_hex(4)
-        info = RunInfo(run, os.getpid(), source, time.strftime("%Y-%m-%d %H:%M:%S"), domain_id, tuple(nodes))
+        since = time.strftime("%Y-%m-%d %H:%M:%S")
+        info = RunInfo(run, os.getpid(), source, since, domain_id, tuple(nodes), robot, tuple(actuators))
         try:
             with _locked(base / LOCK_NAME):
                 remove_stale(runs)
@@ -92,6 +108,17 @@ class RunDirectory:
         """The control socket, for ``joshua status`` and others."""
         return self.path / SOCKET_NAME
 
+    def context(self, log: Path) -> dict[str, Any]:
+        """What the nodes of the run are told of it."""
+        return {
+            "run_log": str(log.absolute()),
+            "run_socket": str(self.socket_path),
+            "robot": self.info.robot,
+            "domain_id": self.info.domain_id,
+            "latch_folder": str(latch_folder(self.path.parents[1])),
+            "estop_files": str(self.path / estop_files.FOLDER_NAME),
+        }
+
     def point_to_log(self, log: Path) -> None:
         """Lets ``log.jsonl`` in this directory point to the log file."""
         with contextlib.suppress(OSError):  # only a convenience
@@ -104,14 +131,25 @@ class RunDirectory:
             os.close(self._descriptors.pop())
 
 
+def prepare(base: Path) -> Path:
+    """Makes the base, or checks the one that is there. Raises RunDirectoryError."""
+    return _private(base)
+
+
+def latch_folder(base: Path) -> Path:
+    """Where the e-stops of this user's robots are latched: beside the runs, because they outlive one."""
+    return base / latch.FOLDER_NAME
+
+
 def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
     """Lists the systems that run now, oldest first."""
-    found = []
-    for path in sorted((base / "runs").glob("*/")):
-        info = _read_info(path / INFO_NAME)
-        if info is not None and not _is_stale(path):
-            found.append((path, info))
-    return sorted(found, key=lambda item: item[1].since)
+    return [(path, info) for path, info in all_systems(base) if not _is_stale(path)]
+
+
+def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
+    """Lists the systems that run, and those killed since the last start of one; oldest first."""
+    found = [(path, _read_info(path / INFO_NAME)) for path in sorted((base / "runs").glob("*/"))]
+    return sorted(((path, info) for path, info in found if info), key=lambda item: item[1].since)
 
 
 def remove_stale(runs: Path) -> None:
@@ -210,6 +248,7 @@ def _holder(path: Path) -> str:
 def _read_info(path: Path) -> RunInfo | None:
     try:
         fields = json.loads(path.read_text())
-        return RunInfo(**{**fields, "nodes": tuple(fields["nodes"])})
+        lists = {name: tuple(fields[name]) for name in ("nodes", "actuators")}
+        return RunInfo(**{**fields, **lists})
     except (OSError, ValueError, TypeError, KeyError):
         return None

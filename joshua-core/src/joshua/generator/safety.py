@@ -17,7 +17,7 @@ STOP_MARGIN_S = 4.0
 
 
 def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
-    """Safe state of an actuator and the action of its guardian; empty for other nodes."""
+    """Safe state of an actuator, the action of its guardian and of an e-stop; empty for other nodes."""
     action = want.entry.owner
     if not isinstance(action, pb.SingleAction):
         return {}
@@ -25,6 +25,8 @@ def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
     state = action.safe_state or (pb.RELEASE if is_leader else pb.HOLD)
     name = pb.SafeState.Name(state) if state in pb.SafeState.values() else "HOLD"
     context: dict[str, Any] = {"safe_state": name}
+    if provision.safe_stop:
+        context["estop_action"] = provision.safe_stop
     if is_leader or not provision.safe_stop:
         return context
     timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S

@@ -48,8 +48,9 @@ class NodeStatus:
     """One node just now.
 
     Attributes:
-        state: ``starting``, ``configured``, ``ready``, ``restarting``, ``stopping``, ``stopped``,
-            ``failed`` or ``killed``.
+        state: ``starting``, ``configured``, ``ready``, ``fault`` (it runs, and its device does nothing
+            until it is resumed), ``resuming``, ``restarting``, ``stopping``, ``stopped``, ``failed`` or
+            ``killed``; reason: of a failure or a fault.
         doing: step of the lifecycle, and what it waits for.
         published_hz, received_hz: rates by topic over the last seconds.
     """
@@ -84,7 +85,7 @@ class RunStatus:
 class RunEvent:
     """Something that happened to a node ("" for the run).
 
-    ``kind`` is ``ready``, ``failed``, ``restarting``, ``given-up``, ``stopping`` or ``ended``.
+    ``kind`` is ``ready``, ``fault``, ``failed``, ``restarting``, ``given-up``, ``stopping`` or ``ended``.
     """
 
     kind: str

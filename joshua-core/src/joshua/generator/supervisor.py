@@ -7,7 +7,7 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
@@ -22,11 +22,13 @@ from joshua.generator.options import SupervisorOptions
 from joshua.generator.process_groups import process_groups
 from joshua.generator.reactor import Reactor
 from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError
+from joshua.generator.run_requests import RunRequests
 from joshua.generator.run_view import run_status, start_table
 from joshua.generator.status import RunEvent, RunStatus
 from joshua.generator.stop_signals import StopSignals
 from joshua.generator.ui import SilentInterface, UserInterface
-from joshua.plan import Plan, RunReport
+from joshua.ipc import messages as ipc
+from joshua.plan import NodeKind, Plan, RunReport
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -88,7 +90,7 @@ class Supervisor:
         self._settling = False
         self._defects = 0
         self._checked_s = 0.0
-        self._run_context: dict[str, str] = {}
+        self._run_context: dict[str, Any] = {}
 
     def run(self) -> RunReport:
         """Runs the plan to its end; returns what the run was like. Call it once."""
@@ -97,6 +99,7 @@ class Supervisor:
         name = f"{self._plan.robot_id or 'robot'}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jsonl"
         self._logbook = Logbook(self._reactor, self._ui, self._options.log_directory / name)
         self._logbook.capture()
+        self._requests = RunRequests(self, self._logbook)
         signals = StopSignals(self._reactor, self._on_signal)
         closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
         try:
@@ -131,7 +134,14 @@ class Supervisor:
         nodes = [spec.full_name for spec in plan.nodes]
         try:
             source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
-            directory = RunDirectory.create(self._options.run_base, source, plan.transport.domain_id, nodes)
+            directory = RunDirectory.create(
+                self._options.run_base,
+                source,
+                plan.transport.domain_id,
+                nodes,
+                robot=plan.robot_id,
+                actuators=[spec.full_name for spec in plan.nodes if spec.kind is NodeKind.ACTUATOR],
+            )
         except (NodesInUseError, RunDirectoryError) as error:
             self._exit_code = EXIT_HARDWARE if isinstance(error, NodesInUseError) else EXIT_FAILED
             self._reason = str(error)
@@ -139,17 +149,9 @@ class Supervisor:
             return False
         closers.append(directory.close)
         directory.point_to_log(self._logbook.path)
-        self._run_context = {
-            "run_log": str(self._logbook.path.absolute()),
-            "run_socket": str(directory.socket_path),
-        }
-        handlers = {
-            "status": self._answer_status,
-            "stop": self._answer_stop,
-            "guardian": self._answer_guardian,
-        }
+        self._run_context = directory.context(self._logbook.path)
         try:
-            server = ControlServer(self._reactor, directory.socket_path, handlers)
+            server = ControlServer(self._reactor, directory.socket_path, self._requests.handlers())
         except OSError as error:
             self._logbook.write(logging.WARNING, f"no control socket, so no `joshua status`: {error}")
         else:
@@ -209,6 +211,7 @@ class Supervisor:
     def on_process_ready(self, process: ManagedProcess) -> None:
         """Shows the start-up table when the last process is ready."""
         self._event("ready", process.names, "ready")
+        self._requests.ready(process)
         if self._phase is Phase.RUNNING:
             self._logbook.write(logging.INFO, f"{process.names}: ready again")
         elif self._phase is Phase.STARTING and all(item.ready for item in self._processes):
@@ -229,6 +232,7 @@ class Supervisor:
 
     def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
         """Ends the run, restarts the process, or lets it stay down, by the phase and its policy."""
+        self._requests.ended(process)
         if self._phase is Phase.STOPPING:
             self._finish_if_stopped()
             return
@@ -292,6 +296,19 @@ class Supervisor:
         if self._phase is not Phase.ENDED:
             self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
 
+    def revive(self, process: ManagedProcess) -> None:
+        """Starts a process again that stays down, because somebody has looked at its device."""
+        process.policy.forget()
+        process.restart_later(0.0)
+
+    def on_fault(self, node: str, text: str) -> None:
+        """Notes that a device does nothing until it is resumed."""
+        self._event("fault", node, text)
+
+    def on_resumed(self, message: ipc.Resumed) -> None:
+        """Passes the answer on."""
+        self._requests.resumed(message)
+
     # Stop.
 
     def on_stop_run(self, node: str, reason: str) -> None:
@@ -307,6 +324,14 @@ class Supervisor:
             return
         code = EXIT_OK if self._phase is Phase.RUNNING else EXIT_INTERRUPTED
         self._stop(f"stopped by {name}", code, interrupted=True)
+
+    def stop_soon(self, reason: str) -> None:
+        """Ends the run on the user's word, after what is written now has left."""
+        self._reactor.call_later(0, lambda: self._stop(reason, EXIT_OK, interrupted=True))
+
+    def process_of(self, node: str) -> ManagedProcess | None:
+        """The process of a node."""
+        return next((process for process in self._processes if node in process.records), None)
 
     def _stop(self, reason: str, exit_code: int, *, interrupted: bool = False) -> None:
         if self._phase in (Phase.STOPPING, Phase.ENDED):
@@ -332,7 +357,8 @@ class Supervisor:
 
     def _report(self) -> RunReport:
         records = self._records()
-        if self._exit_code == EXIT_OK and any(record.state in ("failed", "killed") for record in records):
+        bad = [record for record in records if record.fault or record.state in ("failed", "killed")]
+        if self._exit_code == EXIT_OK and bad:
             self._exit_code = EXIT_FAILED
         stop_s = None if self._stop_began_s is None else time.monotonic() - self._stop_began_s
         return RunReport(
@@ -353,31 +379,18 @@ class Supervisor:
         self._logbook.interface.call(lambda ui: ui.on_table(table))
         self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
 
-    def _status(self) -> RunStatus:
+    def status(self) -> RunStatus:
+        """The run just now."""
         elapsed_s = time.monotonic() - self._began_s
         return run_status(self._plan, self._records(), self._phase.value, elapsed_s)
 
     def _show_status(self) -> None:
         if self._phase is Phase.ENDED:
             return
-        status = self._status()
+        status = self.status()
         self._logbook.interface.call(lambda ui: ui.on_status(status))
         self._reactor.call_later(self._options.status_period_s, self._show_status)
 
     def _event(self, kind: str, node: str, text: str) -> None:
         event = RunEvent(kind, node, text)
         self._logbook.interface.call(lambda ui: ui.on_event(event))
-
-    def _answer_status(self, _request: object) -> dict[str, Any]:
-        return {"status": self._status().as_dict()}
-
-    def _answer_stop(self, _request: object) -> dict[str, Any]:
-        self._reactor.call_later(0, lambda: self._stop("stopped by `joshua stop`", EXIT_OK, interrupted=True))
-        return {"stopping": True}
-
-    def _answer_guardian(self, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Takes the report of a guardian into the log."""
-        level = request.get("level")
-        level = level if isinstance(level, int) else logging.ERROR
-        self._logbook.write(level, str(request.get("text", "")), str(request.get("node", "")))
-        return {"written": True}

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from typing import Any
 
-from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, STOPPING, GuardianOrder
+from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, RELEASE_ONLY, STOPPING, GuardianOrder
 
 #: An interpreter must start and import the action within this time, also on a busy small board.
 START_TIMEOUT_S = 15.0
@@ -71,6 +71,10 @@ class GuardianLink:
     def stopping(self) -> None:
         """Says that the driver now applies the safe state itself. Raises GuardianError."""
         self._say(STOPPING)
+
+    def release_only(self) -> None:
+        """Says that the joints must lose their torque, whatever their safe state is. Raises GuardianError."""
+        self._say(RELEASE_ONLY)
 
     def done(self) -> None:
         """Ends the guardian: the safe state stands. A second call does nothing."""

@@ -11,23 +11,29 @@ import select
 import signal
 import socket
 import sys
-import threading
 import time
-from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+from joshua.guardian.action import Action, run_bounded
 from joshua.guardian.driver_process import DriverProcess
-from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, STOPPING, GuardianOrder
+from joshua.guardian.estop_files import EstopFiles, EstopReport
+from joshua.guardian.latch import Latch, LatchFolder, Subject
+from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, RELEASE_ONLY, STOPPING, GuardianOrder
 from joshua.guardian.reporting import report_to_run
 from joshua.guardian.silence import SilenceWatch
-
-Action = Callable[[dict[str, Any]], dict[str, Any]]
 
 #: Signals that end other programs; the guardian ends when its work is done.
 IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGPIPE", "SIGUSR1", "SIGUSR2", "SIGTSTP", "SIGALRM")
 
 #: Energising takes several exchanges with the device before the first beat.
 FIRST_BEAT_S = 2.0
+
+#: While an e-stop is latched, the driver has this long to let go by itself, and again to say that it has.
+ESTOP_PATIENCE_S = 0.3
+
+#: Pause between two looks for an e-stop.
+LOOK_S = 0.1
 
 #: An action that has not returned by then is given up.
 OVERTIME_S = 1.5
@@ -46,6 +52,9 @@ class Guardian:
         self._order = order
         self._action = action
         self._driver = DriverProcess(order.process_id, order.thread_id)
+        self._latches = LatchFolder(Path(order.latch_folder)) if order.latch_folder else None
+        self._subject = Subject(order.robot, order.domain_id, order.node)
+        self._release_only = False
 
     def run(self) -> int:
         """Guards until there is nothing left to do; returns the exit code."""
@@ -72,12 +81,15 @@ class Guardian:
         """Listens; returns why the safe state is called for, "" where it is not."""
         silence = SilenceWatch(self._driver, self._order.hang_limit_s)
         armed = beating = False
-        give_up_s = float("inf")
+        give_up_s = estop_s = float("inf")
         while True:
-            ready, _, _ = select.select([self._socket], [], [], silence.patience_s() if beating else 0.1)
+            ready, _, _ = select.select([self._socket], [], [], silence.patience_s() if beating else LOOK_S)
             now_s = time.monotonic()
+            if armed and estop_s == float("inf") and self._latch() is not None:
+                estop_s = now_s + ESTOP_PATIENCE_S
             if ready:
                 words = self._receive()
+                self._release_only |= RELEASE_ONLY in words
                 if DONE in words:
                     return ""
                 if EXECUTE in words:
@@ -91,9 +103,14 @@ class Guardian:
                     silence.heard(now_s)
                 if STOPPING in words:
                     beating, give_up_s = False, now_s + self._order.timeout_s
-            elif beating and silence.hung(now_s):
+                    estop_s += ESTOP_PATIENCE_S
+            if armed and now_s > estop_s:
+                return "the e-stop is latched, and the driver has not let go"
+            if ready:
+                continue
+            if beating and silence.hung(now_s):
                 return f"the driver hung: no sign of life for {self._order.hang_limit_s:g} s"
-            elif not beating and now_s > give_up_s:
+            if not beating and now_s > give_up_s:
                 return "the driver hung while it switched the device on or off"
 
     def _receive(self) -> bytes:
@@ -104,25 +121,35 @@ class Guardian:
 
     def _act(self, reason: str) -> dict[str, Any]:
         began_s = time.monotonic()
-        self._bound(reason)
-        try:
-            report = dict(self._action(self._order.request))
-        except Exception as error:  # noqa: BLE001 (a plugin's code; the report must go out)
-            report = {"complete": False, "detail": f"the safe-stop action failed: {error!r}"}
+        limit_s = self._order.timeout_s + OVERTIME_S
+        order = self._order
+        report = None
+        if not self._release_only and self._latch() is None:
+            report = run_bounded(self._action, order.request, limit_s, lambda: self._latch() is not None)
+        latch = self._latch()
+        if report is None or latch is not None:
+            request = order.release_request or order.request
+            report = run_bounded(self._action, request, limit_s, lambda: False) or {}
+        if latch is not None:
+            self._report_estop(latch, report)
         return {"reason": reason, "action_s": round(time.monotonic() - began_s, 4), **report}
 
-    def _bound(self, reason: str) -> None:
-        """Ends this process when the action takes far longer than it may."""
-        limit_s = self._order.timeout_s + OVERTIME_S
+    def _latch(self) -> Latch | None:
+        return None if self._latches is None else self._latches.standing(self._subject)
 
-        def give_up() -> None:
-            detail = f"the safe-stop action did not return within {limit_s:g} s"
-            self._report({"reason": reason, "complete": False, "detail": detail})
-            os._exit(1)
-
-        timer = threading.Timer(limit_s, give_up)
-        timer.daemon = True
-        timer.start()
+    def _report_estop(self, latch: Latch, report: dict[str, Any]) -> None:
+        complete = bool(report.get("complete"))
+        EstopFiles(self._order.estop_files).report(
+            EstopReport(
+                latch.identifier,
+                self._order.node,
+                "guardian",
+                complete,
+                complete,
+                {str(joint): str(state) for joint, state in dict(report.get("joints", {})).items()},
+                str(report.get("detail", "")),
+            )
+        )
 
     def _report(self, report: dict[str, Any]) -> None:
         level = logging.WARNING if report.get("complete") else logging.CRITICAL

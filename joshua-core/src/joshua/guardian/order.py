@@ -16,6 +16,7 @@ HANG_LIMIT_S = 0.2
 ARMED = b"A"  # from now on the joints may be energised
 BEAT = b"B"
 STOPPING = b"S"  # the driver applies the safe state itself and needs a moment without beats
+RELEASE_ONLY = b"R"  # whatever the safe state is: from now on it is no torque
 EXECUTE = b"X"  # the driver has closed the device: apply the safe state now
 DONE = b"D"  # the safe state stands: nothing is left to guard
 
@@ -37,6 +38,11 @@ class GuardianOrder:
         hang_limit_s: silence that counts as a hang.
         log: file of the run that a report is appended to; "" for none.
         control_socket: of the run, whose supervisor hears of a report first; "" for none.
+        release_request: for the action where no torque is called for, whatever the safe state is: after a
+            trip of a protection, and while an e-stop is latched; empty takes ``request``.
+        robot, domain_id: whose e-stop counts.
+        latch_folder: where e-stops are latched; "" for nowhere.
+        estop_files: folder of the run for reports about an e-stop.
     """
 
     node: str
@@ -48,7 +54,11 @@ class GuardianOrder:
     hang_limit_s: float = HANG_LIMIT_S
     log: str = ""
     control_socket: str = ""
-    path: list[str] = field(default_factory=list)
+    release_request: dict[str, Any] = field(default_factory=dict)
+    robot: str = ""
+    domain_id: int = 0
+    latch_folder: str = ""
+    estop_files: str = ""
 
     def to_line(self) -> bytes:
         """The order as one line."""

@@ -11,7 +11,7 @@ from joshua.ipc.frames import FrameError
 from joshua.plan import NodeReport, NodeSpec, TransportSpec
 
 #: Raised whenever a message changes its meaning; both sides must agree.
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 
 
 class Message(BaseModel):
@@ -47,6 +47,13 @@ class Stop(Message):
     kind: Literal["stop"] = "stop"
     reason: str
     urgent: bool = False
+
+
+class Resume(Message):
+    """Supervisor to child: end the fault of a node; answered with ``Resumed``."""
+
+    kind: Literal["resume"] = "resume"
+    node: str
 
 
 class Hello(Message):
@@ -164,6 +171,23 @@ class Failure(Message):
     unexpected: bool = True
 
 
+class Fault(Message):
+    """Child to supervisor: the device of a node does nothing until it is resumed; "" ends that."""
+
+    kind: Literal["fault"] = "fault"
+    node: str
+    text: str
+
+
+class Resumed(Message):
+    """Child to supervisor: what came of a ``Resume``."""
+
+    kind: Literal["resumed"] = "resumed"
+    node: str
+    done: bool
+    text: str
+
+
 class StopRun(Message):
     """Child to supervisor: the node's work is done and the whole run may end in good order."""
 
@@ -179,7 +203,7 @@ class Report(Message):
     report: NodeReport
 
 
-ToChild = Start | Activate | Stop
+ToChild = Start | Activate | Stop | Resume
 ToSupervisor = (
     Hello
     | Step
@@ -190,6 +214,8 @@ ToSupervisor = (
     | FirstMessage
     | NodeWarning
     | Failure
+    | Fault
+    | Resumed
     | StopRun
     | Report
 )

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from joshua.node.errors import ResumeRefusedError
 from joshua.plan import NodeSpec, TopicSpec
 
 
@@ -80,6 +81,9 @@ class NodeContext(Protocol):
     def waiting_for(self, text: str) -> None:
         """Says what the node waits for, for the message of a start that takes too long; "" ends it."""
 
+    def fault(self, reason: str) -> None:
+        """Says that the node goes on, but its device does nothing until it is resumed; "" ends that."""
+
     def end_run(self, reason: str) -> None:
         """Asks for the end of the whole run in good order: the node's work is done; any thread."""
 
@@ -111,6 +115,14 @@ class NodeBehaviour(ABC):
 
     def cleanup(self) -> None:
         """Closes the device."""
+
+    def resume(self) -> str:
+        """Ends a fault on the user's word; returns what it did.
+
+        Raises:
+            ResumeRefusedError: not now; says why and what to do. The node goes on as it is.
+        """
+        raise ResumeRefusedError(f"{self.context.spec.full_name} is no actuator: there is nothing to resume")
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Results for the pass/fail table of MODE_TEST: (check, passed, measured).

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from joshua.ipc.messages import Message, NodeWarning, StopRun, Waiting, printable
+from joshua.ipc.messages import Fault, Message, NodeWarning, StopRun, Waiting, printable
 from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback, NamedMessageCallback
 from joshua.node.readers import ReaderThread, ReaderThreads
 from joshua.node.timers import Timer, TimerQueue
@@ -119,6 +119,12 @@ class RuntimeContext:
     def waiting_for(self, text: str) -> None:
         """Says what the node waits for."""
         self._send(Waiting(node=self.spec.full_name, text=printable(text)))
+
+    def fault(self, reason: str) -> None:
+        """Says that the device does nothing until it is resumed; "" ends that."""
+        if reason:
+            self.log.error("%s", reason)
+        self._send(Fault(node=self.spec.full_name, text=printable(reason)))
 
     def end_run(self, reason: str) -> None:
         """Asks for the end of the run."""

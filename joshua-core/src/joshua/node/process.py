@@ -23,6 +23,8 @@ from joshua.ipc.messages import (
     Hello,
     Log,
     Message,
+    Resume,
+    Resumed,
     Start,
     Stop,
     ToChild,
@@ -114,6 +116,8 @@ class NodeProcess:
             self._activation.set()
             for runtime in self._runtimes:
                 runtime.wake()
+        elif isinstance(message, Resume):
+            self._resume(message.node)
         elif isinstance(message, Stop):
             self._request_stop()
             if message.urgent:
@@ -165,6 +169,12 @@ class NodeProcess:
         self._starts.put(None)
         for runtime in self._runtimes:
             runtime.request_stop()
+
+    def _resume(self, node: str) -> None:
+        for runtime in self._runtimes:
+            if runtime.full_name == node and runtime.request_resume():
+                return
+        self._send(Resumed(node=node, done=False, text=f"{node} is starting or stopping just now: try again"))
 
     def _interrupt(self) -> None:
         if self._runtimes and self._runtimes[0].running:

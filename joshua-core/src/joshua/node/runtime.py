@@ -11,12 +11,12 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Literal
 
-from joshua.ipc.messages import Failure, Heartbeat, Message, Report, Step, printable
+from joshua.ipc.messages import Failure, Heartbeat, Message, Report, Resumed, Step, printable
 from joshua.ipc.process_attributes import set_timer_slack, use_realtime_priority
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
-from joshua.node.errors import InterruptedLifecycleError, NodeError, exit_code_of
+from joshua.node.errors import InterruptedLifecycleError, NodeError, ResumeRefusedError, exit_code_of
 from joshua.node.loading import load_behaviour
 from joshua.node.rosout import RosoutPublisher
 from joshua.plan import CheckResult, NodeKind, NodeReport, NodeSpec
@@ -83,6 +83,7 @@ class NodeRuntime:
         self._step: StepName = "import"
         self._rosout: RosoutPublisher | None = None
         self._exit_code = 0
+        self._resume_wanted = False
         self.context = RuntimeContext(
             spec, self._log, services.send, lambda: services.adopt_thread(spec.full_name), self._wake.set
         )
@@ -100,6 +101,19 @@ class NodeRuntime:
     def request_stop(self) -> None:
         """Asks the node to stop in good order; any thread."""
         self.context.request_stop()
+
+    @property
+    def full_name(self) -> str:
+        """Of the node."""
+        return self._spec.full_name
+
+    def request_resume(self) -> bool:
+        """Asks the node to end its fault; whether it will answer. Any thread."""
+        if self._step != "active" or self.context.stop_requested:
+            return False
+        self._resume_wanted = True
+        self._wake.set()
+        return True
 
     def wake(self) -> None:
         """Wakes the node's loop, after the activation was set."""
@@ -165,6 +179,8 @@ class NodeRuntime:
         timers.start()
         while not context.stop_requested:
             wait_ns = timers.run_due()
+            if self._resume_wanted:
+                self._resume()
             now_ns = time.monotonic_ns()
             if now_ns >= next_heartbeat_ns:
                 next_heartbeat_ns = now_ns + heartbeat_ns
@@ -176,6 +192,22 @@ class NodeRuntime:
             wait_ns = rest_ns if wait_ns is None else min(wait_ns, rest_ns)
             if wait_ns > 0 and self._wake.wait(wait_ns / 1e9):
                 self._wake.clear()
+
+    def _resume(self) -> None:
+        """Lets the behaviour end its fault; that takes the time of an activation, and counts as one."""
+        self._resume_wanted = False
+        assert self._behaviour is not None
+        self._enter("activate")
+        try:
+            done, text = True, self._behaviour.resume()
+        except ResumeRefusedError as error:
+            done, text = False, str(error)
+        except Exception as error:
+            text = f"{self.full_name} failed: {_describe(error, self._spec)}"
+            self._services.send(Resumed(node=self.full_name, done=False, text=printable(text)))
+            raise
+        self._services.send(Resumed(node=self.full_name, done=done, text=printable(text)))
+        self._enter("active")
 
     def _beat(self, now_ns: int) -> None:
         ages = self.context.readers.ages()

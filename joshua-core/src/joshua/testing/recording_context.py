@@ -42,6 +42,7 @@ class RecordingContext:
         self.timers: dict[str, tuple[float, Callable[[], None]]] = {}
         self.warnings: list[str] = []
         self.failures: list[str] = []
+        self.faults: list[str] = []
         self._threads: list[threading.Thread] = []
         self._errors: list[BaseException] = []
         self._stopping = threading.Event()
@@ -91,6 +92,10 @@ class RecordingContext:
     def warn(self, text: str) -> None:
         """Keeps a warning."""
         self.warnings.append(text)
+
+    def fault(self, reason: str) -> None:
+        """Keeps what a device is in fault for."""
+        self.faults.append(reason)
 
     def tick(self, name: str, times: int = 1) -> None:
         """Runs a timer as often as said, without waiting."""

@@ -141,11 +141,20 @@ class ServoArm(Actuator):
         with self._lock:
             self._port.open()
             try:
-                setups = self.inspect()
-                positions = self._state.positions()
+                self.check()
             except BaseException:
                 self._port.close()
                 raise
+            self._enabled = False
+            self._tripped = ""
+            self._follow_identity()
+
+    def check(self) -> None:
+        """Checks the motors as at the start, and takes their limits; writes nothing. Raises DeviceError."""
+        self.require_connected("check")
+        with self._lock:
+            setups = self.inspect()
+            positions = self._state.positions()
             self._map = JointMap(self.settings)
             self._setups = setups
             self._map.tighten(
@@ -157,9 +166,6 @@ class ServoArm(Actuator):
             self._watch = HealthWatch(
                 self.joint_names, [setup.health for setup in setups], self.family.status
             )
-            self._enabled = False
-            self._tripped = ""
-            self._follow_identity()
 
     def read(self) -> JointReading:
         """Reads the state of all joints; effort is the fraction of stall torque.
@@ -254,6 +260,12 @@ class ServoArm(Actuator):
             if self.connected:
                 self._torque.switch_off()
 
+    def read_torque(self) -> dict[str, bool]:
+        """Reads back which joints have torque. Raises DeviceDisconnected."""
+        self.require_connected("read_torque")
+        with self._lock:
+            return self._torque.read()
+
     def disconnect(self) -> None:
         """Closes the port, torque as it is; a second call does nothing."""
         with self._lock:
@@ -341,11 +353,12 @@ class ServoArm(Actuator):
             self._torque.switch_off()
         except DeviceDisconnected as error:
             raise SafetyTripped(
-                f"{self._port}: {reason}; taking the torque off could not be verified: {error}"
+                f"{self._port}: {reason}; taking the torque off could not be verified: {error}",
+                released=False,
             ) from error
         raise SafetyTripped(
             f"{self._port}: {reason}. The torque of this arm was taken off; look for the cause (a blocked "
-            "joint, heat, the supply), then enable it again."
+            "joint, heat, the supply)."
         )
 
     def _lapse(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.errors import SafetyTripped as SafetyTripped
 
 
 class NoReply(DeviceDisconnected):
@@ -23,10 +24,6 @@ class NotCalibrated(DeviceError):
 
 class NotEnabled(DeviceError):
     """A goal was written while torque is off; the servo would switch it on by itself."""
-
-
-class SafetyTripped(DeviceError):
-    """A protection took the arm's torque off; it stays off until it is enabled again."""
 
 
 class ServoRefused(DeviceError):

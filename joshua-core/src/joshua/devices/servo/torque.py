@@ -82,6 +82,14 @@ class TorqueSwitch:
             "Cut the arm's supply by hand if it holds."
         )
 
+    def read(self) -> dict[str, bool]:
+        """Which joints have torque, by name. Raises NoReply where one does not say, and PortDisconnected."""
+        torque = self._family.torque_enable
+        found = self._bus.sync_read(torque.address, torque.width, self._ids)
+        if silent := [servo_id for servo_id in self._ids if servo_id not in found]:
+            raise NoReply(f"{self._bus.port}: {self._list(silent)} does not say whether its torque is off.")
+        return {self._names[i]: torque.decode(found[i]) != 0 for i in self._ids}
+
     def lapsed(self) -> str:
         """Names joints that lost torque or speed settings by themselves, as a power cut does; "" for none.
 

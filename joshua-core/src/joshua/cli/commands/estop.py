@@ -1,0 +1,171 @@
+"""``joshua estop``: take the torque off every actuator, and keep it off until the latch is released."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_config_options, positive_seconds
+
+if TYPE_CHECKING:
+    from joshua.cli.estop.running import RunningSystem
+    from joshua.guardian.estop_files import EstopReport
+    from joshua.guardian.latch import LatchFolder
+    from joshua.plan import Plan
+
+SUMMARY = "take the torque off every actuator, and keep it off"
+
+TIMEOUT_S = 5.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments of the command."""
+    parser.add_argument(
+        "system",
+        nargs="?",
+        default="",
+        metavar="SYSTEM",
+        help="file or process id as `joshua status` shows it; every system of this machine if absent",
+    )
+    parser.add_argument("--release", action="store_true", help="release the latch; nothing moves by that")
+    parser.add_argument(
+        "--timeout",
+        type=positive_seconds,
+        default=TIMEOUT_S,
+        metavar="SECONDS",
+        help="how long to wait for what the devices say",
+    )
+    add_config_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Latches and verifies, or releases.
+
+    Exit code 0: everything asked for is confirmed; 1: there was nothing to stop; 2: unclear which system, or
+    the file is invalid; 4: a device has not confirmed that its torque is off.
+    """
+    from joshua.generator.run_directory import RunDirectoryError, base_directory, latch_folder, prepare
+    from joshua.guardian.latch import LatchFolder
+
+    base = base_directory(os.environ)
+    latches = LatchFolder(latch_folder(base))
+    word = getattr(args, "config", None) or args.system
+    try:
+        if args.release:
+            return release(base, latches, word)
+        return stop(prepare(base), latches, word, args)
+    except (OSError, RunDirectoryError) as error:
+        sys.stderr.write(f"joshua estop: {error}; cut the supply of the robot by hand\n")
+        return ExitCode.HARDWARE
+
+
+def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) -> int:
+    """Latches the e-stop of the chosen systems, all at once, and waits for what each device says."""
+    systems = _systems(base, word)
+    if not systems and getattr(args, "config", None):
+        return stop_file(latches, args)
+    if not systems:
+        known = _systems(base, "")
+        problem = f"no system {word!r} runs" if known else "nothing runs"
+        sys.stderr.write(
+            f"joshua estop: {problem}, so nothing was stopped. An arm that holds its position after a run is "
+            "released by joshua estop --config FILE\n"
+        )
+        sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
+        return ExitCode.INVALID if known else ExitCode.FAILED
+    latched = []
+    for system in systems:
+        info = system.info
+        latched.append((system, latches.set(info.robot, info.source, info.domain_id, info.actuators)))
+    good = True
+    for system, latch in latched:
+        silence = system.notify()
+        reports = system.wait(latch, args.timeout)
+        good &= _show(f"{system.info.source} (process {system.info.process_id})", reports)
+        if silence:
+            sys.stderr.write(
+                f"the supervisor, process {system.info.process_id}, does not answer ({silence}): drivers and "
+                "guardians were reached without it\n"
+            )
+    _say_what_next()
+    return ExitCode.OK if good else ExitCode.HARDWARE
+
+
+def stop_file(latches: LatchFolder, args: argparse.Namespace) -> int:
+    """Latches the e-stop of a file that does not run, and releases its actuators from here."""
+    from joshua.cli.estop import offline
+    from joshua.cli.report import exit_code_of, request_of, show_findings
+    from joshua.generator.examination import examine
+    from joshua.generator.request import Purpose
+
+    for name, value in (("overrides", []), ("blocked_plugins", []), ("host", None), ("format", "text")):
+        setattr(args, name, getattr(args, name, value))
+    examination = examine(request_of(args, Purpose.SHOW))
+    plan: Plan | None = examination.plan
+    if plan is None:
+        show_findings(examination, args.format)
+        sys.stderr.write("joshua estop: the file names no devices to reach: nothing was stopped\n")
+        return exit_code_of(examination)
+    specs = offline.actuators(plan)
+    source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
+    nodes = [spec.full_name for spec in specs]
+    latch = latches.set(plan.robot_id, source, plan.transport.domain_id, nodes)
+    good = _show(f"{source} (does not run)", offline.release(specs, latch.identifier))
+    _say_what_next()
+    return ExitCode.OK if good else ExitCode.HARDWARE
+
+
+def release(base: Path, latches: LatchFolder, word: str) -> int:
+    """Releases one latch; where several stand, the user says which."""
+    standing = latches.all()
+    if not standing:
+        sys.stdout.write("no e-stop is latched\n")
+        return ExitCode.OK
+    path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
+    chosen = [item for item in standing if not word or word == item.robot or path == item.source]
+    if len(chosen) != 1:
+        problem = f"no e-stop of {word!r} is latched" if word and not chosen else "name one of these"
+        sys.stderr.write(f"joshua estop --release: {problem}:\n")
+        sys.stderr.writelines(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
+        return ExitCode.INVALID
+    latches.clear(chosen[0])
+    for system in _systems(base, ""):
+        if system.info.robot == chosen[0].robot:
+            system.notify(released=True)
+    sys.stdout.write(
+        f"released: {chosen[0].source or chosen[0].robot}\n"
+        "nothing has torque by that: joshua resume NODE gives it to an actuator of a run\n"
+    )
+    return ExitCode.OK
+
+
+def _systems(base: Path, word: str) -> list[RunningSystem]:
+    """Every system of this user, those whose supervisor was killed included, or those that a word names."""
+    from joshua.cli.estop.running import RunningSystem
+    from joshua.generator.run_directory import all_systems
+
+    path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
+    return [
+        RunningSystem(folder, info)
+        for folder, info in all_systems(base)
+        if not word or word in (info.source, str(info.process_id)) or path == info.source
+    ]
+
+
+def _show(title: str, reports: list[EstopReport]) -> bool:
+    from joshua.cli.estop.text import lines
+
+    sys.stdout.write(f"e-stop latched: {title}\n")
+    if not reports:
+        sys.stdout.write("  it has no actuators\n")
+    else:
+        sys.stdout.write("\n".join(lines(reports)) + "\n")
+    return all(report.complete for report in reports)
+
+
+def _say_what_next() -> None:
+    sys.stdout.write("nothing gets torque before: joshua estop --release\n")

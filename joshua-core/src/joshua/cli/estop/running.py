@@ -1,0 +1,99 @@
+"""Stops the actuators of a run: its drivers, else their guardians, else this program itself."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.guardian.estop_files import FOLDER_NAME, EstopFiles, EstopReport
+
+if TYPE_CHECKING:
+    from joshua.generator.run_directory import RunInfo
+    from joshua.guardian.latch import Latch
+
+#: After this time a device whose driver and guardian have not answered is opened here.
+DIRECT_AFTER_S = 1.5
+
+#: A supervisor that lives answers in milliseconds; nothing depends on its answer.
+SUPERVISOR_TIMEOUT_S = 0.5
+
+_POLL_S = 0.01
+
+
+class RunningSystem:
+    """One run, alive or killed.
+
+    Args:
+        path: directory of the run; info: what it holds.
+    """
+
+    def __init__(self, path: Path, info: RunInfo) -> None:
+        self.info = info
+        self._path = path
+        self._files = EstopFiles(str(path / FOLDER_NAME))
+        # A run that ends meanwhile takes its directory along.
+        self._orders = {node: self._files.read_order(node) for node in info.actuators}
+        self._reached: dict[str, EstopReport | None] = {}
+
+    def notify(self, *, released: bool = False) -> str:
+        """Has the run's log say what happened; returns why that failed, "" where it did not."""
+        import os
+
+        from joshua.generator.control_server import ask
+        from joshua.generator.run_directory import SOCKET_NAME
+
+        request = {"request": "estop", "released": released, "process_id": os.getpid()}
+        try:
+            ask(self._path / SOCKET_NAME, request, SUPERVISOR_TIMEOUT_S)
+        except (OSError, ValueError) as error:
+            return str(error) or type(error).__name__
+        return ""
+
+    def wait(self, latch: Latch, timeout_s: float) -> list[EstopReport]:
+        """Waits until every actuator has confirmed; returns what became of each, in the run's order."""
+        began_s = time.monotonic()
+        nodes = self.info.actuators
+        while True:
+            reports = {node: self._report(node, latch) for node in nodes}
+            waiting = [node for node, report in reports.items() if report is None or not report.complete]
+            elapsed_s = time.monotonic() - began_s
+            if not waiting or elapsed_s > timeout_s:
+                return [reports[node] or self._unreached(node, latch) for node in nodes]
+            if elapsed_s > DIRECT_AFTER_S or not self._path.exists():
+                for node in waiting:
+                    self._reach(node, latch)
+            time.sleep(_POLL_S)
+
+    def _report(self, node: str, latch: Latch) -> EstopReport | None:
+        """What is known of an actuator; what this program has reached counts where it is more."""
+        report, own = self._files.read_report(node, latch.identifier), self._reached.get(node)
+        return own if own is not None and (own.complete or report is None) else report
+
+    def _reach(self, node: str, latch: Latch) -> None:
+        """Releases an actuator from here, with what its driver has left for that; once."""
+        order = self._files.read_order(node) or self._orders[node]
+        if order is not None and node not in self._reached:
+            self._reached[node] = None
+            threading.Thread(target=self._act, args=(node, latch, *order), daemon=True).start()
+
+    def _act(self, node: str, latch: Latch, implementation: str, request: dict[str, object]) -> None:
+        from joshua.guardian.main import load_action
+
+        try:
+            result = load_action(implementation)(request)
+        except Exception as error:  # noqa: BLE001 (a plugin's code; the command must report)
+            result = {"complete": False, "detail": f"{type(error).__name__}: {error}"}
+        complete = bool(result.get("complete"))
+        joints = {str(joint): str(state) for joint, state in dict(result.get("joints", {})).items()}
+        self._reached[node] = EstopReport(
+            latch.identifier, node, "command", complete, complete, joints, str(result.get("detail", ""))
+        )
+
+    def _unreached(self, node: str, latch: Latch) -> EstopReport:
+        if self._orders[node] is None:
+            detail = "its driver does not answer, and has not opened the device in this run"
+        else:
+            detail = "neither its driver nor its guardian answers, and the device cannot be opened"
+        return EstopReport(latch.identifier, node, "command", False, False, {}, detail)

@@ -1,0 +1,150 @@
+"""The e-stop latch: a file that keeps the joints of a robot without torque until somebody releases it.
+
+The file is the whole state. Drivers, guardians and commands look for it themselves, so that it works
+whichever process is dead, hung or not started yet. Light to import.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+#: Folder below the one of all running systems.
+FOLDER_NAME = "estop"
+
+_SUFFIX = ".json"
+
+
+@dataclass(frozen=True)
+class Latch:
+    """One e-stop.
+
+    Attributes:
+        identifier: of this very e-stop; a second one of the same robot has another.
+        robot: ``general.id`` of the file; source: the file.
+        domain_id, nodes: the actuators, by fully qualified name.
+        since: local time; process_id: of the program that set it.
+    """
+
+    identifier: str
+    robot: str
+    source: str
+    domain_id: int
+    nodes: tuple[str, ...]
+    since: str
+    process_id: int
+
+    def covers(self, subject: Subject) -> bool:
+        """Whether an actuator belongs to the robot that was stopped."""
+        if self.robot and self.robot == subject.robot:
+            return True
+        return self.domain_id == subject.domain_id and subject.node in self.nodes
+
+    @property
+    def text(self) -> str:
+        """What stands in the way, and how to end it."""
+        return (
+            f"the e-stop of {self.robot or self.source or 'this robot'} is latched since {self.since}: "
+            "look at the robot, then joshua estop --release"
+        )
+
+
+@dataclass(frozen=True)
+class Subject:
+    """An actuator that asks whether it is stopped."""
+
+    robot: str
+    domain_id: int
+    node: str
+
+
+class LatchFolder:
+    """The latches of this user on this machine.
+
+    Args:
+        path: of the folder; it need not exist.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._known: dict[str, Latch] = {}
+
+    def standing(self, subject: Subject) -> Latch | None:
+        """The newest latch that covers an actuator; costs some microseconds where there is none."""
+        for latch in self.all():
+            if latch.covers(subject):
+                return latch
+        return None
+
+    def all(self) -> list[Latch]:
+        """Every latch, newest first. One that cannot be read covers everything: whoever set it meant it."""
+        try:
+            names = [name for name in os.listdir(self.path) if name.endswith(_SUFFIX)]  # noqa: PTH208 (hot)
+        except OSError:
+            return []
+        if not names:
+            return []
+        self._known = {name: self._known.get(name) or _read(self.path / name) for name in names}
+        return sorted(self._known.values(), key=lambda latch: latch.since, reverse=True)
+
+    def set(self, robot: str, source: str, domain_id: int, nodes: Sequence[str]) -> Latch:
+        """Latches the actuators of one robot, in place of an older latch of the same. Raises OSError."""
+        latch = Latch(
+            identifier=secrets.token_hex(8),
+            robot=robot,
+            source=source,
+            domain_id=domain_id,
+            nodes=tuple(nodes),
+            since=time.strftime("%Y-%m-%d %H:%M:%S"),
+            process_id=os.getpid(),
+        )
+        older = [item for item in self.all() if _same_robot(item, latch)]
+        self.path.mkdir(mode=0o700, exist_ok=True)
+        write_whole(self.path / (latch.identifier + _SUFFIX), asdict(latch))
+        for item in older:
+            self.clear(item)
+        return latch
+
+    def clear(self, latch: Latch) -> None:
+        """Releases one latch; a second call does nothing. Raises OSError."""
+        (self.path / (latch.identifier + _SUFFIX)).unlink(missing_ok=True)
+
+
+def _same_robot(older: Latch, newer: Latch) -> bool:
+    if (older.robot, older.domain_id) != (newer.robot, newer.domain_id):
+        return False
+    return set(older.nodes) <= set(newer.nodes)
+
+
+def _read(path: Path) -> Latch:
+    try:
+        values = json.loads(path.read_text())
+        return Latch(**{**values, "nodes": tuple(values["nodes"])})
+    except FileNotFoundError:
+        return Latch(path.stem, "", "", -1, (), "", 0)  # just released
+    except (OSError, ValueError, TypeError, KeyError):
+        return _Unreadable(path.stem, "", str(path), -1, (), "an unknown time", 0)
+
+
+class _Unreadable(Latch):
+    def covers(self, subject: Subject) -> bool:
+        del subject
+        return True
+
+
+def write_whole(path: Path, values: Mapping[str, Any]) -> None:
+    """Writes a JSON file that a reader finds whole or not at all. Raises OSError."""
+    temporary = path.with_suffix(f".{os.getpid()}-{secrets.token_hex(2)}")
+    try:
+        temporary.write_text(json.dumps(values))
+        temporary.chmod(0o600)
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,197 @@
+"""``joshua estop`` and ``joshua resume``: what is chosen, and what is said where there is nothing to do."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from joshua.guardian.latch import LatchFolder
+
+CONFIGURATION = """
+general { mode: MODE_TEST id: "NAME" name: "estop test" }
+test { duration_s: 300 }
+robot {
+  actions {
+    node {
+      node_name: "NAME_arm" node_id: 1 node_type: PYTHON
+      publishers { data_type: JOINT_STATE topic_name: "/NAME/state" publish_rate_hz: 20.0 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/NAME/goal" }
+    }
+    action_type: ACTION_MOCK
+    mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+  perceptions {
+    node {
+      node_name: "NAME_encoder" node_id: 2 node_type: PYTHON
+      publishers { data_type: JOINT_STATE topic_name: "/NAME/encoder" publish_rate_hz: 20.0 }
+    }
+    perception_type: PERCEPTION_ENCODER
+    mock_encoder_config { resolution: 4096 }
+  }
+}
+transport { listen_endpoints: "tcp/localhost:PORT" }
+"""
+
+
+class Shell:
+    """Commands of the program, and runs in the background."""
+
+    def __init__(self, folder: Path, domain_id: int) -> None:
+        (folder / "run").mkdir(mode=0o700)
+        self.folder = folder
+        self.environment = {
+            **os.environ,
+            "XDG_RUNTIME_DIR": str(folder / "run"),
+            "JOSHUA_LOG_DIR": str(folder / "log"),
+            "ROS_DOMAIN_ID": str(domain_id),
+        }
+        self.processes: list[subprocess.Popen[str]] = []
+
+    @property
+    def latches(self) -> LatchFolder:
+        return LatchFolder(self.folder / "run" / "joshua" / "estop")
+
+    def joshua(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "joshua.cli.main", *arguments],
+            env=self.environment,
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+
+    def file(self, name: str) -> Path:
+        import socket
+
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        path = self.folder / f"{name}.pbtxt"
+        path.write_text(CONFIGURATION.replace("NAME", name).replace("PORT", str(port)))
+        return path
+
+    def start(self, name: str) -> Path:
+        path = self.file(name)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.processes.append(process)
+        assert process.stdout is not None
+        shown = ""
+        for line in process.stdout:
+            shown += line
+            if "nodes ready after" in line:
+                return path
+        raise AssertionError(shown)
+
+    def states(self) -> dict[str, str]:
+        answers = json.loads(self.joshua("status", "--format", "json").stdout)
+        return {node["full_name"]: node["state"] for answer in answers for node in answer["nodes"]}
+
+
+@pytest.fixture
+def shell(tmp_path: Path, joshua_domain_id: int) -> Iterator[Shell]:
+    shell = Shell(tmp_path, joshua_domain_id)
+    yield shell
+    for process in shell.processes:
+        process.terminate()
+        process.communicate(timeout=60)
+
+
+def test_every_system_is_stopped_and_each_latch_is_released_by_itself(shell: Shell) -> None:
+    desk, shelf = shell.start("desk"), shell.start("shelf")
+    result = shell.joshua("estop")
+    assert result.returncode == 0, result.stderr
+    assert "/desk_arm  off     read back from 2 joints by its driver" in result.stdout
+    assert "/shelf_arm  off     read back from 2 joints by its driver" in result.stdout
+    assert shell.states() == {
+        "/desk_arm": "fault", "/desk_encoder": "ready", "/shelf_arm": "fault", "/shelf_encoder": "ready",
+    }  # fmt: skip
+    unclear = shell.joshua("estop", "--release")
+    assert unclear.returncode == 2
+    assert "name one of these" in unclear.stderr
+    assert str(shelf) in unclear.stderr
+    assert len(shell.latches.all()) == 2
+    unknown = shell.joshua("estop", "--release", "attic")
+    assert unknown.returncode == 2
+    assert "no e-stop of 'attic' is latched" in unknown.stderr
+    released = shell.joshua("estop", "--release", "desk.pbtxt")
+    assert released.returncode == 0, released.stderr
+    assert str(desk) in released.stdout
+    assert shell.joshua("resume", "desk_arm").returncode == 0
+    refused = shell.joshua("resume", "/shelf_arm")
+    assert refused.returncode == 4
+    assert "the e-stop of shelf is latched since" in refused.stderr
+
+
+def test_one_of_several_is_stopped(shell: Shell) -> None:
+    shell.start("desk")
+    shell.start("shelf")
+    unknown = shell.joshua("estop", "attic.pbtxt")
+    assert unknown.returncode == 2
+    assert "no system 'attic.pbtxt' runs, so nothing was stopped" in unknown.stderr
+    assert "shelf.pbtxt" in unknown.stderr
+    result = shell.joshua("estop", "--config", "shelf.pbtxt")
+    assert result.returncode == 0, result.stderr
+    states = shell.states()
+    assert (states["/desk_arm"], states["/shelf_arm"]) == ("ready", "fault")
+
+
+def test_nothing_runs(shell: Shell) -> None:
+    result = shell.joshua("estop")
+    assert result.returncode == 1
+    assert "nothing runs, so nothing was stopped" in result.stderr
+    assert shell.latches.all() == []
+    released = shell.joshua("estop", "--release")
+    assert (released.returncode, released.stdout) == (0, "no e-stop is latched\n")
+    resumed = shell.joshua("resume", "desk_arm")
+    assert resumed.returncode == 1
+    assert "nothing runs: joshua --config FILE" in resumed.stderr
+
+
+def test_a_file_that_does_not_run_is_latched_and_a_bad_one_is_not(shell: Shell) -> None:
+    path = shell.file("desk")
+    result = shell.joshua("estop", "--config", str(path))
+    assert result.returncode == 0, result.stderr
+    assert "(does not run)" in result.stdout
+    assert "/desk_arm  off     read back from 2 joints by this command" in result.stdout
+    assert [latch.robot for latch in shell.latches.all()] == ["desk"]
+    shell.start("desk")
+    assert shell.states()["/desk_arm"] == "fault"
+    bad = shell.folder / "bad.pbtxt"
+    bad.write_text("robot {")
+    refused = shell.joshua("estop", "--config", str(bad))
+    assert refused.returncode == 2
+    assert "the file names no devices to reach: nothing was stopped" in refused.stderr
+
+
+def test_resume_names_what_there_is(shell: Shell) -> None:
+    shell.start("desk")
+    typo = shell.joshua("resume", "desk_amr")
+    assert typo.returncode == 2
+    assert "no actuator is called 'desk_amr'" in typo.stderr
+    assert "nearest: desk_arm" in typo.stderr
+    assert "allowed: /desk_arm" in typo.stderr
+    sensor = shell.joshua("resume", "desk_encoder")
+    assert sensor.returncode == 2
+    healthy = shell.joshua("resume", "desk_arm")
+    assert healthy.returncode == 0
+    assert "there is nothing to resume" in healthy.stdout
+
+
+def test_a_run_that_cannot_be_latched_says_to_cut_the_supply(shell: Shell) -> None:
+    shell.start("desk")
+    shell.latches.path.write_text("in the way")
+    result = shell.joshua("estop")
+    assert result.returncode == 4
+    assert "cut the supply of the robot by hand" in result.stderr

@@ -1,0 +1,285 @@
+"""An actuator's node in fault: after a trip, after an e-stop, and what ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.actuator_node import ActuatorNode
+from joshua.devices.errors import DeviceDisconnected, DeviceError, SafetyTripped
+from joshua.devices.mock_actuator import MockActuator
+from joshua.devices.mock_settings import MockMotorSettings
+from joshua.guardian.estop_files import EstopFiles
+from joshua.guardian.latch import LatchFolder
+from joshua.messages.make import joint_state
+from joshua.node.errors import ResumeRefusedError
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.schema import config_pb2
+from joshua.testing.recording_context import RecordingContext
+
+STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=200.0)
+COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
+
+
+class Node:
+    """A follower of two mock joints, configured and activated."""
+
+    def __init__(self, folder: Path, role: str = "ACTION_FOLLOWER", **context: Any) -> None:
+        settings = MockMotorSettings.from_block(
+            config_pb2.MockMotorConfig(num_motors=2, position_max=4095), context={}
+        )
+        self.latches = LatchFolder(folder / "estop")
+        self.files = EstopFiles(str(folder / "files"))
+        spec = NodeSpec(
+            name="arm",
+            kind=NodeKind.ACTUATOR,
+            role=role,
+            behaviour="",
+            implementation="joshua.devices.mock_actuator:MockActuator",
+            settings_type="joshua.devices.mock_settings:MockMotorSettings",
+            settings=settings.model_dump(mode="json"),
+            context={
+                "joints": settings.joints(),
+                "robot": "desk",
+                "domain_id": 7,
+                "latch_folder": str(self.latches.path),
+                "estop_files": str(folder / "files"),
+                **context,
+            },
+            publishers=(STATE,),
+            subscriptions=(COMMAND,) if role == "ACTION_FOLLOWER" else (),
+        )
+        self.context = RecordingContext(spec)
+        self.node = ActuatorNode(self.context)
+        self.node.configure()
+        self.node.activate()
+
+    @property
+    def arm(self) -> MockActuator:
+        assert isinstance(self.node._actuator, MockActuator)
+        return self.node._actuator
+
+    @property
+    def has_torque(self) -> bool:
+        return set(self.arm.read_torque().values()) == {True}
+
+    def cycle(self) -> None:
+        self.context.receive("/arm/command", joint_state(["joint_1"], [0.2]))
+        self.context.tick("control")
+
+    def stop(self) -> str:
+        latch = self.latches.set("desk", "/desk.pbtxt", 7, ["/arm"])
+        self.context.tick("safety")
+        return latch.identifier
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Any]:
+    started: list[Node] = []
+
+    def make(*args: Any, **context: Any) -> Node:
+        started.append(Node(tmp_path, *args, **context))
+        return started[-1]
+
+    yield make
+    for node in started:
+        node.node.deactivate()
+        node.context.stop()
+        node.node.cleanup()
+
+
+def trip(node: Node, monkeypatch: pytest.MonkeyPatch, **options: Any) -> None:
+    read = node.arm.read
+
+    def tripped() -> Any:
+        monkeypatch.setattr(node.arm, "read", read)
+        if options.get("released", True):
+            node.arm.release()
+        raise SafetyTripped("joint_1: 81 °C, at most 70 °C", **options)
+
+    monkeypatch.setattr(node.arm, "read", tripped)
+    node.context.tick("control")
+
+
+def test_a_trip_leaves_the_node_running_without_torque(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start()
+    node.cycle()
+    trip(node, monkeypatch)
+    assert not node.has_torque
+    assert node.context.faults == ["joint_1: 81 °C, at most 70 °C; joshua resume arm gives torque again"]
+    before = len(node.context.publishers["/arm/state"].messages)
+    written = len(node.context.publishers["~/command"].messages)
+    for _ in range(3):
+        node.cycle()
+    assert len(node.context.publishers["/arm/state"].messages) == before + 3, "the state goes on"
+    assert len(node.context.publishers["~/command"].messages) == written, "nothing is written"
+    node.context.tick("diagnostics")
+    status = node.context.publishers["/diagnostics"].messages[-1].status[0]
+    assert (status.level, status.message) == (2, node.context.faults[0])
+    assert ("torque", False, node.context.faults[0]) in node.node.test_results()
+    assert node.node.resume() == "/arm has torque again; it approaches its next command slowly"
+    assert node.has_torque
+    assert node.context.faults[-1] == ""
+    node.cycle()
+    assert len(node.context.publishers["~/command"].messages) == written + 1
+
+
+def test_a_trip_that_the_device_does_not_confirm_fails_the_node(
+    start: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = start()
+    with pytest.raises(SafetyTripped):
+        trip(node, monkeypatch, released=False)
+    assert node.context.faults == []
+
+
+def test_resume_is_refused_while_the_fault_persists(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start(restarted=True)
+
+    def enable() -> None:
+        raise SafetyTripped("torque stays off: joint_1: 81 °C, at most 70 °C")
+
+    monkeypatch.setattr(node.arm, "enable", enable)
+    with pytest.raises(
+        ResumeRefusedError, match="the fault is still there: torque stays off: joint_1: 81 °C"
+    ):
+        node.node.resume()
+    assert not node.has_torque
+    node.cycle()
+    assert node.context.publishers["~/command"].messages == []
+    monkeypatch.undo()
+    node.node.resume()
+    assert node.has_torque
+
+
+def test_resume_is_refused_while_the_device_check_fails(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start(restarted=True)
+
+    def check() -> None:
+        raise DeviceError("missing ids: 2")
+
+    monkeypatch.setattr(node.arm, "check", check)
+    with pytest.raises(ResumeRefusedError, match="the check of the device failed: missing ids: 2"):
+        node.node.resume()
+    assert not node.has_torque
+
+
+def test_resume_of_a_healthy_actuator_changes_nothing(start: Any) -> None:
+    node = start()
+    assert "there is nothing to resume" in node.node.resume()
+    assert node.has_torque
+
+
+def test_a_leader_is_never_resumed(start: Any) -> None:
+    node = start("ACTION_LEADER")
+    with pytest.raises(ResumeRefusedError, match="/arm never has torque"):
+        node.node.resume()
+
+
+def test_an_estop_takes_the_torque_reads_it_back_and_reports(start: Any) -> None:
+    node = start()
+    node.cycle()
+    assert node.has_torque
+    identifier = node.stop()
+    assert not node.has_torque
+    report = node.files.read_report("/arm", identifier)
+    assert report is not None
+    assert (report.by, report.complete, report.verified) == ("driver", True, True)
+    assert report.joints == {"joint_1": "released", "joint_2": "released"}
+    node.cycle()
+    assert not node.has_torque
+    with pytest.raises(ResumeRefusedError, match=r"the e-stop of desk is latched since .*estop --release"):
+        node.node.resume()
+    (latch,) = node.latches.all()
+    node.latches.clear(latch)
+    node.context.tick("safety")
+    assert not node.has_torque, "releasing the latch moves nothing"
+    assert node.context.faults[-1] == (
+        "the e-stop is released, and the torque is still off; joshua resume arm gives torque again"
+    )
+    node.node.resume()
+    assert node.has_torque
+
+
+def test_a_second_estop_is_verified_again(start: Any) -> None:
+    node = start()
+    first, second = node.stop(), node.stop()
+    assert first != second
+    assert [latch.identifier for latch in node.latches.all()] == [second]
+    assert node.files.read_report("/arm", second) is not None
+    assert node.files.read_report("/arm", first) is None
+
+
+def test_a_node_that_starts_while_the_latch_stands_gets_no_torque(start: Any, tmp_path: Path) -> None:
+    LatchFolder(tmp_path / "estop").set("desk", "/other.pbtxt", 3, [])
+    node = start()
+    assert not node.has_torque
+    assert "the e-stop of desk is latched" in node.context.faults[0]
+    for _ in range(3):
+        node.context.tick("safety")
+        node.cycle()
+    assert not node.has_torque
+    assert len(node.context.faults) == 1
+
+
+def test_the_estop_of_another_robot_changes_nothing(start: Any) -> None:
+    node = start()
+    node.latches.set("shelf", "/shelf.pbtxt", 3, ["/arm"])
+    node.context.tick("safety")
+    assert node.has_torque
+
+
+def test_a_leader_is_read_back_too_and_recovers_by_itself(start: Any) -> None:
+    node = start("ACTION_LEADER")
+    identifier = node.stop()
+    report = node.files.read_report("/arm", identifier)
+    assert report is not None
+    assert report.complete
+    (latch,) = node.latches.all()
+    node.latches.clear(latch)
+    node.context.tick("safety")
+    assert node.context.faults[-1] == ""
+
+
+def test_a_device_that_does_not_confirm_is_reported(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start()
+
+    def release() -> None:
+        raise DeviceDisconnected("no servo answers any more")
+
+    monkeypatch.setattr(node.arm, "release", release)
+    with pytest.raises(DeviceDisconnected):
+        node.stop()
+    (latch,) = node.latches.all()
+    report = node.files.read_report("/arm", latch.identifier)
+    assert report is not None
+    assert (report.complete, report.detail) == (False, "no servo answers any more")
+
+
+def test_torque_that_is_read_back_as_on_is_no_success(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start()
+    monkeypatch.setattr(node.arm, "read_torque", lambda: {"joint_1": False, "joint_2": True})
+    with pytest.raises(DeviceError, match="joint_2 still has torque: cut the supply by hand"):
+        node.stop()
+
+
+def test_a_device_that_cannot_say_is_not_called_verified(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start()
+    monkeypatch.setattr(node.arm, "read_torque", lambda: None)
+    report = node.files.read_report("/arm", node.stop())
+    assert report is not None
+    assert (report.complete, report.verified) == (True, False)
+
+
+def test_a_goal_is_not_written_between_latch_and_watch(start: Any) -> None:
+    """The node looks every 50 ms; whatever a cycle writes before that, the release comes after it."""
+    node = start()
+    node.latches.set("desk", "/desk.pbtxt", 7, ["/arm"])
+    node.cycle()
+    node.context.tick("safety")
+    assert not node.has_torque
+    with pytest.raises(DeviceError, match="no torque"):
+        node.arm.write(np.zeros(2))
