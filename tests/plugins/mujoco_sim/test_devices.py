@@ -26,6 +26,8 @@ def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> dict[str, A
         "keyframe": "",
         "on_divergence": "DIVERGENCE_RESET",
         "joint_state_rate_hz": 50.0,
+        "trajectory_path": "",
+        "replay_speed": 1.0,
     }
     return {"simulation": simulation | more}
 

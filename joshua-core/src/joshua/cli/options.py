@@ -77,6 +77,9 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--emulate", action="store_true", help="replace every device by an emulator; no hardware is opened"
     )
+    group.add_argument(
+        "--sim", action="store_true", help="replace actuators and cameras by the simulation; none is opened"
+    )
     add_fault_option(group)
     group.add_argument("--open", action="store_true", help="open the page of a calibration in the browser")
     group.add_argument(

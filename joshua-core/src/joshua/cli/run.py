@@ -32,6 +32,10 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.generator.examination import finish
 
         checked = check(arguments)
+        if arguments.sim and not checked.examination.errors:
+            refusal = simulate(checked, arguments)
+            if refusal is not None:
+                return refusal
         rig = None
         if arguments.emulate and not checked.examination.errors:
             started = emulate(checked, arguments, stack)
@@ -61,6 +65,13 @@ def emulate(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -
     from joshua.cli.emulation import start_rig
 
     return start_rig(checked, arguments, stack)
+
+
+def simulate(checked: Checked, arguments: argparse.Namespace) -> int | None:
+    """Puts the simulation in place of actuators and cameras; returns an exit code where that is refused."""
+    from joshua.cli.simulation import start_simulation
+
+    return start_simulation(checked, arguments)
 
 
 def is_calibration(checked: Checked) -> bool:

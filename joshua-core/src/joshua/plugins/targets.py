@@ -67,6 +67,7 @@ def check_targets(provision: Provision) -> list[str]:
         ("safe_stop", provision.safe_stop, ""),
         ("bus_tools", provision.bus_tools, _BUS_TOOLS_BASE),
         ("packaged_files", provision.packaged_files, ""),
+        ("stand_in", provision.stand_in, ""),
     ]
     problems: list[str] = []
     for role, import_string, base_string in wanted:

@@ -164,6 +164,7 @@ def _import_string_problems(provision: Provision) -> list[str]:
         "safe_stop": provision.safe_stop,
         "bus_tools": provision.bus_tools,
         "packaged_files": provision.packaged_files,
+        "stand_in": provision.stand_in,
     }
     return [
         f"{name} is {text!r}, not an import string such as acme.gripper:Gripper"

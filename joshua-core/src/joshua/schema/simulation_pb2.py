@@ -26,7 +26,7 @@ from google.protobuf import any_pb2 as google_dot_protobuf_dot_any__pb2
 from joshua.schema import options_pb2 as joshua_dot_schema_dot_options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1ejoshua/schema/simulation.proto\x12\x06joshua\x1a\x19google/protobuf/any.proto\x1a\x1bjoshua/schema/options.proto\"\xec\x04\n\x10SimulationConfig\x12,\n\x04mode\x18\x01 \x01(\x0e\x32\x16.joshua.SimulationModeB\x06\xea\xe1\x18\x02\x30\x01\x12\x33\n\nmodel_path\x18\x02 \x01(\tB\x1f\xea\xe1\x18\x1b\x30\x01\x38\x08J\x15\"so_arm100/scene.xml\"\x12\x39\n\x15mirror_topic_mappings\x18\x03 \x03(\x0b\x32\x1a.joshua.MirrorTopicMapping\x12+\n\rplugin_config\x18\x64 \x01(\x0b\x32\x14.google.protobuf.Any\x12\x34\n\x0ftrajectory_path\x18\x65 \x01(\tB\x1b\xea\xe1\x18\x17J\x15\"recordings/wave.csv\"\x12\x34\n\x0creplay_speed\x18\x66 \x01(\x02\x42\x19\xea\xe1\x18\x15\x11\x00\x00\x00\x00\x00\x00\x00\x00\x19\x00\x00\x00\x00\x00\x00Y@*\x01\x31H\x00\x88\x01\x01\x12\x38\n\x10real_time_factor\x18g \x01(\x02\x42\x19\xea\xe1\x18\x15\x11\x00\x00\x00\x00\x00\x00\x00\x00\x19\x00\x00\x00\x00\x00\x00Y@*\x01\x31H\x01\x88\x01\x01\x12\x1e\n\x08keyframe\x18h \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"home\"\x12G\n\ron_divergence\x18j \x01(\x0e\x32\x18.joshua.DivergencePolicyB\x16\xea\xe1\x18\x12*\x10\x44IVERGENCE_RESET\x12@\n\x13joint_state_rate_hz\x18k \x01(\x02\x42\x1e\xea\xe1\x18\x1a\n\x02Hz\x19\x00\x00\x00\x00\x00@\x8f@!\x00\x00\x00\x00\x00\x00\x00\x00*\x02\x35\x30H\x02\x88\x01\x01\x42\x0f\n\r_replay_speedB\x13\n\x11_real_time_factorB\x16\n\x14_joint_state_rate_hz\"\x94\x02\n\x12MirrorTopicMapping\x12\x35\n\tros_topic\x18\x01 \x01(\tB\"\xea\xe1\x18\x1e\x30\x01\x38\x01J\x18\"/follower/joint_states\"\x12,\n\x0fmujoco_actuator\x18\x02 \x01(\tB\x13\xea\xe1\x18\x0f\x30\x01\x38\rJ\t\"gripper\"\x12\x33\n\x06offset\x18\x64 \x01(\x02\x42\x1e\xea\xe1\x18\x1a\n\x03rad\x11\xa7\xe8H.\xff!\x19\xc0\x19\xa7\xe8H.\xff!\x19@*\x01\x30H\x00\x88\x01\x01\x12-\n\x05scale\x18\x65 \x01(\x02\x42\x19\xea\xe1\x18\x15\x11\x00\x00\x00\x00\x00\x00Y\xc0\x19\x00\x00\x00\x00\x00\x00Y@*\x01\x31H\x01\x88\x01\x01\x12 \n\x05joint\x18\x66 \x01(\tB\x11\xea\xe1\x18\r8\rJ\t\"joint_6\"B\t\n\x07_offsetB\x08\n\x06_scale*j\n\x0eSimulationMode\x12\x1f\n\x1bSIMULATION_MODE_UNSPECIFIED\x10\x00\x12\x0f\n\x0bINTERACTIVE\x10\x01\x12\x0b\n\x07PASSIVE\x10\x02\x12\n\n\x06MIRROR\x10\x03\x12\r\n\tOFFSCREEN\x10\x04*A\n\x10\x44ivergencePolicy\x12\x14\n\x10\x44IVERGENCE_RESET\x10\x00\x12\x17\n\x13\x44IVERGENCE_STOP_RUN\x10\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1ejoshua/schema/simulation.proto\x12\x06joshua\x1a\x19google/protobuf/any.proto\x1a\x1bjoshua/schema/options.proto\"\x95\x05\n\x10SimulationConfig\x12,\n\x04mode\x18\x01 \x01(\x0e\x32\x16.joshua.SimulationModeB\x06\xea\xe1\x18\x02\x30\x01\x12\x33\n\nmodel_path\x18\x02 \x01(\tB\x1f\xea\xe1\x18\x1b\x30\x01\x38\x08J\x15\"so_arm100/scene.xml\"\x12\x39\n\x15mirror_topic_mappings\x18\x03 \x03(\x0b\x32\x1a.joshua.MirrorTopicMapping\x12+\n\rplugin_config\x18\x64 \x01(\x0b\x32\x14.google.protobuf.Any\x12\x34\n\x0ftrajectory_path\x18\x65 \x01(\tB\x1b\xea\xe1\x18\x17J\x15\"recordings/wave.csv\"\x12\x34\n\x0creplay_speed\x18\x66 \x01(\x02\x42\x19\xea\xe1\x18\x15\x11\x00\x00\x00\x00\x00\x00\x00\x00\x19\x00\x00\x00\x00\x00\x00Y@*\x01\x31H\x00\x88\x01\x01\x12\x38\n\x10real_time_factor\x18g \x01(\x02\x42\x19\xea\xe1\x18\x15\x11\x00\x00\x00\x00\x00\x00\x00\x00\x19\x00\x00\x00\x00\x00\x00Y@*\x01\x31H\x01\x88\x01\x01\x12\x1e\n\x08keyframe\x18h \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"home\"\x12G\n\ron_divergence\x18j \x01(\x0e\x32\x18.joshua.DivergencePolicyB\x16\xea\xe1\x18\x12*\x10\x44IVERGENCE_RESET\x12@\n\x13joint_state_rate_hz\x18k \x01(\x02\x42\x1e\xea\xe1\x18\x1a\n\x02Hz\x19\x00\x00\x00\x00\x00@\x8f@!\x00\x00\x00\x00\x00\x00\x00\x00*\x02\x35\x30H\x02\x88\x01\x01\x12\'\n\x08\x61ttached\x18n \x03(\x0b\x32\x15.joshua.AttachedModelB\x0f\n\r_replay_speedB\x13\n\x11_real_time_factorB\x16\n\x14_joint_state_rate_hz\"\xf6\x01\n\rAttachedModel\x12\x35\n\nmodel_path\x18\x01 \x01(\tB!\xea\xe1\x18\x1d\x30\x01J\x19\"so_arm100/so_arm100.xml\"\x12%\n\x06prefix\x18\x02 \x01(\tB\x15\xea\xe1\x18\x11\x30\x01J\r\"leader_arm/\"\x12\x45\n\nposition_m\x18\x03 \x03(\x02\x42\x31\xea\xe1\x18-\n\x01m\x11\x00\x00\x00\x00\x00\x00Y\xc0\x19\x00\x00\x00\x00\x00\x00Y@0\x01J\x10[0.45, 0.0, 0.0]P\x03X\x03\x12\x34\n\x07yaw_rad\x18\x04 \x01(\x02\x42\x1e\xea\xe1\x18\x1a\n\x03rad\x11\xa7\xe8H.\xff!\x19\xc0\x19\xa7\xe8H.\xff!\x19@*\x01\x30H\x00\x88\x01\x01\x42\n\n\x08_yaw_rad\"\x94\x02\n\x12MirrorTopicMapping\x12\x35\n\tros_topic\x18\x01 \x01(\tB\"\xea\xe1\x18\x1e\x30\x01\x38\x01J\x18\"/follower/joint_states\"\x12,\n\x0fmujoco_actuator\x18\x02 \x01(\tB\x13\xea\xe1\x18\x0f\x30\x01\x38\rJ\t\"gripper\"\x12\x33\n\x06offset\x18\x64 \x01(\x02\x42\x1e\xea\xe1\x18\x1a\n\x03rad\x11\xa7\xe8H.\xff!\x19\xc0\x19\xa7\xe8H.\xff!\x19@*\x01\x30H\x00\x88\x01\x01\x12-\n\x05scale\x18\x65 \x01(\x02\x42\x19\xea\xe1\x18\x15\x11\x00\x00\x00\x00\x00\x00Y\xc0\x19\x00\x00\x00\x00\x00\x00Y@*\x01\x31H\x01\x88\x01\x01\x12 \n\x05joint\x18\x66 \x01(\tB\x11\xea\xe1\x18\r8\rJ\t\"joint_6\"B\t\n\x07_offsetB\x08\n\x06_scale*j\n\x0eSimulationMode\x12\x1f\n\x1bSIMULATION_MODE_UNSPECIFIED\x10\x00\x12\x0f\n\x0bINTERACTIVE\x10\x01\x12\x0b\n\x07PASSIVE\x10\x02\x12\n\n\x06MIRROR\x10\x03\x12\r\n\tOFFSCREEN\x10\x04*A\n\x10\x44ivergencePolicy\x12\x14\n\x10\x44IVERGENCE_RESET\x10\x00\x12\x17\n\x13\x44IVERGENCE_STOP_RUN\x10\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -49,6 +49,14 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_SIMULATIONCONFIG'].fields_by_name['on_divergence']._serialized_options = b'\352\341\030\022*\020DIVERGENCE_RESET'
   _globals['_SIMULATIONCONFIG'].fields_by_name['joint_state_rate_hz']._loaded_options = None
   _globals['_SIMULATIONCONFIG'].fields_by_name['joint_state_rate_hz']._serialized_options = b'\352\341\030\032\n\002Hz\031\000\000\000\000\000@\217@!\000\000\000\000\000\000\000\000*\00250'
+  _globals['_ATTACHEDMODEL'].fields_by_name['model_path']._loaded_options = None
+  _globals['_ATTACHEDMODEL'].fields_by_name['model_path']._serialized_options = b'\352\341\030\0350\001J\031\"so_arm100/so_arm100.xml\"'
+  _globals['_ATTACHEDMODEL'].fields_by_name['prefix']._loaded_options = None
+  _globals['_ATTACHEDMODEL'].fields_by_name['prefix']._serialized_options = b'\352\341\030\0210\001J\r\"leader_arm/\"'
+  _globals['_ATTACHEDMODEL'].fields_by_name['position_m']._loaded_options = None
+  _globals['_ATTACHEDMODEL'].fields_by_name['position_m']._serialized_options = b'\352\341\030-\n\001m\021\000\000\000\000\000\000Y\300\031\000\000\000\000\000\000Y@0\001J\020[0.45, 0.0, 0.0]P\003X\003'
+  _globals['_ATTACHEDMODEL'].fields_by_name['yaw_rad']._loaded_options = None
+  _globals['_ATTACHEDMODEL'].fields_by_name['yaw_rad']._serialized_options = b'\352\341\030\032\n\003rad\021\247\350H.\377!\031\300\031\247\350H.\377!\031@*\0010'
   _globals['_MIRRORTOPICMAPPING'].fields_by_name['ros_topic']._loaded_options = None
   _globals['_MIRRORTOPICMAPPING'].fields_by_name['ros_topic']._serialized_options = b'\352\341\030\0360\0018\001J\030\"/follower/joint_states\"'
   _globals['_MIRRORTOPICMAPPING'].fields_by_name['mujoco_actuator']._loaded_options = None
@@ -59,12 +67,14 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_MIRRORTOPICMAPPING'].fields_by_name['scale']._serialized_options = b'\352\341\030\025\021\000\000\000\000\000\000Y\300\031\000\000\000\000\000\000Y@*\0011'
   _globals['_MIRRORTOPICMAPPING'].fields_by_name['joint']._loaded_options = None
   _globals['_MIRRORTOPICMAPPING'].fields_by_name['joint']._serialized_options = b'\352\341\030\r8\rJ\t\"joint_6\"'
-  _globals['_SIMULATIONMODE']._serialized_start=1000
-  _globals['_SIMULATIONMODE']._serialized_end=1106
-  _globals['_DIVERGENCEPOLICY']._serialized_start=1108
-  _globals['_DIVERGENCEPOLICY']._serialized_end=1173
+  _globals['_SIMULATIONMODE']._serialized_start=1290
+  _globals['_SIMULATIONMODE']._serialized_end=1396
+  _globals['_DIVERGENCEPOLICY']._serialized_start=1398
+  _globals['_DIVERGENCEPOLICY']._serialized_end=1463
   _globals['_SIMULATIONCONFIG']._serialized_start=99
-  _globals['_SIMULATIONCONFIG']._serialized_end=719
-  _globals['_MIRRORTOPICMAPPING']._serialized_start=722
-  _globals['_MIRRORTOPICMAPPING']._serialized_end=998
+  _globals['_SIMULATIONCONFIG']._serialized_end=760
+  _globals['_ATTACHEDMODEL']._serialized_start=763
+  _globals['_ATTACHEDMODEL']._serialized_end=1009
+  _globals['_MIRRORTOPICMAPPING']._serialized_start=1012
+  _globals['_MIRRORTOPICMAPPING']._serialized_end=1288
 # @@protoc_insertion_point(module_scope)

@@ -30,7 +30,7 @@ DIVERGENCE_RESET: DivergencePolicy
 DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz", "attached")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
@@ -41,6 +41,7 @@ class SimulationConfig(_message.Message):
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
     ON_DIVERGENCE_FIELD_NUMBER: _ClassVar[int]
     JOINT_STATE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    ATTACHED_FIELD_NUMBER: _ClassVar[int]
     mode: SimulationMode
     model_path: str
     mirror_topic_mappings: _containers.RepeatedCompositeFieldContainer[MirrorTopicMapping]
@@ -51,7 +52,20 @@ class SimulationConfig(_message.Message):
     keyframe: str
     on_divergence: DivergencePolicy
     joint_state_rate_hz: float
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ...) -> None: ...
+    attached: _containers.RepeatedCompositeFieldContainer[AttachedModel]
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ...) -> None: ...
+
+class AttachedModel(_message.Message):
+    __slots__ = ("model_path", "prefix", "position_m", "yaw_rad")
+    MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
+    PREFIX_FIELD_NUMBER: _ClassVar[int]
+    POSITION_M_FIELD_NUMBER: _ClassVar[int]
+    YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    model_path: str
+    prefix: str
+    position_m: _containers.RepeatedScalarFieldContainer[float]
+    yaw_rad: float
+    def __init__(self, model_path: _Optional[str] = ..., prefix: _Optional[str] = ..., position_m: _Optional[_Iterable[float]] = ..., yaw_rad: _Optional[float] = ...) -> None: ...
 
 class MirrorTopicMapping(_message.Message):
     __slots__ = ("ros_topic", "mujoco_actuator", "offset", "scale", "joint")

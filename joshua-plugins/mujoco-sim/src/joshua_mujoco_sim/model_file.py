@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -39,17 +43,51 @@ def model_file(model_path: str, folder: Path | None = None) -> Path:
     )
 
 
-def load_model(model_path: str, folder: Path | None = None) -> mujoco.MjModel:
-    """Compiles the model that ``model_path`` names.
+@dataclass(frozen=True)
+class Attachment:
+    """A model that is put into the scene of another one.
+
+    Attributes:
+        model_path: packaged name or path; prefix: goes before its names, with a slash at its end.
+        position_m: of its origin; yaw_rad: its turn about the vertical.
+    """
+
+    model_path: str
+    prefix: str
+    position_m: tuple[float, float, float]
+    yaw_rad: float = 0.0
+
+
+def load_model(
+    model_path: str, folder: Path | None = None, attached: Sequence[Attachment] = ()
+) -> mujoco.MjModel:
+    """Compiles the model that ``model_path`` names, with others put into its scene.
 
     Raises:
         ModelError: the file is missing or malformed; says the line where MuJoCo knows it.
     """
     path = model_file(model_path, folder)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        if not attached:
+            return mujoco.MjModel.from_xml_path(str(path))
+        scene = mujoco.MjSpec.from_file(str(path))
+        for attachment in attached:
+            _attach(scene, attachment, folder)
+        return scene.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ModelError(f"{path} is no model that MuJoCo can compile: {reason}: correct the file") from error
     except OSError as error:
         raise ModelError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _attach(scene: mujoco.MjSpec, attachment: Attachment, folder: Path | None) -> None:
+    model = mujoco.MjSpec.from_file(str(model_file(attachment.model_path, folder)))
+    half = attachment.yaw_rad / 2
+    frame = scene.worldbody.add_frame(
+        pos=list(attachment.position_m), quat=[math.cos(half), 0, 0, math.sin(half)]
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the options of the scene hold for all that stands in it
+        for body in list(model.worldbody.bodies):
+            frame.attach_body(body, attachment.prefix, "")

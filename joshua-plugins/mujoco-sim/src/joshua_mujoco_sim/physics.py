@@ -62,6 +62,12 @@ class Physics:
             raise ModelError(f"the model has no keyframe {keyframe!r}: it has {', '.join(names) or 'none'}")
         wanted = keyframe or "home"
         self._key = names.index(wanted) if wanted in names else -1
+        # models that were attached bring keyframes of their own, under their prefix
+        self._further_keys = [
+            (index, name.removesuffix(wanted))
+            for index, name in enumerate(names)
+            if name.endswith(f"/{wanted}")
+        ]
         self._speed: FloatArray = np.zeros(model.nv)
         self.reset()
 
@@ -81,6 +87,8 @@ class Physics:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self._key)
         else:
             mujoco.mj_resetData(self.model, self.data)
+        for key, prefix in self._further_keys:
+            self._take_from_keyframe(key, prefix)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, count: int = 1) -> None:
@@ -98,6 +106,18 @@ class Physics:
     def group(self, actuators: Sequence[str]) -> ActuatorGroup:
         """Actuators by name. Raises ModelError for a name that the model does not have."""
         return ActuatorGroup(self, actuators)
+
+    def _take_from_keyframe(self, key: int, prefix: str) -> None:
+        """Puts the joints and actuators under a prefix where a keyframe has them."""
+        model, data = self.model, self.data
+        for index in range(model.njnt):
+            if model.joint(index).name.startswith(prefix):
+                start = int(model.jnt_qposadr[index])
+                end = int(model.jnt_qposadr[index + 1]) if index + 1 < model.njnt else model.nq
+                data.qpos[start:end] = model.key_qpos[key, start:end]
+        for index in range(model.nu):
+            if model.actuator(index).name.startswith(prefix):
+                data.ctrl[index] = model.key_ctrl[key, index]
 
     def _divergence(self) -> DivergenceError:
         speeds = np.nan_to_num(self._speed, nan=np.inf)

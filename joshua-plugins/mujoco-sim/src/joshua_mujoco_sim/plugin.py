@@ -17,6 +17,7 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_mujoco_sim.node:SimulatorNode",
             behaviour="joshua_mujoco_sim.node:SimulatorNode",
             settings="joshua_mujoco_sim.settings:SimulationSettings",
+            stand_in="joshua_mujoco_sim.stand_in:stand_in",
             packaged_files="joshua_mujoco_sim.catalog:find_packaged",
             summary="MuJoCo physics: window, replay, digital twin, rendering without a window",
         ),

@@ -17,6 +17,7 @@ from joshua.plugins.settings import BlockSettings, FieldError, FromField
 from pydantic import BaseModel, ConfigDict, model_validator
 
 if TYPE_CHECKING:
+    from joshua_mujoco_sim.model_file import Attachment
     from joshua_mujoco_sim.world import WorldSettings
 
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
@@ -46,6 +47,17 @@ class TopicMapping(BaseModel):
     joint: str
 
 
+class AttachedModel(BaseModel):
+    """A further model in the scene, see ``model_file.Attachment``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    model_path: str
+    prefix: str
+    position_m: tuple[float, float, float]
+    yaw_rad: float = 0.0
+
+
 class SimulationSettings(BlockSettings):
     """Settings of the simulation.
 
@@ -57,6 +69,7 @@ class SimulationSettings(BlockSettings):
         keyframe: where it starts; "" for ``home``.
         on_divergence: what happens when it diverges.
         joint_state_rate_hz: of ``~/joint_states``.
+        attached: further models in the scene.
         trajectory_path: recording that PASSIVE replays, absolute; episodes: of a data set, () for all.
         replay_speed: how many times faster than recorded; 0 for as fast as possible.
     """
@@ -69,6 +82,7 @@ class SimulationSettings(BlockSettings):
     keyframe: str
     on_divergence: Literal["DIVERGENCE_RESET", "DIVERGENCE_STOP_RUN"]
     joint_state_rate_hz: float
+    attached: tuple[AttachedModel, ...] = ()
     trajectory_path: str
     replay_speed: float
     episodes: tuple[int, ...] = ()
@@ -88,7 +102,7 @@ class SimulationSettings(BlockSettings):
 
     @model_validator(mode="after")
     def _check(self) -> SimulationSettings:
-        facts = model_facts(self.model_path, self.folder)
+        facts = model_facts(self.model_path, self.folder, self.attached)
         if self.keyframe:
             _known("keyframe", "keyframe", self.keyframe, facts.keyframes)
         for index, mapping in enumerate(self.mirror_topic_mappings):
@@ -106,6 +120,7 @@ class SimulationSettings(BlockSettings):
             keyframe=self.keyframe,
             real_time_factor=self.real_time_factor,
             reset_on_divergence=self.on_divergence == "DIVERGENCE_RESET",
+            attached=attachments(self.attached),
         )
 
 
@@ -136,11 +151,11 @@ class SimActuatorSettings(BlockSettings):
         simulation = context.get("simulation")
         if not simulation:
             return result
-        facts = model_facts(simulation["model_path"], simulation["folder"])
+        facts = facts_of(simulation)
         result["actuators"] = tuple(result.get("actuators") or facts.actuators)
         result["joint_ranges"] = [
             {
-                "name": facts.joints.get(name, name),
+                "name": facts.joints.get(name, name).rpartition("/")[2],
                 "min_rad": facts.ranges.get(name, (0.0, 0.0))[0],
                 "max_rad": facts.ranges.get(name, (0.0, 0.0))[1],
                 "known": name in facts.ranges,
@@ -184,7 +199,7 @@ class SimCameraSettings(BlockSettings):
         """Adds the cameras that the model has."""
         result = super().si_values(values, node, context)
         if simulation := context.get("simulation"):
-            result["cameras"] = model_facts(simulation["model_path"], simulation["folder"]).cameras
+            result["cameras"] = facts_of(simulation).cameras
         return result
 
     @model_validator(mode="after")
@@ -194,14 +209,27 @@ class SimCameraSettings(BlockSettings):
         return self
 
 
+def attachments(attached: Sequence[AttachedModel]) -> tuple[Attachment, ...]:
+    """The same as what the model is compiled with."""
+    from joshua_mujoco_sim.model_file import Attachment
+
+    return tuple(Attachment(**model.model_dump()) for model in attached)
+
+
+def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
+    """What the model of a simulation has, given its settings as plain values."""
+    attached = tuple(AttachedModel.model_validate(values) for values in simulation.get("attached", ()))
+    return model_facts(simulation["model_path"], simulation["folder"], attached)
+
+
 @lru_cache(maxsize=8)
-def model_facts(model_path: str, folder: str) -> ModelFacts:
+def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
     """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
     from joshua_mujoco_sim.model_file import ModelError, load_model
     from joshua_mujoco_sim.summary import actuated_joints, summarise
 
     try:
-        model = load_model(model_path, Path(folder) if folder else None)
+        model = load_model(model_path, Path(folder) if folder else None, attachments(attached))
     except ModelError as error:
         raise FieldError("model_path", str(error), remedy="correct model_path or the file") from error
     facts = summarise(model)

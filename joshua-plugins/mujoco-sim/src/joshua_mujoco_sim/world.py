@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mujoco
 
-from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.model_file import Attachment, load_model
 from joshua_mujoco_sim.pacing import Pacer
 from joshua_mujoco_sim.physics import DivergenceError, Physics
 
@@ -33,6 +33,7 @@ class WorldSettings:
         keyframe: state to start at; "" for ``home``.
         real_time_factor: 1 for real time, 0 for as fast as possible.
         reset_on_divergence: start anew instead of ending with an error.
+        attached: further models in the scene.
     """
 
     model_path: str
@@ -40,6 +41,7 @@ class WorldSettings:
     keyframe: str = ""
     real_time_factor: float = 1.0
     reset_on_divergence: bool = True
+    attached: tuple[Attachment, ...] = ()
 
 
 class World:
@@ -55,7 +57,9 @@ class World:
     def __init__(self, settings: WorldSettings) -> None:
         folder = Path(settings.folder) if settings.folder else None
         self.settings = settings
-        self.physics = Physics(load_model(settings.model_path, folder), keyframe=settings.keyframe)
+        self.physics = Physics(
+            load_model(settings.model_path, folder, settings.attached), keyframe=settings.keyframe
+        )
         self.lock = threading.RLock()
         self.failure = ""
         self.divergences: list[str] = []

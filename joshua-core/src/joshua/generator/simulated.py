@@ -1,0 +1,68 @@
+"""``--sim``: actuators and cameras of a file become part of the simulation, which the file need not name."""
+
+from __future__ import annotations
+
+from joshua.generator.devices import Wanted, joints_of, wanted_nodes
+from joshua.modes.share import mode_share
+from joshua.plugins import ProvisionKind, Registry
+from joshua.plugins.stand_in import RealDevice, StandInError
+from joshua.plugins.targets import TargetError, load_target
+from joshua.schema import config_pb2 as pb
+
+__all__ = ["NoSimulatorError", "StandInError", "stand_in"]
+
+#: Block of a real camera; other sensors have no place in the simulation.
+_CAMERA = "camera_config"
+
+
+class NoSimulatorError(StandInError):
+    """No simulator is installed."""
+
+
+def stand_in(config: pb.Config, registry: Registry) -> list[str]:
+    """Puts simulated devices in place of the real ones.
+
+    Args:
+        config: the loaded file, which is changed.
+        registry: installed plugins.
+
+    Returns:
+        Names of the nodes whose devices are simulated now.
+
+    Raises:
+        StandInError: no simulator is installed, or it cannot stand for a device.
+    """
+    provision = registry.find(ProvisionKind.SIMULATOR, "simulation", "OFFSCREEN")
+    if provision is None or not provision.stand_in:
+        raise NoSimulatorError("--sim needs a simulator: pip install joshua-mujoco-sim")
+    devices = [_device(config, want) for want in _replaceable(config, registry)]
+    if not devices:
+        raise StandInError(
+            "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
+        )
+    try:
+        load_target(provision.stand_in)(config, devices)
+    except TargetError as error:
+        raise StandInError(f"the simulator is broken: {error}") from error
+    return [device.node_name for device in devices]
+
+
+def _replaceable(config: pb.Config, registry: Registry) -> list[Wanted]:
+    share = mode_share(config)
+    found = []
+    for want in wanted_nodes(config, devices=share.devices, models=False):
+        provision = registry.find(want.kind, want.block_name, want.enum_value)
+        is_virtual = provision is not None and provision.virtual
+        fits = want.kind is ProvisionKind.ACTUATOR or want.block_name == _CAMERA
+        if want.block_name and fits and not is_virtual:
+            found.append(want)
+    return found
+
+
+def _device(config: pb.Config, want: Wanted) -> RealDevice:
+    calibrations = {arm.node_name: arm for arm in config.calibration.arms}
+    name = want.entry.node.node_name
+    is_actuator = want.kind is ProvisionKind.ACTUATOR
+    joints = joints_of(None, want.block, calibrations.get(name)) if is_actuator else []
+    block = want.block_path.rpartition(".")[2]
+    return RealDevice(name, want.enum_value, want.entry.owner, block, tuple(j["name"] for j in joints))

@@ -1,0 +1,29 @@
+"""The contract of ``--sim``: a simulator's devices in place of the real ones of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+class StandInError(Exception):
+    """The simulation cannot stand for a device; the message says which, why and what to do."""
+
+
+@dataclass(frozen=True)
+class RealDevice:
+    """A device that the simulation is to stand for.
+
+    Attributes:
+        node_name: name of its node; role: its enum value, such as ``ACTION_LEADER``.
+        owner: the ``SingleAction`` or ``SinglePerception`` message; the simulator replaces its block.
+        block_name: member of the oneof that holds the block.
+        joints: names of an actuator's joints where a calibration gives them, else ``joint_<id>``; () for a
+            camera.
+    """
+
+    node_name: str
+    role: str
+    owner: Any
+    block_name: str
+    joints: tuple[str, ...] = ()

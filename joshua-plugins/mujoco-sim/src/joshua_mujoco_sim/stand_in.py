@@ -1,0 +1,111 @@
+"""``--sim``: which actuators and cameras of the model stand for which devices of a file.
+
+The first arm that somebody commands becomes the arm of the scene. Each further arm is an SO-ARM100 of its own
+beside it; a leader moves by itself, since nobody can take it by the hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from joshua.plugins.stand_in import RealDevice, StandInError
+from joshua.schema import config_pb2 as pb
+from joshua.schema import simulation_pb2 as sim
+
+from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
+from joshua_mujoco_sim.summary import actuated_joints, summarise
+
+SCENE = "so_arm100/scene.xml"
+ARM = "so_arm100/so_arm100.xml"
+
+#: Places of further arms: beside the first one, a table's width apart, in turn to both sides.
+ARM_SPACING_M = 0.45
+
+
+def stand_in(config: Any, devices: Sequence[RealDevice]) -> None:
+    """Puts simulated devices in place of real ones. Raises StandInError."""
+    if not config.HasField("simulation"):
+        config.simulation.mode = sim.OFFSCREEN
+        config.simulation.model_path = SCENE
+    arms = [device for device in devices if device.joints]
+    free = _facts(config.simulation)["actuators"]
+    # followers first, so that the arm in the middle of the scene is one that does something
+    for device in sorted(arms, key=lambda arm: arm.role == "ACTION_LEADER"):
+        prefix = ""
+        if len(free) < len(device.joints):
+            prefix = _attach_arm(config.simulation, device)
+            free = [name for name in _facts(config.simulation)["actuators"] if name.startswith(prefix)]
+        chosen = _actuators(device, free, prefix)
+        free = [name for name in free if name not in chosen] if not prefix else []
+        _replace_arm(device, chosen)
+    cameras = [name for name in _facts(config.simulation)["cameras"] if "/" not in name]
+    for device in devices:
+        if not device.joints:
+            _replace_camera(device, cameras)
+
+
+def _attach_arm(simulation: Any, device: RealDevice) -> str:
+    number = len(simulation.attached)
+    side = 1 if number % 2 == 0 else -1
+    prefix = f"{device.node_name}/"
+    simulation.attached.add(
+        model_path=ARM, prefix=prefix, position_m=(side * (number // 2 + 1) * ARM_SPACING_M, 0.0, 0.0)
+    )
+    if len(device.joints) > len(_facts(simulation)["actuators"]):
+        raise StandInError(
+            f"{device.node_name} has {len(device.joints)} joints, more than an arm of the simulation: "
+            "name a model with that many actuators in simulation.model_path"
+        )
+    return prefix
+
+
+def _actuators(device: RealDevice, free: Sequence[str], prefix: str) -> list[str]:
+    """Actuators by the names of the joints where they fit, else in the order of the model."""
+    named = [f"{prefix}{joint}" for joint in device.joints]
+    if all(name in free for name in named):
+        return named
+    if len(free) < len(device.joints):
+        raise StandInError(
+            f"{device.node_name} has {len(device.joints)} joints, and {len(free)} actuators of the model are "
+            f"free ({', '.join(free) or 'none'}): name another model in simulation.model_path"
+        )
+    return list(free[: len(device.joints)])
+
+
+def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
+    action = device.owner
+    action.ClearField(device.block_name)
+    action.sim_config.actuators.extend(actuators)
+    if device.role == "ACTION_LEADER":
+        action.sim_config.motion = pb.MOCK_MOTION_SINE
+    elif device.role != "ACTION_FOLLOWER":
+        action.action_type = pb.ACTION_SINGLE
+
+
+def _replace_camera(device: RealDevice, cameras: Sequence[str]) -> None:
+    block = device.owner.camera_config
+    width, height, fps = block.width, block.height, block.fps
+    words = device.node_name.split("_")
+    named = [name for name in cameras if name in words]
+    if not cameras:
+        raise StandInError(
+            f"{device.node_name}: the model has no camera: name another in simulation.model_path, "
+            "such as so_arm100/scene.xml"
+        )
+    device.owner.ClearField(device.block_name)
+    simulated = device.owner.sim_camera_config
+    simulated.camera = named[0] if named else cameras[0]
+    simulated.width, simulated.height, simulated.fps = width, height, fps
+
+
+def _facts(simulation: Any) -> dict[str, Any]:
+    attached = tuple(
+        Attachment(model.model_path, model.prefix, tuple(model.position_m), model.yaw_rad)
+        for model in simulation.attached
+    )
+    try:
+        model = load_model(simulation.model_path, None, attached)
+    except ModelError as error:
+        raise StandInError(str(error)) from error
+    return {"actuators": list(actuated_joints(model)), "cameras": summarise(model)["cameras"]}

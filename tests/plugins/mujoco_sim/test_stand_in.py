@@ -1,0 +1,103 @@
+"""``--sim``: which part of the model stands for which device, and whole runs of ordinary presets."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from google.protobuf import text_format
+from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
+from joshua.plugins import load_registry
+from joshua.schema import config_pb2 as pb
+from joshua.testing.domain import reserved_domain
+
+CONFIGS = Path(__file__).resolve().parents[3] / "configs"
+
+
+def simulated(preset: str, more: str = "") -> pb.Config:
+    config = text_format.Parse((CONFIGS / preset).read_text() + more, pb.Config())
+    stand_in(config, load_registry())
+    return config
+
+
+def test_follower_is_the_arm_of_the_scene_and_the_leader_stands_beside_it() -> None:
+    config = simulated("teleop_so_arm100.pbtxt")
+    leader, follower = config.robot.actions
+    assert follower.sim_config.actuators[0] == "shoulder_pan"
+    assert not follower.sim_config.motion
+    assert leader.sim_config.actuators[0] == "leader_arm/shoulder_pan"
+    assert leader.sim_config.motion == pb.MOCK_MOTION_SINE
+    assert [model.prefix for model in config.simulation.attached] == ["leader_arm/"]
+    assert config.simulation.model_path == "so_arm100/scene.xml"
+
+
+def test_cameras_go_by_the_words_of_their_name() -> None:
+    config = simulated("teleop_so_arm100_camera.pbtxt")
+    cameras = {p.node.node_name: p.sim_camera_config.camera for p in config.robot.perceptions}
+    assert cameras == {"camera_top": "top", "camera_wrist": "wrist"}
+    assert config.robot.perceptions[0].sim_camera_config.width == 640
+
+
+def test_two_pairs_are_four_arms() -> None:
+    config = simulated("teleop_dual_arm.pbtxt")
+    assert len(config.simulation.attached) == 3
+    places = [tuple(model.position_m) for model in config.simulation.attached]
+    assert len(set(places)) == 3
+    used = [name for action in config.robot.actions for name in action.sim_config.actuators]
+    assert len(used) == len(set(used)) == 24
+
+
+def test_own_scene_is_kept() -> None:
+    config = simulated(
+        "teleop_so_arm100.pbtxt", 'simulation { mode: MIRROR model_path: "so_arm100/pick_place.xml" }'
+    )
+    assert config.simulation.model_path == "so_arm100/pick_place.xml"
+
+
+def test_model_with_too_few_actuators_gets_arms_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "cart.xml").write_text(
+        "<mujoco><worldbody><body><geom size='1'/><joint name='j'/></body></worldbody></mujoco>"
+    )
+    config = simulated(
+        "teleop_so_arm100.pbtxt", f'simulation {{ mode: OFFSCREEN model_path: "{tmp_path}/cart.xml" }}'
+    )
+    assert len(config.simulation.attached) == 2
+
+
+def test_file_without_real_devices_has_nothing_to_replace() -> None:
+    with pytest.raises(StandInError, match="--sim has nothing to replace"):
+        simulated("test_mock_hardware.pbtxt")
+
+
+def test_missing_simulator_is_named() -> None:
+    config = text_format.Parse((CONFIGS / "teleop_so_arm100.pbtxt").read_text(), pb.Config())
+    with pytest.raises(NoSimulatorError, match="pip install joshua-mujoco-sim"):
+        stand_in(config, load_registry(blocked=("joshua-mujoco-sim",)))
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    with reserved_domain() as domain:
+        return subprocess.run(
+            [sys.executable, "-m", "joshua.cli.main", *arguments],
+            capture_output=True,
+            text=True,
+            env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
+            timeout=60,
+        )
+
+
+def test_teleoperation_runs_against_physics() -> None:
+    ended = run("--config", str(CONFIGS / "teleop_so_arm100.pbtxt"), "--sim", "--duration", "4")
+    assert ended.returncode == 0, ended.stderr
+    assert "simulated: leader_arm, follower_arm" in ended.stdout
+    assert "follows /leader_arm: shoulder_pan → shoulder_pan" in ended.stderr
+    assert "/follower_arm/command" in ended.stdout
+
+
+def test_nothing_to_replace_starts_nothing() -> None:
+    ended = run("--config", str(CONFIGS / "test_mock_hardware.pbtxt"), "--sim")
+    assert ended.returncode == 2
+    assert "nothing was started" in ended.stderr
