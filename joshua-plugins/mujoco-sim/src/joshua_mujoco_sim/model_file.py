@@ -73,7 +73,9 @@ def load_model(
         scene = mujoco.MjSpec.from_file(str(path))
         for attachment in attached:
             _attach(scene, attachment, folder)
-        return scene.compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the options of the scene hold for all that stands in it
+            return scene.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ModelError(f"{path} is no model that MuJoCo can compile: {reason}: correct the file") from error
@@ -87,7 +89,5 @@ def _attach(scene: mujoco.MjSpec, attachment: Attachment, folder: Path | None) -
     frame = scene.worldbody.add_frame(
         pos=list(attachment.position_m), quat=[math.cos(half), 0, 0, math.sin(half)]
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the options of the scene hold for all that stands in it
-        for body in list(model.worldbody.bodies):
-            frame.attach_body(body, attachment.prefix, "")
+    for body in list(model.worldbody.bodies):
+        frame.attach_body(body, attachment.prefix, "")
