@@ -153,3 +153,24 @@ class HubEmulator(ProcessEmulator):
     def endpoint(self) -> str:
         """Adapter through which the hub is reached."""
         return str(self._process.adapter)
+
+    def guide(self, joint: int | None, seconds: float) -> bool:
+        """Moves the shafts as a person would."""
+        self._process.guide(joint, seconds)
+        return True
+
+    def calibration(self) -> ArmCalibration:
+        """Zero where each shaft stood at first, and a quarter of a turn to both sides."""
+        motors = []
+        for port, motor in self._process.state()["motors"].items():
+            raw = round(motor["absolute_deg"] % 360 * 4096 / 360) % 4096
+            motors.append(
+                MotorCalibration(
+                    id="ABCDEF".index(port) + 1,
+                    joint_name=f"joint_{port.lower()}",
+                    homing_offset=max(raw - 2048, -2047),
+                    range_min=1024,
+                    range_max=3072,
+                )
+            )
+        return ArmCalibration(motors=motors)

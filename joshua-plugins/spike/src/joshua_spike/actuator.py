@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
 from joshua.devices.calibration_target import CalibrationTarget
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceError
 
 from joshua_spike.client import DEAD_MAN_S, HubClient
+from joshua_spike.diagnostics import battery_row, joint_rows, link_row
 from joshua_spike.errors import NotCalibrated, NotEnabled, ProgramFailed, SafetyTripped
-from joshua_spike.joint_map import JointMap
+from joshua_spike.joint_map import RADIANS_PER_DEGREE, JointMap
 from joshua_spike.session import Counters, StampedState
 from joshua_spike.settings import SpikeSettings
 
@@ -44,7 +48,8 @@ class SpikeActuator(Actuator):
         self._tripped = False
         self._goal = np.zeros(len(settings.port_names))
         self._written_s = 0.0
-        self._state: StampedState | None = None
+        self._last: tuple[JointReading, StampedState] | None = None
+        self._counted = Counters()
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -93,6 +98,7 @@ class SpikeActuator(Actuator):
                 raise
             self._map = JointMap(self.settings, state.state.angles_deg)
             self._enabled = self._tripped = False
+            self._last, self._counted = None, Counters()
 
     def read(self) -> JointReading:
         """Waits for a state that is newer than the last; effort is the load that the hub estimates, in N·m.
@@ -104,17 +110,18 @@ class SpikeActuator(Actuator):
         self.require_connected("read")
         stamped = self._hub.next_state()
         with self._lock:
-            self._state = stamped
             if self._enabled and stamped.state.tripped:
                 self._enabled, self._tripped = False, True
                 raise SafetyTripped(self._trip_text())
-        state = stamped.state
-        return JointReading(
-            stamped.stamp_ns,
-            self._map.radians(state.angles_deg),
-            self._map.directed(state.speeds_deg_s) * np.pi / 180,
-            self._map.directed(state.loads_mnm) * NEWTON_METRES_PER_MNM,
-        )
+            reading = JointReading(
+                stamped.stamp_ns,
+                self._map.radians(stamped.state.angles_deg),
+                self._map.directed(stamped.state.speeds_deg_s) * RADIANS_PER_DEGREE,
+                self._map.directed(stamped.state.loads_mnm) * NEWTON_METRES_PER_MNM,
+            )
+            copies = (reading.position_rad.copy(), reading.velocity_rad_s.copy(), reading.effort.copy())
+            self._last = (JointReading(stamped.stamp_ns, *copies), stamped)
+        return reading
 
     def enable(self) -> None:
         """Energises the motors where they are.
@@ -194,6 +201,20 @@ class SpikeActuator(Actuator):
         with self._lock:
             self._enabled = False
             self._hub.close()
+
+    def diagnostics(self) -> Sequence[DiagnosticStatus]:
+        """Rows for the motors, the battery and the link, as last read."""
+        with self._lock:
+            if self._last is None or not self.connected:
+                return ()
+            reading, stamped = self._last
+            before, self._counted = self._counted, replace(self._hub.counters)
+            names, ports, state = self.joint_names, self.settings.port_names, stamped.state
+            return [
+                *joint_rows(names, ports, reading, state, self.identity),
+                battery_row(state, self._hub.status, self.identity),
+                link_row(self._counted, before, state, self.identity),
+            ]
 
     def calibration_target(self) -> CalibrationTarget:
         """The motors as a calibration sees them."""

@@ -25,6 +25,7 @@ from bumble.transport import open_transport
 from bumble.transport.common import Transport
 
 OPEN_TIMEOUT_S = 5.0
+DISCONNECT_TIMEOUT_S = 2.0
 WANTED_MTU = 517
 _PROPERTIES = {
     gatt.Characteristic.Properties.READ: "read",
@@ -72,7 +73,7 @@ class BumbleAdapter:
         """Switches the adapter off."""
         for connection in list(self.device.connections.values()):
             with contextlib.suppress(Exception):
-                await asyncio.wait_for(connection.disconnect(), 1.0)
+                await asyncio.wait_for(connection.disconnect(), DISCONNECT_TIMEOUT_S)
         await self._transport.close()
 
     def scanner_type(self) -> type[BaseBleakScanner]:
@@ -154,6 +155,8 @@ class BumbleClient(BaseBleakClient):
         if pair:
             raise BleakError("this back end does not pair")
         connection = await _translated(self.device.connect(hci.Address(self.address), timeout=self._timeout))
+        if connection.handle not in self.device.connections:
+            raise BleakError("the link was lost at once")
         self._connection = connection
         connection.on(Connection.EVENT_DISCONNECTION, self._on_disconnection)
         self._peer = Peer(connection)
@@ -168,7 +171,7 @@ class BumbleClient(BaseBleakClient):
         """Ends the link; a second call does nothing."""
         if self._connection is not None:
             with contextlib.suppress(BleakError):
-                await _translated(self._connection.disconnect())
+                await _translated(asyncio.wait_for(self._connection.disconnect(), DISCONNECT_TIMEOUT_S))
         self._connection = self._peer = self.services = None
 
     async def pair(self, *_: Any, **__: Any) -> None:

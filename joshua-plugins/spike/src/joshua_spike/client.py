@@ -10,6 +10,7 @@ from joshua_spike.errors import HubUnreachable, LinkLost
 from joshua_spike.hub.program import load_program
 from joshua_spike.lines import HubState
 from joshua_spike.loop_thread import LoopThread
+from joshua_spike.pybricks import Status
 from joshua_spike.session import Counters, HubSession, StampedState
 from joshua_spike.settings import SpikeSettings
 
@@ -49,6 +50,11 @@ class HubClient:
     def counters(self) -> Counters:
         """What went over the link."""
         return self._session.counters if self._session is not None else Counters()
+
+    @property
+    def status(self) -> Status:
+        """What the hub said last about itself."""
+        return self._session.link.status if self._session is not None else Status(0)
 
     @property
     def session(self) -> HubSession:

@@ -21,6 +21,7 @@ REPLY_TIMEOUT_S = 0.25
 HELLO_TIMEOUT_S = 0.6
 READY_TIMEOUT_S = 5.0
 ORDER_ATTEMPTS = 4
+PIPELINE_SHARE = 0.6  # of a round trip, between two lines that are under way
 MOST_OUTSTANDING = 2  # lines that may wait for their answer: one to poll, one with targets
 MOTOR_DEVICES = {
     46: "Technic large linear motor",
@@ -92,6 +93,7 @@ class HubSession:
         self._wake = asyncio.Event()
         self._sent_s = 0.0
         self._pump: asyncio.Task[None] | None = None
+        self._closing = False
 
     async def open(self, program: HubProgram) -> None:
         """Connects, uploads the program where another one runs, checks the motors, and starts to poll.
@@ -111,6 +113,7 @@ class HubSession:
     async def close(self) -> None:
         """Ends the conversation; a second call does nothing."""
         pump, self._pump = self._pump, None
+        self._closing = True  # besides cancel, which wait_for before Python 3.12 may swallow
         if pump is not None:
             pump.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -200,7 +203,7 @@ class HubSession:
     async def _run(self) -> None:
         """Sends lines one after the other, until it is cancelled or the link ends."""
         try:
-            while self.end is None:
+            while self.end is None and not self._closing:
                 line, wait_s = self._next_line()
                 if line is not None:
                     await self._say(line)
@@ -218,11 +221,16 @@ class HubSession:
             if now_ns - sent_ns > REPLY_TIMEOUT_S * 1e9:
                 del self._sent[sequence]
                 self.counters.lost += 1
+        now_s = asyncio.get_running_loop().time()
         if self._targets is not None and len(self._sent) < MOST_OUTSTANDING:
+            # lines that travel together carry no more than one
+            early_s = self._sent_s + self.counters.round_trip_s * PIPELINE_SHARE - now_s
+            if self._sent and early_s > 0:
+                return None, early_s
             words = tuple(str(target) for target in self._targets)
             self._targets = None
             return Line("T", self._next_sequence(), words), 0.0
-        wait_s = self._sent_s + POLL_PERIOD_S - asyncio.get_running_loop().time()
+        wait_s = self._sent_s + POLL_PERIOD_S - now_s
         if not self._sent and wait_s <= 0:
             return Line("P", self._next_sequence()), 0.0
         return None, max(wait_s, 0.005) if not self._sent else REPLY_TIMEOUT_S / 4
@@ -254,7 +262,9 @@ class HubSession:
             self.link.reader.corrupt += 1
             return
         now_ns = self._stamps.now_ns()
-        sent_ns = self._sent.pop(line.sequence, None)
+        sent_ns = self._sent.get(line.sequence)
+        while sent_ns is not None and line.sequence in self._sent:
+            del self._sent[next(iter(self._sent))]  # the hub answers the newest of targets that came together
         if sent_ns is not None:
             self.counters.round_trip_s = (now_ns - sent_ns) / 1e9
         taken_ns = now_ns if sent_ns is None else (sent_ns + now_ns) // 2

@@ -11,7 +11,7 @@ from enum import IntEnum
 from pathlib import Path
 
 from joshua_emulator.event_log import EventLog
-from joshua_emulator.spike.motors import EmulatedMotor
+from joshua_emulator.spike.motors import MOTOR_DEVICES, EmulatedMotor
 from joshua_emulator.spike.program import ProgramError, unpack, write_modules
 from joshua_emulator.spike.runner import ProgramRunner
 
@@ -19,7 +19,9 @@ MAX_WRITE_SIZE = 155
 MAX_PROGRAM_SIZE = 258_048
 STDIN_SIZE = 512
 STDOUT_CHUNK = 19  # bytes in one notification, as firmware with 20-byte characteristics sends them
-FEATURES = 0b111  # REPL, multi-file .mpy 6, .mpy 6.1 with native code
+REPL = 0b001
+FEATURES = 0b111  # also multi-file .mpy 6, and .mpy 6.1 with native code
+BATTERY_LOW, LOW_MV = 1 << 0, 6_800
 PROGRAM_RUNNING = 1 << 6
 HOST_CONNECTED = 1 << 9
 
@@ -80,14 +82,14 @@ class HubFirmware:
         """Whether a program runs."""
         return self._runner is not None
 
-    @property
-    def capabilities(self) -> bytes:
-        """Value of the capabilities characteristic."""
-        return struct.pack("<HIIB", MAX_WRITE_SIZE, FEATURES, MAX_PROGRAM_SIZE, 1)
+    def capabilities(self, *, old: bool = False) -> bytes:
+        """Value of the capabilities characteristic; of firmware that knows no .mpy 6, where ``old``."""
+        return struct.pack("<HIIB", MAX_WRITE_SIZE, REPL if old else FEATURES, MAX_PROGRAM_SIZE, 1)
 
     def status(self) -> bytes:
         """The status event."""
         flags = PROGRAM_RUNNING * self.running | HOST_CONNECTED * self.connected
+        flags |= BATTERY_LOW * (self.battery_mv < LOW_MV)
         return struct.pack("<BIBB", Event.STATUS, flags, 0, 0)
 
     def command(self, data: bytes) -> Answer:
@@ -221,6 +223,8 @@ class HubFirmware:
             return "nodev"
         if verb == "device":
             return f"ok {motor.device}"
+        if motor.device not in MOTOR_DEVICES:
+            return "nodev"
         if verb == "state":
             return "ok {} {} {}".format(*motor.state())
         if verb == "motor":

@@ -12,6 +12,7 @@ from typing import Any
 
 from joshua_emulator.control import ControlServer
 from joshua_emulator.event_log import EventLog
+from joshua_emulator.motion import Trajectory, calibrating, sine
 from joshua_emulator.spike.hub import HubFirmware
 from joshua_emulator.spike.motors import EmulatedMotor
 from joshua_emulator.spike.radio import Radio
@@ -19,7 +20,8 @@ from joshua_emulator.spike.radio import Radio
 HOST = "127.0.0.1"
 #: Where the shafts stand at first, degrees, one port after the other.
 FIRST_ANGLES_DEG = (12, -25, 40, -8, 5, -33)
-MOTION_PHASE_RAD = 0.7
+#: How far a hand turns a shaft to both sides of that, where a calibration asks for its range.
+REACH_DEG = 100.0
 
 
 class HubMachine:
@@ -31,9 +33,7 @@ class HubMachine:
 
     def __init__(self, name: str, ports: Sequence[str]) -> None:
         self.log = EventLog()
-        self.motors: Mapping[str, EmulatedMotor] = {
-            port: EmulatedMotor(FIRST_ANGLES_DEG["ABCDEF".index(port)]) for port in ports
-        }
+        self.motors: Mapping[str, EmulatedMotor] = {port: EmulatedMotor(_first_angle(port)) for port in ports}
         self.hub = HubFirmware(self.motors, self.log)
         self.control: ControlServer | None = None
         listener = socket.create_server((HOST, 0))
@@ -76,11 +76,24 @@ class HubMachine:
 
         self.soon(call())
 
-    def start_motion(self, amplitude_rad: float, frequency_hz: float) -> None:
-        """A hand turns the shafts to and fro about where they stand."""
+    def start_motion(self, values: Mapping[str, Any]) -> None:
+        """A hand turns the shafts to and fro about where they stood at first. Raises MotionError."""
+        paths = sine(values, list(self.motors))
         start_s = time.monotonic()
-        for index, motor in enumerate(self.motors.values()):
-            motor.hand(_sine(motor.absolute_deg, math.degrees(amplitude_rad), frequency_hz, index, start_s))
+        for index, (port, motor) in enumerate(self.motors.items()):
+            motor.hand(_degrees(paths[index], _first_angle(port), start_s))
+
+    def guide(self, joint: int | None, seconds: float) -> None:
+        """A hand moves the shafts as a calibration asks. Raises MotionError."""
+        reach = math.radians(REACH_DEG)
+        present = [
+            math.radians(motor.absolute_deg - _first_angle(port)) for port, motor in self.motors.items()
+        ]
+        paths = calibrating(joint, present, [(-reach, reach)] * len(present), seconds)
+        start_s = time.monotonic()
+        for index, (port, motor) in enumerate(self.motors.items()):
+            path = paths.get(index)
+            motor.hand(None if path is None else _degrees(path, _first_angle(port), start_s))
 
     def run(self, watched: Collection[int] = ()) -> None:
         """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
@@ -136,14 +149,10 @@ class HubMachine:
                 self._loop.remove_reader(descriptor)
 
 
-def _sine(
-    center_deg: float, amplitude_deg: float, frequency_hz: float, index: int, start_s: float
-) -> Callable[[float], float]:
-    def angle_deg(now_s: float) -> float:
-        time_s = now_s - start_s
-        fade_in = min(1.0, time_s)
-        return center_deg + fade_in * amplitude_deg * math.sin(
-            math.tau * frequency_hz * time_s + index * MOTION_PHASE_RAD
-        )
+def _first_angle(port: str) -> float:
+    return FIRST_ANGLES_DEG["ABCDEF".index(port)]
 
-    return angle_deg
+
+def _degrees(path: Trajectory, center_deg: float, start_s: float) -> Callable[[float], float]:
+    """Monotonic seconds to degrees against the mark, of a path in radians about a centre."""
+    return lambda now_s: center_deg + math.degrees(path(now_s - start_s))

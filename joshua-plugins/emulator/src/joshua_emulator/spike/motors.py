@@ -10,6 +10,7 @@ from joshua_emulator.joint import TICKS_PER_TURN, Drive, Joint
 
 TICKS_PER_DEGREE = TICKS_PER_TURN / 360
 SPIKE_MEDIUM_MOTOR = 48
+MOTOR_DEVICES = {38, 46, 47, 48, 49, 65, 75, 76}
 SPEED_DEG_S = 1110.0  # of the medium motor
 ACCELERATION_DEG_S2 = 4000.0
 STALL_TORQUE_MNM = 180.0

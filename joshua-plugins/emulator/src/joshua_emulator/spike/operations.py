@@ -24,6 +24,7 @@ class HubOperations:
             "log": self._read_log,
             "hand": self._hand,
             "motion": self._motion,
+            "guide": self._guide,
             "fault": self._fault,
             "clear_faults": self._clear_faults,
             "quit": lambda _: machine.stop(),
@@ -40,6 +41,7 @@ class HubOperations:
             "out_of_range": lambda _: lambda: machine.soon(machine.radio.go(near=False)),
             "in_range": lambda _: machine.on,
             "firmware": self._firmware,
+            "flaky": lambda request: self._set(machine.radio, "flaky", int(request["value"])),
             "button": lambda _: machine.hub.stop_program,
             "other_program": self._other_program,
         }
@@ -89,11 +91,17 @@ class HubOperations:
         self._motor({"value": request["port"]}).hand(lambda now_s: angle_deg)
 
     def _motion(self, request: Request) -> None:
+        values = {key: value for key, value in request.items() if key not in ("op", "kind")}
         if request["kind"] != "sine":
             raise ControlError(f"motion is {request['kind']!r}; allowed: sine")
-        self._machine.start_motion(
-            float(request.get("amplitude_rad", 0.5)), float(request.get("frequency_hz", 0.2))
-        )
+        self._machine.start_motion(values)
+
+    def _guide(self, request: Request) -> None:
+        """Moves the shafts as a calibration asks: ``slot`` through its range, or all to their middles."""
+        slot = request.get("slot")
+        if slot is not None and slot not in range(len(self._machine.motors)):
+            raise ControlError(f"slot is {slot!r}; allowed: 0 to {len(self._machine.motors) - 1}")
+        self._machine.guide(slot, float(request["seconds"]))
 
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value``, ``at_s`` seconds from now on."""
@@ -110,10 +118,10 @@ class HubOperations:
             self._machine.at(delay_s + back_s, self._machine.on)
 
     def _firmware(self, request: Request) -> Callable[[], object]:
-        if request["value"] not in ("lego", "pybricks"):
-            raise ControlError(f"firmware is {request['value']!r}; allowed: lego, pybricks")
+        if request["value"] not in ("lego", "old", "pybricks"):
+            raise ControlError(f"firmware is {request['value']!r}; allowed: lego, old, pybricks")
         machine = self._machine
-        return lambda: machine.soon(machine.radio.set_firmware(lego=request["value"] == "lego"))
+        return lambda: machine.soon(machine.radio.set_firmware(request["value"]))
 
     def _other_program(self, _: Request) -> Callable[[], object]:
         blob = pack(OTHER_PROGRAM.read_bytes())
@@ -126,8 +134,8 @@ class HubOperations:
             motor.blocked, motor.attached, motor.device = False, True, EmulatedMotor().device
         machine.hub.corrupt = machine.radio.air.interval_s = 0.0
         machine.hub.battery_mv = 8100
-        if machine.radio.lego:
-            machine.soon(machine.radio.set_firmware(lego=False))
+        if machine.radio.firmware != "pybricks":
+            machine.soon(machine.radio.set_firmware("pybricks"))
         elif not machine.radio.connected:
             machine.on()
 

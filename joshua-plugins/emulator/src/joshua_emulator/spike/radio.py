@@ -11,6 +11,9 @@ import contextlib
 import logging
 import socket
 import time
+from collections import deque
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from bumble import hci, ll
@@ -48,18 +51,25 @@ class Air(LocalLink):
     def __init__(self) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
         self.interval_s = 0.0
+        self._waiting: deque[Callable[[], None]] = deque()
 
     def send_acl_data(
         self, sender_controller: Any, destination_address: Any, transport: PhysicalTransport, data: bytes
     ) -> None:
         """Hands data over, in order."""
-        deliver = super().send_acl_data
-        if not self.interval_s:
-            deliver(sender_controller, destination_address, transport, data)
+        deliver = partial(super().send_acl_data, sender_controller, destination_address, transport, data)
+        if not (self.interval_s or self._waiting):
+            deliver()
             return
         loop = asyncio.get_running_loop()
-        event_s = (loop.time() // self.interval_s + 1) * self.interval_s
-        loop.call_at(event_s, deliver, sender_controller, destination_address, transport, data)
+        if not self._waiting:
+            event_s = self.interval_s and (loop.time() // self.interval_s + 1) * self.interval_s
+            loop.call_at(event_s, self._connection_event)
+        self._waiting.append(deliver)
+
+    def _connection_event(self) -> None:
+        while self._waiting:
+            self._waiting.popleft()()
 
 
 class HciSink:
@@ -87,7 +97,8 @@ class Radio:
         self.name = name
         self.hub = hub
         self.air = Air()
-        self.lego = False  # other firmware: another service, and no commands
+        self.firmware = "pybricks"  # or old, which knows no .mpy 6; or lego, with another service
+        self.flaky = 0  # connections that are lost as soon as they stand
         self._listener = listener
         self._log = log
         self._device: Device | None = None
@@ -116,9 +127,9 @@ class Radio:
             await self._device.stop_advertising()
             self._cut(CONNECTION_TIMEOUT)
 
-    async def set_firmware(self, *, lego: bool) -> None:
+    async def set_firmware(self, firmware: str) -> None:
         """Changes what the hub is."""
-        self.lego = lego
+        self.firmware = firmware
         await self.go(near=False)
         await self._make_device()
 
@@ -147,14 +158,17 @@ class Radio:
             Characteristic.Properties.WRITE,
             Characteristic.Properties.NOTIFY,
         )
-        if not self.lego:
+        lego = self.firmware == "lego"
+        if not lego:
             self._events = Characteristic(
                 COMMAND_EVENT,
                 write | Characteristic.Properties.WRITE_WITHOUT_RESPONSE | notify,
                 Characteristic.WRITEABLE,
                 AttributeValue(write=self._command),
             )
-            capabilities = Characteristic(CAPABILITIES, read, Characteristic.READABLE, self.hub.capabilities)
+            capabilities = Characteristic(
+                CAPABILITIES, read, Characteristic.READABLE, self.hub.capabilities(old=self.firmware == "old")
+            )
             device.add_service(Service(PYBRICKS_SERVICE, [self._events, capabilities]))
             self._events.on(Characteristic.EVENT_SUBSCRIPTION, self._on_subscription)
             self.hub.send = self._send
@@ -162,7 +176,7 @@ class Radio:
             Characteristic(FIRMWARE_REVISION, read, Characteristic.READABLE, PYBRICKS_FIRMWARE),
             Characteristic(PROTOCOL_VERSION, read, Characteristic.READABLE, PYBRICKS_PROTOCOL),
         ]
-        device.add_service(Service(DEVICE_INFORMATION, versions[self.lego :]))
+        device.add_service(Service(DEVICE_INFORMATION, versions[lego:]))
         device.gatt_server.max_mtu = MTU
         device.on(Device.EVENT_CONNECTION, self._on_connection)
         await device.power_on()
@@ -173,10 +187,11 @@ class Radio:
         assert self._device is not None
         if self._out_of_range or self.connected:
             return
-        service = LEGO_SERVICE if self.lego else UUID(PYBRICKS_SERVICE)
+        lego = self.firmware == "lego"
+        service = LEGO_SERVICE if lego else UUID(PYBRICKS_SERVICE)
         kind = (
             AdvertisingData.COMPLETE_LIST_OF_16_BIT_SERVICE_CLASS_UUIDS
-            if self.lego
+            if lego
             else AdvertisingData.COMPLETE_LIST_OF_128_BIT_SERVICE_CLASS_UUIDS
         )
         data = AdvertisingData(
@@ -194,6 +209,9 @@ class Radio:
         self.hub.connected = True
         self._log.add("connected", time.monotonic())
         connection.on(Connection.EVENT_DISCONNECTION, self._on_disconnection)
+        if self.flaky > 0:
+            self.flaky -= 1
+            asyncio.get_running_loop().call_soon(self._cut, CONNECTION_TIMEOUT)
 
     def _on_disconnection(self, reason: int) -> None:
         self._connection = None
@@ -218,7 +236,7 @@ class Radio:
     async def _report_status(self) -> None:
         while True:
             await asyncio.sleep(STATUS_PERIOD_S)
-            if not self.lego:
+            if self.firmware != "lego":
                 self._send(self.hub.status())
 
     def _cut(self, reason: int) -> None:

@@ -1,0 +1,71 @@
+"""The state of a hub as rows of ``/diagnostics``: its motors, its battery, its link."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from joshua.devices.actuator import JointReading
+from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
+
+from joshua_spike.lines import HubState
+from joshua_spike.pybricks import Status
+from joshua_spike.session import Counters
+
+#: Voltage of the SPIKE hub's two lithium cells below which the firmware warns, and at which it is full.
+LOW_MV, FULL_MV = 6_800, 8_300
+
+
+def joint_rows(
+    names: Sequence[str], ports: Sequence[str], reading: JointReading, state: HubState, hardware_id: str
+) -> list[DiagnosticStatus]:
+    """One row for each motor, as last read."""
+    torque = "holding" if state.holding else "on" if state.energised else "off"
+    return [
+        DiagnosticStatus(
+            OK,
+            name,
+            "in order",
+            f"{hardware_id} port {port}",
+            {
+                "position_rad": f"{reading.position_rad[index]:+.4f}",
+                "velocity_rad_s": f"{reading.velocity_rad_s[index]:+.3f}",
+                "effort_nm": f"{reading.effort[index]:+.3f}",
+                "motor_deg": str(state.angles_deg[index]),
+                "torque": torque,
+            },
+        )
+        for index, (name, port) in enumerate(zip(names, ports, strict=True))
+    ]
+
+
+def battery_row(state: HubState, status: Status, hardware_id: str) -> DiagnosticStatus:
+    """The battery, by its voltage and by what the firmware says of it."""
+    level, message = OK, "in order"
+    if status & (Status.BATTERY_CRITICAL | Status.SHUTDOWN):
+        level, message = ERROR, "the hub switches itself off: charge it"
+    elif status & Status.BATTERY_HIGH_CURRENT:
+        level, message = WARN, "a high current flows: see what blocks a motor"
+    elif status & Status.BATTERY_LOW or state.battery_mv < LOW_MV:
+        level, message = WARN, "low: charge the hub soon"
+    share = min(max((state.battery_mv - LOW_MV) / (FULL_MV - LOW_MV), 0.0), 1.0)
+    values = {"voltage_v": f"{state.battery_mv / 1000:.2f}", "charge_estimate_percent": f"{share * 100:.0f}"}
+    return DiagnosticStatus(level, "battery", message, hardware_id, values)
+
+
+def link_row(counters: Counters, before: Counters, state: HubState, hardware_id: str) -> DiagnosticStatus:
+    """The link since it was opened; losses since ``before`` are a warning."""
+    worse = counters.lost > before.lost or counters.corrupt > before.corrupt
+    message = "lines were lost or broken since the last report: come nearer" if worse else "in order"
+    return DiagnosticStatus(
+        WARN if worse else OK,
+        "link",
+        message,
+        hardware_id,
+        {
+            "lines": str(counters.lines),
+            "lost": str(counters.lost),
+            "corrupt": str(counters.corrupt),
+            "refused_by_the_hub": str(state.refused),
+            "round_trip_ms": f"{counters.round_trip_s * 1e3:.1f}",
+        },
+    )
