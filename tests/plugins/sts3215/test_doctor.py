@@ -15,8 +15,6 @@ from joshua.devices.usb_ports import Endpoint
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedBus
 
-PRESET = Path(__file__).parents[3] / "configs" / "test_single_motor.pbtxt"
-
 
 def run(emulator: EmulatedBus, *words: str) -> int:
     _, arguments = parse(["doctor", *words])

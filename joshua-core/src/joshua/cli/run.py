@@ -116,4 +116,18 @@ def conclude(plan: Plan, report: RunReport) -> int:
 
     rows = verdict(plan, report)
     sys.stdout.write(verdict_text(rows, report))
+    draw(report)
     return report.exit_code or (ExitCode.OK if passed(rows) else ExitCode.FAILED)
+
+
+def draw(report: RunReport) -> None:
+    """Draws how the joints moved, and names the pictures; a test that cannot be drawn counts all the same."""
+    if not any(node.traces for node in report.nodes):
+        return
+    from joshua.cli.motion_report import draw_report
+
+    try:
+        for path in draw_report(report):
+            sys.stdout.write(f"picture: {path}\n")
+    except OSError as error:
+        sys.stderr.write(f"no picture of the test could be written: {error}\n")

@@ -21,7 +21,7 @@ from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.errors import ResumeRefusedError
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below
-from joshua.plan import TopicSpec
+from joshua.plan import JointTrace, TopicSpec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -92,7 +92,9 @@ class ActuatorNode(NodeBehaviour):
             self._written = self.context.publisher(
                 TopicSpec(name="~/command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
             )
-        self._diagnostics = DiagnosticsPublisher(self.context, lambda: self._status.rows(actuator))
+        self._diagnostics = DiagnosticsPublisher(
+            self.context, lambda: self._test.diagnosed(self._status.rows(actuator))
+        )
         if not self._is_leader:
             overriding = [other["node"] for other in spec.context.get("take_over", ())]
             take_over = TakeOver(overriding, self.context.log) if overriding else None
@@ -170,6 +172,10 @@ class ActuatorNode(NodeBehaviour):
         """Rates, commands, tracking error, range, and a fault that was not ended."""
         results = self._test.results(self._readers)
         return [*results, ("torque", False, self._status.fault)] if self._status.fault else results
+
+    def test_traces(self) -> list[JointTrace]:
+        """Goal, position, effort and temperature of each joint that was commanded."""
+        return self._test.traces() if self._is_commanded else []
 
     @property
     def _is_commanded(self) -> bool:

@@ -8,9 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from joshua.devices.actuator import FloatArray, JointLimits, JointReading
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.joint_command import CommandReader
+from joshua.devices.motion_recorder import MotionRecorder
 from joshua.node.rates import RateMeter
-from joshua.plan import NodeSpec
+from joshua.plan import JointTrace, NodeSpec
 
 #: Root mean square of the distance between goal and position that still counts as following.
 TRACKING_ERROR_MAX_RAD = 0.1
@@ -34,9 +36,11 @@ class ActuatorTest:
         self._states = 0
         self._goal: FloatArray | None = None
         self._squares = 0.0
+        self._largest_rad = 0.0
         self._samples = 0
         self._outside_rad = 0.0
         self._finite = True
+        self._recorder = MotionRecorder() if spec.context.get("testing") else None
 
     def meter(self, topic: str) -> RateMeter:
         """The counter of the messages on a topic."""
@@ -52,12 +56,29 @@ class ActuatorTest:
         beyond = np.maximum(limits.position_min_rad - position, position - limits.position_max_rad)
         self._outside_rad = max(self._outside_rad, float(beyond.max(initial=0.0)))
         if self._goal is not None:
-            self._squares += float(np.mean((position - self._goal) ** 2))
+            error_rad = position - self._goal
+            self._squares += float(np.mean(error_rad**2))
+            self._largest_rad = max(self._largest_rad, float(np.abs(error_rad).max(initial=0.0)))
             self._samples += 1
+        if self._recorder is not None:
+            self._recorder.state(reading)
 
     def written(self, goal_rad: FloatArray, *, following: bool) -> None:
         """Takes what was written; only goals that follow commands count for the tracking error."""
         self._goal = goal_rad if following else None
+        if self._recorder is not None:
+            self._recorder.written(goal_rad)
+
+    def diagnosed(self, rows: Sequence[DiagnosticStatus]) -> Sequence[DiagnosticStatus]:
+        """Takes the rows of the device's diagnostics, and hands them on."""
+        if self._recorder is not None:
+            self._recorder.diagnosed(rows)
+        return rows
+
+    def traces(self) -> list[JointTrace]:
+        """What was recorded in MODE_TEST, one trace for each joint."""
+        names = [str(joint["name"]) for joint in self._spec.context.get("joints", ())]
+        return self._recorder.traces(names) if self._recorder is not None else []
 
     def results(self, readers: Sequence[CommandReader]) -> list[Result]:
         """The rows of the table."""
@@ -77,13 +98,18 @@ class ActuatorTest:
             text += f", {reader.refused} refused" if reader.refused else ""
             rows.append((f"commands on {reader.topic}", reader.accepted > 0 and not reader.refused, text))
         rows += self._tracking(bool(readers))
+        if self._recorder is not None:
+            rows += self._recorder.results()
         return rows
 
     def _tracking(self, is_commanded: bool) -> list[Result]:
         if self._samples:
             error_rad = math.sqrt(self._squares / self._samples)
             good = error_rad <= TRACKING_ERROR_MAX_RAD
-            text = f"{error_rad:.4f} rad rms over {self._samples} cycles, {TRACKING_ERROR_MAX_RAD} allowed"
+            text = (
+                f"{error_rad:.4f} rad rms, {self._largest_rad:.4f} rad at most over {self._samples} cycles, "
+                f"{TRACKING_ERROR_MAX_RAD} rad rms allowed"
+            )
             return [("tracking error", good, text)]
         if is_commanded:
             return [("tracking error", False, "no cycle followed a command")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -125,7 +126,7 @@ def remove_old_logs(folder: Path, keep: int = KEPT_RUNS) -> None:
     try:
         logs = sorted(folder.glob("*.jsonl"), key=lambda path: path.stat().st_mtime, reverse=True)
         for log in logs[keep:]:
-            for path in folder.glob(f"{log.name}*"):
+            for path in folder.glob(f"{glob.escape(log.stem)}[.-]*"):  # rotations, and pictures of a test
                 path.unlink()
     except OSError:
         return  # another run cleans up at the same time, or the folder is not ours to change

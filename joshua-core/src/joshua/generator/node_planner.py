@@ -104,7 +104,7 @@ class NodePlanner:
         """What a node must know of others: its own joints and its leader's, or those that it commands."""
         if want.kind is ProvisionKind.ACTUATOR:
             joints = {"joints": self._joints[want.entry.path]}
-            return joints | self._commanders(want)
+            return joints | self._commanders(want) | ({"testing": True} if self._testing else {})
         commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
         testing = {"testing": True} if self._testing and want.kind is ProvisionKind.SENSOR else {}
         return testing | ({"joints": commanded} if commanded else {})

@@ -369,6 +369,7 @@ class Supervisor:
             ready_s=self._ready_s,
             first_message_s=self._first_message_s,
             stop_s=stop_s,
+            log=str(self._logbook.path),
         )
 
     def _show_table(self, ready_s: float) -> None:

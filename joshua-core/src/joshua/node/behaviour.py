@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from joshua.node.errors import ResumeRefusedError
-from joshua.plan import NodeSpec, TopicSpec
+from joshua.plan import JointTrace, NodeSpec, TopicSpec
 
 
 class MessagePublisher(Protocol):
@@ -129,4 +129,8 @@ class NodeBehaviour(ABC):
 
         Called after ``deactivate`` and before ``cleanup``.
         """
+        return []
+
+    def test_traces(self) -> list[JointTrace]:
+        """How each joint moved during MODE_TEST, for the pictures; called after ``test_results``."""
         return []

@@ -19,7 +19,7 @@ from joshua.node.endpoints import Endpoints
 from joshua.node.errors import InterruptedLifecycleError, NodeError, ResumeRefusedError, exit_code_of
 from joshua.node.loading import load_behaviour
 from joshua.node.rosout import RosoutPublisher
-from joshua.plan import CheckResult, NodeKind, NodeReport, NodeSpec
+from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec
 from joshua.transport import Transport
 
 #: Distance of two messages with running totals.
@@ -241,6 +241,7 @@ class NodeRuntime:
         self.context.request_stop()
         behaviour = self._behaviour
         checks: tuple[CheckResult, ...] = ()
+        traces: tuple[JointTrace, ...] = ()
         if behaviour is not None:
             self._enter("deactivate")
             self._attempt("deactivate", behaviour.deactivate)
@@ -250,9 +251,10 @@ class NodeRuntime:
             if self.context.endpoints is not None:
                 self._attempt("ending the subscriptions", self.context.endpoints.close_subscriptions)
             checks = self._test_results(behaviour)
+            traces = tuple(behaviour.test_traces())
             self._enter("cleanup")
             self._attempt("cleanup", behaviour.cleanup)
-        report = self._report(checks)
+        report = self._report(checks).model_copy(update={"traces": traces})
         self._services.observe_logs(self._spec.full_name, None)
         if self.context.endpoints is not None:
             self._attempt("leaving the graph", self.context.endpoints.close)

@@ -14,11 +14,12 @@ from joshua.plan.qos import QosProfile
 if TYPE_CHECKING:
     from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
     from joshua.plan.plan import Plan, TlsSpec, TransportSpec
-    from joshua.plan.report import CheckResult, NodeReport, RunReport, TimerReport, TopicReport
+    from joshua.plan.report import CheckResult, JointTrace, NodeReport, RunReport, TimerReport, TopicReport
 
 __all__ = [
     "CheckResult",
     "Diagnostic",
+    "JointTrace",
     "NodeKind",
     "NodeReport",
     "NodeSpec",
@@ -38,7 +39,14 @@ __all__ = [
 _LATER = {
     "joshua.plan.node_spec": ("NodeKind", "NodeSpec", "TopicSpec"),
     "joshua.plan.plan": ("Plan", "TlsSpec", "TransportSpec"),
-    "joshua.plan.report": ("CheckResult", "NodeReport", "RunReport", "TimerReport", "TopicReport"),
+    "joshua.plan.report": (
+        "CheckResult",
+        "JointTrace",
+        "NodeReport",
+        "RunReport",
+        "TimerReport",
+        "TopicReport",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _LATER.items() for name in names}
 

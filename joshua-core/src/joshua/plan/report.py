@@ -50,6 +50,26 @@ class CheckResult(BaseModel):
     measured: str = ""
 
 
+class JointTrace(BaseModel):
+    """How one joint moved during a test; all series but the temperature's have one value for each time.
+
+    Attributes:
+        time_s: since the first sample.
+        goal_rad: what was written, None where nothing commanded the joint; position_rad: what was read next.
+        effort: as the state carries it, a fraction of stall torque or N·m.
+        temperature_c: pairs of time and temperature, about one a second; empty where nobody measures it.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    joint: str
+    time_s: tuple[float, ...]
+    goal_rad: tuple[float | None, ...]
+    position_rad: tuple[float, ...]
+    effort: tuple[float, ...]
+    temperature_c: tuple[tuple[float, float], ...] = ()
+
+
 class NodeReport(BaseModel):
     """One node's share of a run.
 
@@ -70,6 +90,7 @@ class NodeReport(BaseModel):
     timers: tuple[TimerReport, ...] = ()
     checks: tuple[CheckResult, ...] = ()
     warnings: tuple[str, ...] = ()
+    traces: tuple[JointTrace, ...] = ()
 
 
 class RunReport(BaseModel):
@@ -82,6 +103,7 @@ class RunReport(BaseModel):
         ready_s: from the start to the last ready report; None if that was not reached.
         first_message_s: from the start to the first message that a subscription received.
         stop_s: from the stop request to the last exit.
+        log: path of the log file, beside which further results of the run may lie; "" for none.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -93,3 +115,4 @@ class RunReport(BaseModel):
     ready_s: float | None = None
     first_message_s: float | None = None
     stop_s: float | None = None
+    log: str = ""
