@@ -8,7 +8,15 @@ either shows.
 
 from joshua_emulator.camera.process import EmulatedCamera
 from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
+from joshua_emulator.encoder.process import EmulatedEncoder
 from joshua_emulator.lidar.process import EmulatedLidar
 from joshua_emulator.process import EmulatedBus
 
-__all__ = ["EmulatedBus", "EmulatedCamera", "EmulatedLidar", "EmulatorError", "EmulatorProcess"]
+__all__ = [
+    "EmulatedBus",
+    "EmulatedCamera",
+    "EmulatedEncoder",
+    "EmulatedLidar",
+    "EmulatorError",
+    "EmulatorProcess",
+]

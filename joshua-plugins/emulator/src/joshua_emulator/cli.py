@@ -21,12 +21,14 @@ from joshua_emulator.dynamixel import registers as dynamixel
 from joshua_emulator.dynamixel.assembly import DynamixelAssembly
 from joshua_emulator.dynamixel.models import MODELS
 from joshua_emulator.eeprom_store import EepromStoreError
+from joshua_emulator.encoder import cli as encoder_cli
 from joshua_emulator.feetech import registers as feetech
 from joshua_emulator.feetech.assembly import FeetechAssembly
 from joshua_emulator.lidar import cli as lidar_cli
 from joshua_emulator.motion import MotionError
 from joshua_emulator.servo_bus.assembly import BusAssembly, BusSpec, SpecError
 from joshua_emulator.spike import cli as spike_cli
+from joshua_emulator.station import Station
 
 _BUSES: dict[str, type[BusAssembly[Any]]] = {"feetech": FeetechAssembly, "dynamixel": DynamixelAssembly}
 
@@ -127,16 +129,20 @@ def _hub(options: argparse.Namespace, root: Path) -> Machine:
     return Machine(spike_cli.ready_facts(machine), handle, machine.run, machine.stop, machine.close)
 
 
-def _lidar(options: argparse.Namespace, root: Path) -> Machine:
-    station = lidar_cli.make_station(options, root)
-    return Machine(
-        lidar_cli.ready_facts(station), station.control.handler, station.run, station.stop, station.close
-    )
+def _serial_sensor(station: Station) -> Machine:
+    facts = {
+        "port": str(station.line.port),
+        "by_id": str(station.line.by_id),
+        "identity": station.line.identity,
+        "control": str(station.control.path),
+    }
+    return Machine(facts, station.control.handler, station.run, station.stop, station.close)
 
 
 MAKERS: dict[str, Callable[[argparse.Namespace, Path], Machine]] = {
     "camera": _camera,
-    "lidar": _lidar,
+    "encoder": lambda options, root: _serial_sensor(encoder_cli.make_station(options, root)),
+    "lidar": lambda options, root: _serial_sensor(lidar_cli.make_station(options, root)),
     "spike": _hub,
 }
 
@@ -168,6 +174,7 @@ def _parser() -> argparse.ArgumentParser:
     speeds = dynamixel.BAUDRATES.values()
     _add_bus(protocols, "dynamixel", "a bus of X-series servos", speeds, f"models, of {', '.join(MODELS)}")
     camera_cli.add_parser(protocols)
+    encoder_cli.add_parser(protocols)
     lidar_cli.add_parser(protocols)
     spike_cli.add_parser(protocols)
     return parser

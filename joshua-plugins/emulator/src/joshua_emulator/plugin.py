@@ -40,4 +40,10 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_emulator.serial_sensors:LidarEmulator",
             summary="laser scanner in a room, on a pseudo-terminal",
         ),
+        Provision(
+            kind=ProvisionKind.EMULATOR,
+            block="encoder_config",
+            implementation="joshua_emulator.serial_sensors:EncoderEmulator",
+            summary="rotary encoders on a shaft, on a pseudo-terminal",
+        ),
     ]

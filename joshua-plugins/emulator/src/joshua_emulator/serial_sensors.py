@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from google.protobuf.message import Message
 
 from joshua_emulator.devices import ProcessEmulator
+from joshua_emulator.encoder.process import EmulatedEncoder
 from joshua_emulator.lidar.models import MODELS
 from joshua_emulator.lidar.process import EmulatedLidar
 
@@ -43,3 +44,20 @@ class LidarEmulator(SerialSensorEmulator):
         usual = _SCANNERS.get(block.comm.serial.baudrate, _USUAL_SCANNER)
         model = block.model if block.model in MODELS else usual
         return EmulatedLidar(model, identity=self.device.node_name, fault=list(self.device.faults))
+
+
+class EncoderEmulator(SerialSensorEmulator):
+    """Rotary encoders on a shaft that turns back and forth."""
+
+    def make_process(self, block: Any, folder: Path) -> EmulatedEncoder:
+        """Makes the encoders with protocol, resolution, line speed and addresses of the block."""
+        del folder  # an encoder remembers nothing
+        return EmulatedEncoder(
+            block.protocol or "line",
+            resolution=block.resolution,
+            baudrate=block.comm.serial.baudrate,
+            addresses=list(block.address) or None,
+            counter_range=block.counter_range or None,
+            identity=self.device.node_name,
+            fault=list(self.device.faults),
+        )

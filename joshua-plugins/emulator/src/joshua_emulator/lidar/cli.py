@@ -47,13 +47,3 @@ def make_station(options: argparse.Namespace, root: Path) -> Station:
     station.replug(options.name)
     station.stream(scanner.produce)
     return station
-
-
-def ready_facts(station: Station) -> dict[str, Any]:
-    """What the line of JSON at the start says about the scanner."""
-    return {
-        "port": str(station.line.port),
-        "by_id": str(station.line.by_id),
-        "identity": station.line.identity,
-        "control": str(station.control.path),
-    }

@@ -1,0 +1,1 @@
+"""Emulated rotary encoders on a shaft that turns back and forth over several turns."""

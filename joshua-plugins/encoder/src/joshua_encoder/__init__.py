@@ -1,0 +1,1 @@
+"""Rotary encoders with a serial link, published as joints."""

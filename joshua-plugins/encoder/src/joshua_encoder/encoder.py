@@ -1,0 +1,146 @@
+"""Rotary encoders as a sensor: the joints of one serial link."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
+from joshua.messages.make import joint_state
+
+from joshua_encoder.settings import AMT21, LINE, EncoderSettings
+from joshua_encoder.sources import Amt21Source, Counts, LineSource, Source
+from joshua_encoder.tracker import Tracker
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+#: Counts that may wait for a reader; older ones are left out, the position goes on.
+_WAITING = 64
+
+
+@dataclass(frozen=True)
+class EncoderReading:
+    """State of all encoders of a link, in the order of the settings.
+
+    Attributes:
+        ticks: counts, over any number of turns; position_rad, velocity_rad_s: of the shafts.
+    """
+
+    ticks: tuple[int, ...]
+    position_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+
+
+class SerialEncoder(Sensor):
+    """Rotary encoders with a serial link; ``Reading.data`` is an ``EncoderReading``.
+
+    Args:
+        settings: link, protocol, resolution, names.
+        context: further facts of the plan; not used.
+    """
+
+    settings: EncoderSettings
+
+    def __init__(self, settings: EncoderSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        endpoint = Endpoint(settings.port, settings.serial_number, settings.vid_pid, settings.device_root)
+        self._port = SerialPort(endpoint, settings.baudrate)
+        self._source: Source | None = None
+        self._trackers: list[Tracker] = []
+        self._ready: deque[Reading] = deque(maxlen=_WAITING)
+        self._sequence = 0
+        self._last_stamp_ns = 0
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """The state of joints."""
+        return (JOINT_STATE,)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the encoders are followed."""
+        return self._source is not None
+
+    @property
+    def damaged(self) -> int:
+        """Lines or answers since the encoders were opened that could not be used."""
+        return self._source.damaged if self._source is not None else 0
+
+    def connect(self) -> None:
+        """Opens the port and waits for the encoders.
+
+        Raises:
+            DeviceError: port or encoder is missing, busy, not allowed, silent, at another line speed or
+                address, or speaks another protocol; the message names port and remedy.
+        """
+        if self.connected:
+            raise DeviceError(f"{self._port} is open already: disconnect first")
+        settings = self.settings
+        self._port.baudrate = settings.baudrate
+        self._port.open()
+        try:
+            kind = Amt21Source if settings.protocol == AMT21 else LineSource
+            source = kind(self._port, settings)
+            source.start()
+        except BaseException:
+            self._port.close()
+            raise
+        modulus = settings.counter_range if settings.protocol == LINE else settings.resolution
+        self._trackers = [
+            Tracker(settings.resolution, modulus, inverted=settings.inverted) for _ in settings.joint_names
+        ]
+        self._sequence = 0
+        self._ready.clear()
+        self._source = source
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next counts.
+
+        Raises:
+            DeviceDisconnected: the adapter was unplugged, or the encoder delivers nothing that can be used.
+        """
+        self.require_connected("read")
+        source = self._source
+        assert source is not None
+        deadline_s = time.monotonic() + timeout_s
+        while not self._ready:
+            for counts in source.read(deadline_s):
+                self._follow(counts)
+            if time.monotonic() >= deadline_s:
+                break
+        return self._ready.popleft() if self._ready else None
+
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes a JointState of all encoders of the link."""
+        del type_name  # there is only one
+        data: EncoderReading = reading.data
+        return joint_state(
+            self.settings.joint_names,
+            data.position_rad,
+            data.velocity_rad_s,
+            frame_id=frame_id,
+            at_ns=reading.stamp_ns,
+        )
+
+    def disconnect(self) -> None:
+        """Closes the port; a second call does nothing."""
+        self._source = None
+        self._port.close()
+        self._ready.clear()
+
+    def _follow(self, counts: Counts) -> None:
+        for tracker, count in zip(self._trackers, counts.counts, strict=True):
+            tracker.add(count, counts.time_ns)
+        self._last_stamp_ns = max(counts.stamp_ns, self._last_stamp_ns + 1)
+        data = EncoderReading(
+            tuple(tracker.ticks for tracker in self._trackers),
+            tuple(tracker.position_rad for tracker in self._trackers),
+            tuple(tracker.velocity_rad_s for tracker in self._trackers),
+        )
+        self._ready.append(Reading(self._last_stamp_ns, self._sequence, data))
+        self._sequence += 1

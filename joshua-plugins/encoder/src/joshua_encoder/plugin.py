@@ -1,0 +1,21 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.plugins import Provision, ProvisionKind, hookimpl
+
+
+@hookimpl
+def joshua_provisions() -> list[Provision]:
+    """Names the rotary encoder."""
+    return [
+        Provision(
+            kind=ProvisionKind.SENSOR,
+            block="encoder_config",
+            enum_values=("PERCEPTION_ENCODER",),
+            implementation="joshua_encoder.encoder:SerialEncoder",
+            settings="joshua_encoder.settings:EncoderSettings",
+            data_types=("sensor_msgs/msg/JointState",),
+            summary="rotary encoders: counts as text, AS5600 behind a microcontroller, AMT21 on RS-485",
+        )
+    ]

@@ -1,0 +1,288 @@
+"""Where counts come from: a line that sends by itself, or a bus that is asked."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.stamps import StampClock
+
+from joshua_encoder.amt21 import ANSWER_LENGTH, position
+from joshua_encoder.lines import MAGNET_FOUND, Count, LineParser
+from joshua_encoder.settings import AS5600, AS5600_RESOLUTION, EncoderSettings
+
+#: A microcontroller that restarts when its port is opened needs this long for its first line.
+FIRST_LINE_S = 4.0
+
+#: Silence after which an encoder counts as lost.
+STALE_S = 1.0
+
+#: How long an AMT21 is waited for; USB adapters hold bytes back for up to 16 ms.
+ANSWER_S = 0.025
+SEARCH_ANSWER_S = 0.005
+
+AMT21_BAUDRATE = 2_000_000
+_LARGEST_ADDRESS = 252
+_SPEEDS = (115_200, 9_600, 57_600, 230_400, 1_000_000, 38_400, 19_200, 250_000, 460_800, 500_000, 921_600)
+_LISTEN_S = 0.3
+_SURE = 3  # lines that are no accident
+_CHUNK_S = 0.002
+_LARGEST_CHUNK = 64
+_RETRIES = 2
+_MICROSECONDS = 1 << 32  # of a microcontroller's 32-bit clock
+_NS_PER_US = 1_000
+
+
+class Counts(NamedTuple):
+    """Counts of all encoders of a link, taken together.
+
+    Attributes:
+        stamp_ns: when, ns since the epoch; time_ns: when, on the best clock for distances of time.
+    """
+
+    stamp_ns: int
+    time_ns: int
+    counts: tuple[int, ...]
+
+
+class Source(ABC):
+    """The encoders at an open port.
+
+    Attributes:
+        damaged: lines or answers so far that could not be used.
+    """
+
+    def __init__(self, port: SerialPort, settings: EncoderSettings) -> None:
+        self.port, self.settings = port, settings
+        self.damaged = 0
+        self._clock = StampClock()
+
+    @abstractmethod
+    def start(self) -> None:
+        """Makes sure that the encoders are there. Raises DeviceError."""
+
+    @abstractmethod
+    def read(self, deadline_s: float) -> list[Counts]:
+        """Waits for counts, at most until a time of the monotonic clock. Raises DeviceDisconnected."""
+
+
+class LineSource(Source):
+    """A microcontroller that sends lines of text."""
+
+    def __init__(self, port: SerialPort, settings: EncoderSettings) -> None:
+        super().__init__(port, settings)
+        self._parser = self._new_parser()
+        self._received = 0
+        self._ready: list[Counts] = []
+        self._time_us: int | None = None  # of the sender's clock, going on beyond 32 bits
+        self._byte_s = self._good_s = time.monotonic()
+        self._no_magnet = False
+
+    def start(self) -> None:
+        """Waits for the first line."""
+        self.port.discard_input()
+        self._byte_s = self._good_s = started_s = time.monotonic()
+        while not self._ready:
+            now_s = time.monotonic()
+            if now_s - started_s > FIRST_LINE_S or self._parser.bad >= 10 * _SURE:
+                raise self._explain()
+            self._take(now_s + 0.05)
+
+    def read(self, deadline_s: float) -> list[Counts]:
+        """Waits for the next lines."""
+        if not self._ready:
+            self._take(deadline_s)
+            self._check_alive()
+        ready, self._ready = self._ready, []
+        return ready
+
+    def _new_parser(self) -> LineParser:
+        return LineParser(AS5600_RESOLUTION - 1 if self.settings.protocol == AS5600 else None)
+
+    def _take(self, deadline_s: float) -> None:
+        port = self.port
+        size = max(1, min(_LARGEST_CHUNK, round(_CHUNK_S / port.wire_time_s(1))))
+        data = port.receive(size, min(deadline_s, time.monotonic() + 2 * _CHUNK_S))
+        if not data:
+            return
+        stamp_ns = self._clock.now_ns()
+        self._byte_s = time.monotonic()
+        self._received += len(data)
+        for count in self._parser.feed(data):
+            behind_ns = round(port.wire_time_s(self._received - count.end) * 1e9)
+            self._accept(count, stamp_ns - behind_ns)
+        self.damaged = self._parser.bad
+
+    def _accept(self, count: Count, stamp_ns: int) -> None:
+        self._no_magnet = count.status is not None and not count.status & MAGNET_FOUND
+        if self._no_magnet:
+            return
+        time_ns = stamp_ns
+        if count.time_us is not None:
+            step = 1 if self._time_us is None else (count.time_us - self._time_us) % _MICROSECONDS
+            if step == 0:
+                return  # a line that was sent twice says nothing new
+            if self._time_us is None or step > _MICROSECONDS // 2:  # its clock began anew
+                self._time_us = count.time_us
+            else:
+                self._time_us += step
+            time_ns = self._time_us * _NS_PER_US
+        self._good_s = time.monotonic()
+        self._ready.append(Counts(stamp_ns, time_ns, (count.count,)))
+
+    def _check_alive(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._byte_s > STALE_S:
+            raise DeviceDisconnected(
+                f"{self.port}: the encoder has sent nothing for {STALE_S:g} s: check cable and power, and "
+                "that the program on its microcontroller runs"
+            )
+        if now_s - self._good_s > STALE_S:
+            raise DeviceDisconnected(self._stale())
+
+    def _stale(self) -> str:
+        if self._no_magnet:
+            return (
+                f"{self.port}: the AS5600 sees no magnet: bring the magnet to 0.5 to 3 mm before the middle "
+                "of the chip"
+            )
+        if self._parser.last_bad:
+            return (
+                f"{self.port}: no line that can be read has come for {STALE_S:g} s, the last one was "
+                f"{_text(self._parser.last_bad)}: check baudrate, cable and ground"
+            )
+        return (
+            f"{self.port}: the encoder sends the same time again and again: restart the program on its "
+            "microcontroller"
+        )
+
+    def _explain(self) -> DeviceError:
+        """Says why no line came."""
+        port, parser, asked = self.port, self._parser, self.port.baudrate
+        if self._no_magnet:
+            return DeviceError(self._stale())
+        if not self._received:
+            return DeviceError(
+                f"{port}: the encoder sends nothing: check cable and power, that the program on its "
+                "microcontroller runs, and comm.serial; joshua find-port lists the ports"
+            )
+        for speed in _SPEEDS:
+            if speed == asked:
+                continue
+            port.set_baudrate(speed)
+            port.discard_input()
+            trial = self._new_parser()
+            end_s = time.monotonic() + _LISTEN_S
+            while time.monotonic() < end_s and trial.good < _SURE:
+                trial.feed(port.receive(_LARGEST_CHUNK, min(end_s, time.monotonic() + 0.05)))
+            if trial.good >= _SURE:
+                return DeviceError(
+                    f"{port}: no line can be read at {asked} bit/s, but at {speed} they can: "
+                    f"set baudrate: {speed}"
+                )
+        found = f", such as {_text(parser.last_bad)}" if parser.last_bad else ""
+        kind = "angles from 0 to 4095" if self.settings.protocol == AS5600 else "counts"
+        return DeviceError(
+            f"{port}: what comes are no lines of {kind}{found}: check baudrate and protocol; a line is "
+            "COUNT, or COUNT,MICROSECONDS, with *CRC after it if you like"
+        )
+
+
+class Amt21Source(Source):
+    """AMT21 encoders on RS-485, which answer when their address is sent."""
+
+    def __init__(self, port: SerialPort, settings: EncoderSettings) -> None:
+        super().__init__(port, settings)
+        self._period_s = 1.0 / settings.rate_hz
+        self._due_s = self._good_s = time.monotonic()
+        self._echo = False
+
+    def start(self) -> None:
+        """Asks each encoder."""
+        missing = [address for address in self.settings.addresses if not self._answers(address)]
+        if missing:
+            raise self._explain(missing)
+        self._due_s = self._good_s = time.monotonic()
+
+    def read(self, deadline_s: float) -> list[Counts]:
+        """Waits for the time of the next round, then asks each encoder."""
+        now_s = time.monotonic()
+        if self._due_s > deadline_s:
+            time.sleep(max(0.0, deadline_s - now_s))
+            return []
+        time.sleep(max(0.0, self._due_s - now_s))
+        self._due_s = max(self._due_s + self._period_s, time.monotonic())
+        counts = []
+        for address in self.settings.addresses:
+            count = self._ask(address)
+            if count is None:
+                if time.monotonic() - self._good_s > STALE_S:
+                    raise DeviceDisconnected(
+                        f"{self.port}: the AMT21 at address {address} has not answered for {STALE_S:g} s: "
+                        "check its power, both wires of the bus and its termination"
+                    )
+                return []
+            counts.append(count)
+        stamp_ns = self._clock.now_ns()
+        self._good_s = time.monotonic()
+        return [Counts(stamp_ns, stamp_ns, tuple(counts))]
+
+    def _ask(self, address: int) -> int | None:
+        for _ in range(_RETRIES):
+            length = ANSWER_LENGTH + self._echo
+            self.port.send(bytes((address,)))
+            answer = self.port.receive(length, time.monotonic() + ANSWER_S)
+            count = (
+                position(answer[-ANSWER_LENGTH:], self.settings.resolution) if len(answer) == length else None
+            )
+            if count is not None:
+                return count
+            self.damaged += 1
+        return None
+
+    def _answers(self, address: int, timeout_s: float = ANSWER_S) -> bool:
+        """Whether an encoder answers; learns whether the adapter returns what is sent."""
+        for _ in range(_RETRIES):
+            self.port.send(bytes((address,)))
+            answer = self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s)
+            echo = len(answer) == ANSWER_LENGTH + 1 and answer[0] == address
+            if len(answer) == ANSWER_LENGTH + echo and _checked(answer[-ANSWER_LENGTH:]):
+                self._echo = echo
+                return True
+        return False
+
+    def _explain(self, missing: list[int]) -> DeviceError:
+        port, asked = self.port, self.port.baudrate
+        listed = ", ".join(f"{address} ({address:#04x})" for address in missing)
+        wanted = f"no AMT21 answers at address {listed}"
+        for speed in dict.fromkeys((asked, AMT21_BAUDRATE, 115_200, 9_600, 19_200, 38_400)):
+            port.set_baudrate(speed)
+            found = [
+                address
+                for address in range(0, _LARGEST_ADDRESS + 1, 4)
+                if self._answers(address, SEARCH_ANSWER_S + port.wire_time_s(4))
+            ]
+            if found and speed != asked:
+                return DeviceError(
+                    f"{port}: {wanted} at {asked} bit/s, but one does at {speed}: set baudrate: {speed}"
+                )
+            if found:
+                there = ", ".join(str(address) for address in found)
+                return DeviceError(
+                    f"{port}: {wanted}; those at {there} do: correct address, or check the wires"
+                )
+        return DeviceError(
+            f"{port}: {wanted}, nor at any other: check power, that A and B are not exchanged, and that the "
+            "adapter is one for RS-485"
+        )
+
+
+def _checked(answer: bytes) -> bool:
+    return position(answer, 1 << 14) is not None
+
+
+def _text(line: bytes) -> str:
+    return repr(line.decode("ascii", errors="backslashreplace").strip())

@@ -1,0 +1,67 @@
+"""The example of the guide on emulated encoders: a test run that passes, and ones that do not."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sysconfig
+from pathlib import Path
+
+JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "wheel_encoders.pbtxt"
+
+
+def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
+    runtime = folder / "run"
+    runtime.mkdir(mode=0o700)
+    environment = os.environ | {
+        "ROS_DOMAIN_ID": str(domain_id),
+        "XDG_RUNTIME_DIR": str(runtime),
+        "XDG_STATE_HOME": str(folder / "state"),
+        "JOSHUA_LOG_DIR": str(folder / "log"),
+    }
+    done = subprocess.run(
+        [str(JOSHUA), "--config", str(EXAMPLE), "--emulate", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        stdin=subprocess.DEVNULL,
+        env=environment,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_good_encoders_pass(tmp_path: Path, joshua_domain_id: int) -> None:
+    code, text = run(tmp_path, joshua_domain_id, "--duration", "4")
+    assert code == 0, text
+    assert re.search(r"PASS  /wheels +rate of /wheels/joint_states", text)
+    assert re.search(r"PASS  /steering +rate of /steering/joint_states", text)
+
+
+def test_an_encoder_without_its_magnet_fails_and_the_others_go_on(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    code, text = run(tmp_path, joshua_domain_id, "--duration", "5", "--fault", "steering:no_magnet,at_s=2")
+    assert code == 1, text
+    assert "the AS5600 sees no magnet" in text
+    assert re.search(r"FAIL  /steering +connection +lost 1 times", text)
+    assert re.search(r"PASS  /wheels +rate of /wheels/joint_states", text)
+
+
+def test_a_wrong_address_is_named_before_anything_runs(tmp_path: Path, joshua_domain_id: int) -> None:
+    code, text = run(tmp_path, joshua_domain_id, "--duration", "4", "--fault", "wheels:silent")
+    assert code == 4, text
+    assert "no AMT21 answers at address 84 (0x54), 88 (0x58), nor at any other" in " ".join(text.split())
+
+
+def test_a_typing_error_is_found_before_anything_runs(tmp_path: Path, joshua_domain_id: int) -> None:
+    code, text = run(
+        tmp_path,
+        joshua_domain_id,
+        "--set",
+        'robot.perceptions[1].encoder_config.protocol="as560"',
+        "--validate-only",
+    )
+    assert code == 2, text
+    assert '"as5600"' in text

@@ -1,0 +1,157 @@
+"""What goes wrong with encoders, and what the user is told."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+import pytest
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.serial_errors import PortBusy, PortNotFound
+from joshua_emulator import EmulatedEncoder, EmulatedLidar
+from joshua_encoder.encoder import SerialEncoder
+
+Start = Callable[..., EmulatedEncoder]
+Make = Callable[..., SerialEncoder]
+
+
+def refusal(encoder: SerialEncoder, kind: type[DeviceError] = DeviceError) -> str:
+    with pytest.raises(kind) as caught:
+        encoder.connect()
+    assert not encoder.connected
+    return str(caught.value)
+
+
+def loss(encoder: SerialEncoder, timeout_s: float = 10.0) -> str:
+    deadline_s = time.monotonic() + timeout_s
+    while time.monotonic() < deadline_s:
+        try:
+            encoder.read(0.2)
+        except DeviceDisconnected as error:
+            return str(error)
+    raise AssertionError("the loss was not noticed")
+
+
+def test_no_such_port(encoder_at: Make) -> None:
+    assert "/dev/ttyACM_none: no such serial port" in refusal(encoder_at("/dev/ttyACM_none"), PortNotFound)
+
+
+def test_a_port_in_use(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("line")
+    first = encoder_at(emulator.port)
+    first.connect()
+    text = refusal(encoder_at(emulator.port), PortBusy)
+    assert f"(process {os.getpid()}, this one)" in text
+
+
+def test_nothing_comes(emulator_of: Start, encoder_at: Make) -> None:
+    text = refusal(encoder_at(emulator_of("line", fault=["silent"]).port))
+    assert (
+        "the encoder sends nothing: check cable and power, that the program on its microcontroller runs"
+        in text
+    )
+
+
+def test_the_wrong_line_speed(emulator_of: Start, encoder_at: Make) -> None:
+    text = refusal(encoder_at(emulator_of("line", baudrate=57_600).port))
+    assert "no line can be read at 115200 bit/s, but at 57600 they can: set baudrate: 57600" in text
+
+
+def test_what_comes_is_something_else(encoder_at: Make) -> None:
+    with EmulatedLidar("ld19") as scanner:
+        text = refusal(encoder_at(scanner.port, "", 230_400))
+    assert "what comes are no lines of counts" in text
+    assert "a line is COUNT, or COUNT,MICROSECONDS" in text
+
+
+def test_counts_are_no_angles(emulator_of: Start, encoder_at: Make) -> None:
+    text = refusal(encoder_at(emulator_of("line", resolution=1_000_000).port, "as5600"))
+    assert "what comes are no lines of angles from 0 to 4095, such as " in text
+
+
+def test_no_magnet(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("as5600", fault=["no_magnet"])
+    encoder = encoder_at(emulator.port, "as5600")
+    assert "the AS5600 sees no magnet: bring the magnet to 0.5 to 3 mm" in refusal(encoder)
+    emulator.ask("clear_faults")
+    encoder.connect()
+    emulator.fault("no_magnet")
+    assert "the AS5600 sees no magnet" in loss(encoder)
+
+
+def test_an_encoder_that_falls_silent(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("line")
+    encoder = encoder_at(emulator.port)
+    encoder.connect()
+    emulator.fault("silent")
+    assert "the encoder has sent nothing for 1 s" in loss(encoder)
+
+
+def test_the_same_line_again_and_again_is_stale(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("line")
+    encoder = encoder_at(emulator.port)
+    encoder.connect()
+    emulator.fault("freeze")
+    assert "the encoder sends the same time again and again" in loss(encoder)
+
+
+def test_a_line_speed_that_changes(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("line")
+    encoder = encoder_at(emulator.port)
+    encoder.connect()
+    emulator.fault("rate", 9600)
+    text = loss(encoder)
+    assert "no line that can be read has come for 1 s" in text or "has sent nothing for 1 s" in text
+
+
+def test_a_shaft_that_is_held_is_no_fault(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("as5600")
+    encoder = encoder_at(emulator.port, "as5600")
+    encoder.connect()
+    emulator.fault("stall")
+    end_s = time.monotonic() + 2.0
+    last = None
+    while time.monotonic() < end_s:
+        last = encoder.read(0.2) or last
+    assert last is not None
+    assert last.data.velocity_rad_s == (0.0,)
+
+
+def test_unplug_and_replug(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("line")
+    encoder = encoder_at(emulator.by_id)
+    encoder.connect()
+    emulator.fault("unplug")
+    assert "the adapter is gone" in loss(encoder)
+    encoder.disconnect()
+    assert "no such serial port" in refusal(encoder)
+    emulator.fault("replug")
+    encoder.connect()
+    assert encoder.read(1.0) is not None
+
+
+def test_an_amt21_at_another_address(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384, addresses=[88, 120])
+    text = refusal(encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384))
+    assert "no AMT21 answers at address 84 (0x54); those at 88, 120 do: correct address" in text
+
+
+def test_an_amt21_at_another_line_speed(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384)
+    text = refusal(encoder_at(emulator.port, "amt21", 115_200, resolution=16384))
+    assert "at 115200 bit/s, but one does at 2000000: set baudrate: 2000000" in text
+
+
+def test_no_amt21(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384, fault=["silent"])
+    text = refusal(encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384))
+    assert "no AMT21 answers at address 84 (0x54), nor at any other: check power" in text
+
+
+def test_an_amt21_that_falls_silent(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384)
+    encoder = encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384)
+    encoder.connect()
+    emulator.fault("silent")
+    assert "the AMT21 at address 84 has not answered for 1 s" in loss(encoder)
