@@ -23,6 +23,8 @@ class Program:
     """``joshua motors …`` with its terminal at our end."""
 
     def __init__(self, *words: str) -> None:
+        if words[0] == "setup" and "--port" in words:
+            words = (*words, "--kind", "sts3215")  # other families may be installed
         self.process = subprocess.Popen(
             [str(JOSHUA), "motors", *words],
             stdin=subprocess.PIPE,

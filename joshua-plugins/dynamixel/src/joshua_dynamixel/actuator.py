@@ -12,6 +12,7 @@ from joshua.devices.servo.inspection import ServoSetup
 from joshua.devices.servo.torque import MoveValues
 
 from joshua_dynamixel.bus import Bus
+from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 from joshua_dynamixel.family import X_SERIES
 from joshua_dynamixel.feedback import parse_feedback
 from joshua_dynamixel.inspection import inspect
@@ -43,6 +44,10 @@ class DynamixelActuator(ServoArm):
     def inspect(self) -> list[ServoSetup]:
         """Checks the servos on the open bus and reads what their EEPROM says, in joint order."""
         return inspect(self._bus, self.settings)
+
+    def calibration_target(self) -> DynamixelCalibrationTarget:
+        """The servos as a calibration sees them: positions without torque, and their EEPROM."""
+        return DynamixelCalibrationTarget(self.settings)
 
     def move_values(self) -> list[MoveValues]:
         """Acceleration and speed of a move; a servo refuses a speed above its velocity limit."""

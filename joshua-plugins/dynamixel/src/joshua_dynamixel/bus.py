@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
-from joshua.devices.servo.bus import FoundMotor, ServoBus
+from joshua.devices.bus_tools import FoundMotor
+from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.errors import NoReply
 
 from joshua_dynamixel.models import model_name
@@ -45,7 +46,7 @@ class Bus(ServoBus):
         block = self.read_block(servo_id, 0, FIRMWARE.end)
         self.read_block(servo_id, *FEEDBACK)
         firmware = FIRMWARE.decode(block[FIRMWARE.address :])
-        return FoundMotor(servo_id, model_name(MODEL.decode(block)), str(firmware))
+        return FoundMotor(servo_id, self.port.baudrate, model_name(MODEL.decode(block)), str(firmware))
 
     def alerted(self, ids: Sequence[int]) -> tuple[int, ...]:
         """Those servos whose last reply said that there is a hardware error."""

@@ -17,6 +17,7 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_dynamixel.actuator:DynamixelActuator",
             settings="joshua_dynamixel.settings:DynamixelSettings",
             safe_stop="joshua_dynamixel.safe_stop:stop",
+            bus_tools="joshua_dynamixel.bus_tools:DynamixelBusTools",
             summary="Dynamixel X-series servo bus",
         )
     ]

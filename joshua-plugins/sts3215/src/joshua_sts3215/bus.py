@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from joshua.devices.servo.bus import FoundMotor, ServoBus
-from joshua.devices.servo.errors import NoReply
+from joshua.devices.bus_tools import FoundMotor
+from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.register import Register
 
 from joshua_sts3215.packet import (
@@ -33,7 +33,9 @@ class Bus(ServoBus):
         block = self.read_block(servo_id, 0, 5)
         self.read_block(servo_id, *FEEDBACK)
         number = int.from_bytes(block[3:5], "little")
-        return FoundMotor(servo_id, MODEL_NAMES.get(number, f"model {number}"), f"{block[0]}.{block[1]}")
+        return FoundMotor(
+            servo_id, self.port.baudrate, MODEL_NAMES.get(number, f"model {number}"), f"{block[0]}.{block[1]}"
+        )
 
     def write_eeprom(self, servo_id: int, values: Mapping[Register, int]) -> None:
         """Unlocks, writes, reads back and locks; a locked EEPROM drops writes without a word.
@@ -44,14 +46,7 @@ class Bus(ServoBus):
         """
         self.write(servo_id, LOCK, 0)
         try:
-            for register, value in values.items():
-                self.write(servo_id, register, value)
-                kept = self.read(servo_id, register)
-                if kept != value:
-                    raise NoReply(
-                        f"{self.port}: id {servo_id} keeps {register.name} at {kept} instead of {value}. "
-                        "Check the supply voltage and try again; the servo may be worn out."
-                    )
+            self.write_checked(servo_id, values)
         finally:
             self.write(servo_id, LOCK, 1)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua.devices.servo.bus import FoundMotor
+from joshua.devices.bus_tools import FoundMotor
 from joshua.devices.servo.inspection import ServoSetup, check_setups, refuse_setup
 from joshua.devices.servo.motor_check import check_motors
 from joshua.devices.servo.register import Register

@@ -11,9 +11,9 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
+from joshua.devices.bus_tools import FoundMotor
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.counters import BusCounters
 from joshua.devices.servo.errors import NoReply, ServoRefused
@@ -26,22 +26,6 @@ LATE_HORIZON_S = 0.25  # how long after a lost reply a late one is reckoned with
 PADDINGS = 15
 BROADCAST_ID = 0xFE  # of the protocols of all families
 _LISTEN_BYTES = 255
-
-
-@dataclass(frozen=True)
-class FoundMotor:
-    """A servo that answers.
-
-    Attributes:
-        model: its name, or its number where that is unknown.
-    """
-
-    servo_id: int
-    model: str
-    firmware: str
-
-    def __str__(self) -> str:
-        return f"{self.servo_id} ({self.model}, firmware {self.firmware})"
 
 
 class ServoBus(ABC):
@@ -170,6 +154,20 @@ class ServoBus(ABC):
                 self._check(reply, f"{register.name} = {value}")
                 return
         raise self._no_reply(servo_id, f"a write of {register.name}")
+
+    def write_checked(self, servo_id: int, values: Mapping[Register, int]) -> None:
+        """Writes registers and reads each one back.
+
+        Raises NoReply, also where a register did not keep its value, ServoRefused and PortDisconnected.
+        """
+        for register, value in values.items():
+            self.write(servo_id, register, value)
+            kept = self.read(servo_id, register)
+            if kept != value:
+                raise NoReply(
+                    f"{self.port}: id {servo_id} keeps {register.name} at {kept} instead of {value}. "
+                    "Check the supply voltage and try again; the servo may be worn out."
+                )
 
     def ping(self, servo_id: int) -> bool:
         """Whether a servo answers, in one attempt. Raises PortDisconnected."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from joshua.devices.bus_tools import FoundMotor
 from joshua.devices.serial_errors import PortUnusable
-from joshua.devices.servo.bus import FoundMotor, ServoBus
+from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.errors import MotorCheckFailed, NoReply
 
 SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on
@@ -33,7 +34,7 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
         except NoReply:
             garbled = bus.counters.corrupt - corrupt > bus.retries
             (shared if garbled else missing).append(servo_id)
-    wrong = [motor for motor in found if motor.model != models[motor.servo_id]]
+    wrong = [motor for motor in found if motor.model != models[motor.motor_id]]
     if not (missing or shared or wrong):
         return found
     strangers = [] if len(missing) == len(ids) else _strangers(bus, ids)
@@ -44,7 +45,7 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
             for servo_id in shared
         ),
         *(
-            f"wrong model: id {motor.servo_id} is a {motor.model}, expected {models[motor.servo_id]}"
+            f"wrong model: id {motor.motor_id} is a {motor.model}, expected {models[motor.motor_id]}"
             for motor in wrong
         ),
     ]

@@ -18,7 +18,9 @@ from joshua_emulator.faults import Faults
 from joshua_emulator.servo_bus.bus import EmulatedServoBus
 from joshua_emulator.wire import TimedReply
 
-PING_SLOT_S = 0.001  # replies to a broadcast ping come by id, this far apart
+PING_SLOT_S = (
+    0.003  # replies to a broadcast ping come by id, this far apart: what the vendor's SDK allows for
+)
 MULTI_TURN_KEY = b"\x01\x44\x58\x4c\x22"  # parameters of CLEAR
 
 # What FACTORY_RESET leaves of id and baud rate, by its parameter.

@@ -1,0 +1,80 @@
+"""Dynamixel buses outside a run: which servos are there, and giving one its id and line speed."""
+
+from __future__ import annotations
+
+from joshua.devices.bus_tools import FoundMotor
+from joshua.devices.servo.bus import ServoBus
+from joshua.devices.servo.bus_tools import ServoBusTools, SetUp
+from joshua.devices.servo.register import Register
+
+from joshua_dynamixel.bus import Bus
+from joshua_dynamixel.feedback import parse_feedback
+from joshua_dynamixel.models import MODELS, model_name
+from joshua_dynamixel.registers import (
+    BAUDRATE,
+    BAUDRATES,
+    DRIVE_MODE,
+    FEEDBACK,
+    FIRMWARE,
+    HARDWARE_ERROR,
+    HARDWARE_ERRORS,
+    ID,
+    MAX_TEMPERATURE,
+    MAX_VOLTAGE,
+    MIN_VOLTAGE,
+    MODEL,
+    OPERATING_MODE,
+    RETURN_DELAY,
+    SETUP,
+    STATUS_LEVEL,
+    TORQUE_ENABLE,
+    OperatingMode,
+)
+
+LARGEST_ID = 252
+_USUAL = 1_000_000
+
+
+class DynamixelBusTools(ServoBusTools):
+    """Servos of the X series on one port."""
+
+    family = "Dynamixel servos"
+    baudrates = (_USUAL, *(speed for speed in BAUDRATES.values() if speed != _USUAL))
+    ids = range(LARGEST_ID + 1)
+    expected_models = tuple(MODELS)
+    make_bus = Bus
+    set_up = SetUp(
+        torque_enable=TORQUE_ENABLE,
+        motor_id=ID,
+        baudrate=BAUDRATE,
+        codes=BAUDRATES,
+        working={
+            STATUS_LEVEL: 2,
+            DRIVE_MODE: 0,
+            OPERATING_MODE: OperatingMode.EXTENDED_POSITION,  # the only one that takes any homing offset
+            RETURN_DELAY: 0,
+        },
+        quiet_s=0.8,  # the vendor reckons with 3 ms for each id below the one that answers
+        calls=1,
+    )
+
+    def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
+        """Reads what a servo says of itself. Raises NoReply and PortDisconnected."""
+        block = bus.read_block(servo_id, SETUP[0], HARDWARE_ERROR.end)
+        feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))
+
+        def value(register: Register) -> int:
+            return register.decode(block[register.address :])
+
+        return FoundMotor(
+            servo_id,
+            bus.port.baudrate,
+            model_name(value(MODEL)),
+            str(value(FIRMWARE)),
+            feedback.voltage_v,
+            float(feedback.temperature_c),
+            float(value(MAX_TEMPERATURE)),
+            value(MIN_VOLTAGE) / 10,
+            value(MAX_VOLTAGE) / 10,
+            HARDWARE_ERRORS.describe(value(HARDWARE_ERROR)),
+        )

@@ -1,0 +1,57 @@
+"""The servos as a calibration sees them: encoder positions without torque, and their EEPROM."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.servo.calibration_target import ServoCalibrationTarget
+from joshua.devices.servo.errors import MotorCheckFailed
+from joshua.devices.servo.inspection import ServoSetup
+from joshua.devices.servo.register import Register
+
+from joshua_dynamixel.bus import Bus
+from joshua_dynamixel.family import X_SERIES
+from joshua_dynamixel.inspection import read_setups
+from joshua_dynamixel.registers import HOMING_OFFSET, LARGEST_JOINT_OFFSET, MAX_POSITION, MIN_POSITION
+from joshua_dynamixel.settings import DynamixelSettings
+
+
+class DynamixelCalibrationTarget(ServoCalibrationTarget):
+    """An arm of X-series servos."""
+
+    family = X_SERIES
+    homing_offset, min_position, max_position = HOMING_OFFSET, MIN_POSITION, MAX_POSITION
+    offset_sign = -1
+    _settings: DynamixelSettings
+    _bus: Bus
+    _setups: dict[int, ServoSetup]
+
+    def make_bus(self, port: SerialPort) -> Bus:
+        """Makes the bus of the servos' protocol."""
+        return Bus(port)
+
+    @property
+    def expected_models(self) -> dict[int, str]:
+        """Expected model of each servo by its id."""
+        return self._settings.models_by_id
+
+    def read_setups(self) -> Sequence[ServoSetup]:
+        """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+        self._setups = {setup.servo_id: setup for setup in read_setups(self._bus, self._settings.motor_ids)}
+        return list(self._setups.values())
+
+    def write_eeprom(self, servo_id: int, values: dict[Register, int]) -> None:
+        """Writes the EEPROM of one servo and reads it back. Raises DeviceError."""
+        self._bus.write_checked(servo_id, values)
+
+    def refuse_unfit(self, motor_id: int, registers: dict[Register, int]) -> None:
+        """Refuses what a servo cannot hold or would ignore, before the first register is written."""
+        super().refuse_unfit(motor_id, registers)
+        offset = registers[HOMING_OFFSET]
+        if not self._setups[motor_id].turns and abs(offset) > LARGEST_JOINT_OFFSET:
+            raise MotorCheckFailed(
+                f"{self._port}: id {motor_id} works in mode 3 (position) and would ignore a homing offset of "
+                f"{-offset} ticks; it takes {-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}. joshua motors "
+                "setup gives it mode 4 (extended position), which takes any."
+            )
