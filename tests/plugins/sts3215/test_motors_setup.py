@@ -23,7 +23,7 @@ class Program:
     """``joshua motors …`` with its terminal at our end."""
 
     def __init__(self, *words: str) -> None:
-        if words[0] == "setup" and "--port" in words:
+        if words[0] == "setup" and "--port" in words and "--kind" not in words:
             words = (*words, "--kind", "sts3215")  # other families may be installed
         self.process = subprocess.Popen(
             [str(JOSHUA), "motors", *words],
@@ -160,7 +160,8 @@ def test_an_interrupted_run_says_how_to_go_on_and_goes_on(new_motors: EmulatedBu
         code, text = joshua.end()
     assert code == 130
     assert "done: joint_3 (id 3)" in text
-    assert f"go on with: joshua motors setup --port {new_motors.port} --ids 1,2" in text
+    going_on = f"go on with: joshua motors setup --port {new_motors.port} --kind sts3215 --ids 1,2"
+    assert going_on in text
     assert "Traceback" not in text
     connect(new_motors, 2, 0)
     new_motors.ask("set_register", slot=0, name="id", value=2)
