@@ -61,7 +61,7 @@ def test_a_scanner_that_turns_too_slowly_fails(tmp_path: Path, joshua_domain_id:
         tmp_path, joshua_domain_id, "--emulate", "--duration", "4", "--fault", "lidar:turn_hz=2.5"
     )
     assert code == 1, text
-    assert re.search(r"FAIL  /lidar  turns +2\.5 a second of usually 5\.5: free its rotor", text)
+    assert re.search(r"FAIL  /lidar  turns +2\.[3-7]\d* a second of usually 5\.5: free its rotor", text)
 
 
 def test_a_scanner_that_is_unplugged_comes_back_and_fails_the_test(
@@ -95,7 +95,7 @@ def test_a_wrong_line_speed_is_named_before_anything_runs(tmp_path: Path, joshua
     )
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda n: n.name)
 def test_the_motor_stops_with_the_run(tmp_path: Path, joshua_domain_id: int, number: signal.Signals) -> None:
     with EmulatedLidar("rplidar_a1") as emulator:
         process = subprocess.Popen(
@@ -111,6 +111,9 @@ def test_the_motor_stops_with_the_run(tmp_path: Path, joshua_domain_id: int, num
             assert emulator.state()["motor"]
             process.send_signal(number)
             process.wait(20)
+            deadline_s = time.monotonic() + 5
+            while emulator.state()["motor"] and time.monotonic() < deadline_s:
+                time.sleep(0.05)
             assert not emulator.state()["motor"]
             assert not emulator.state()["scanning"]
         finally:

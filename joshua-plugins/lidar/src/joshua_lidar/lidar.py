@@ -22,8 +22,10 @@ from joshua_lidar.detection import detect, explain
 from joshua_lidar.figures import FigureKeeper, Figures
 from joshua_lidar.links import LINKS, Link, NoAnswerError
 from joshua_lidar.models import MODELS, Model
+from joshua_lidar.motor_watch import MotorWatch
 from joshua_lidar.samples import Parser
 from joshua_lidar.settings import LidarSettings
+from joshua_lidar.stop_bytes import STILL_DTR, STOP_BYTES
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 
@@ -57,6 +59,7 @@ class SerialLidar(Sensor):
         self._port = SerialPort(endpoint, settings.baudrate)
         self._cancelled = threading.Event()
         self._link: Link | None = None
+        self._watch: MotorWatch | None = None
         self._parser: Parser | None = None
         self._assembler: TurnAssembler | None = None
         self._ready: deque[Scan] = deque()
@@ -173,6 +176,9 @@ class SerialLidar(Sensor):
         if self._link is not None and self._port.is_open:
             self._link.stop()
         self._port.close()
+        if self._watch is not None:
+            self._watch.close()
+            self._watch = None
         self._ready.clear()
 
     def _start(self) -> None:
@@ -185,6 +191,9 @@ class SerialLidar(Sensor):
             model = MODELS[found]
         self.model = model
         self._link = LINKS[model.family](port, model)
+        if STOP_BYTES[model.name]:  # before the motor runs
+            still = STILL_DTR.get(model.name)
+            self._watch = MotorWatch(port.entry.path, port.baudrate, STOP_BYTES[model.name], still)
         try:
             parser, rest = self._link.start(settings.scan_mode)
         except NoAnswerError:

@@ -18,7 +18,7 @@ from joshua_lidar.parsers.rplidar_express import DenseExpressParser, LegacyExpre
 from joshua_lidar.parsers.rplidar_standard import StandardParser
 from joshua_lidar.parsers.ydlidar import LARGEST_CORRECTION_RAD, YdlidarParser
 from joshua_lidar.samples import Parser
-from joshua_lidar.stop_bytes import MOTOR_PWM, MOTOR_RPM, STOP_BYTES
+from joshua_lidar.stop_bytes import MOTOR_PWM, MOTOR_RPM, STILL_DTR, STOP_BYTES
 
 RESET_S = 1.0
 _PAUSE_S = 0.002
@@ -60,10 +60,16 @@ class Link(ABC):
             for message in STOP_BYTES[self.model.name]:
                 self.port.send(message)
                 time.sleep(_PAUSE_S)
-            self.stop_by_dtr()
+            self._set_dtr(running=False)
 
-    def stop_by_dtr(self) -> None:
-        """Stops the motor of a scanner that takes DTR as its switch."""
+    def _set_dtr(self, *, running: bool) -> None:
+        """Switches the motor of a scanner whose adapter takes DTR as its switch.
+
+        Where lowered DTR is off, the system lowers it even when the process is killed.
+        """
+        still = STILL_DTR.get(self.model.name)
+        if still is not None:
+            self.port.set_dtr(still != running, drop_on_close=not still)
 
 
 class OneWayLink(Link):
@@ -78,14 +84,9 @@ class OneWayLink(Link):
         """Drops what waited in the port; the motor turns."""
         self.port.discard_input()
         if self.model.name == "ydlidar_x2":
-            self.port.set_dtr(True, drop_on_close=True)
+            self._set_dtr(running=True)
             return YdlidarParser(), b""
         return Ld06Parser(), b""
-
-    def stop_by_dtr(self) -> None:
-        """Lowers DTR at an X2."""
-        if self.model.name == "ydlidar_x2":
-            self.port.set_dtr(False, drop_on_close=True)
 
 
 class Lds01Link(Link):
@@ -110,16 +111,12 @@ class YdlidarLink(Link):
         if info is None or YDLIDAR_NUMBERS.get(info.data[0]) != self.model.name:
             raise NoAnswerError(f"{port}: no {self.model.title} answers")
         self.facts = _facts(self.model, info.data)
-        port.set_dtr(True, drop_on_close=True)  # its adapter switches the motor by it
+        self._set_dtr(running=True)
         port.send(requests.request(requests.YDLIDAR_SCAN))
         answer = requests.await_answer(port, (_STANDARD,), many=True)
         if answer is None:
             raise NoAnswerError(f"{port}: the {self.model.title} does not start to measure")
         return YdlidarParser(), answer.rest
-
-    def stop_by_dtr(self) -> None:
-        """Lowers DTR."""
-        self.port.set_dtr(False, drop_on_close=True)
 
 
 class RplidarLink(Link):
@@ -147,16 +144,11 @@ class RplidarLink(Link):
             raise NoAnswerError(f"{port}: the {self.model.title} does not start to measure")
         return _PARSERS[answer.kind](), answer.rest
 
-    def stop_by_dtr(self) -> None:
-        """Raises DTR, which an A1's adapter takes as stop; it stays raised when the port is closed."""
-        if self.model.name == "rplidar_a1":
-            self.port.set_dtr(True)
-
     def _start_motor(self) -> None:
         if self.model.name == "rplidar_c1":
             self.port.send(requests.request(requests.SET_RPM, MOTOR_RPM.to_bytes(2, "little")))
             return
-        self.port.set_dtr(False)
+        self._set_dtr(running=True)
         self.port.send(requests.request(requests.SET_PWM, MOTOR_PWM.to_bytes(2, "little")))
 
     def _express_mode(self) -> int:

@@ -1,4 +1,4 @@
-"""What stops each scanner, as bytes; free of numpy, for the process that outlives the driver."""
+"""What stops each scanner."""
 
 from __future__ import annotations
 
@@ -19,3 +19,6 @@ STOP_BYTES: dict[str, tuple[bytes, ...]] = {
     "ld06": (),
     "ld19": (),
 }
+
+#: How DTR stands when the motor is off, where the adapter takes it as a switch.
+STILL_DTR = {"rplidar_a1": True, "ydlidar_x2": False, "ydlidar_x4": False}
