@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import time
 
+from joshua.node import ros_time
+
+NS_PER_S = 1_000_000_000
+
 
 class StampClock:
     """Gives stamps in ns since the epoch, each later than the one before even when the clock is set back.
@@ -16,7 +20,13 @@ class StampClock:
         self._offset_ns = self._last_ns = 0
 
     def now_ns(self) -> int:
-        """The stamp of an acquisition that happens now."""
+        """The stamp of an acquisition that happens now; simulated time where the node follows that."""
+        if ros_time.is_simulated():
+            simulated_ns = ros_time.now_ns()
+            # a reset of the simulation sets its time back
+            self._last_ns = simulated_ns if simulated_ns < self._last_ns - NS_PER_S else self._last_ns
+            self._last_ns = max(simulated_ns, self._last_ns + 1)
+            return self._last_ns
         monotonic_ns = time.monotonic_ns()
         self._offset_ns = max(self._offset_ns, time.time_ns() - monotonic_ns)
         self._last_ns = max(monotonic_ns + self._offset_ns, self._last_ns + 1)

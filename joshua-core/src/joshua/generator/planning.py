@@ -60,6 +60,10 @@ class Planning:
         planner = NodePlanner(config, self._registry, self._resolver.joints, self._findings)
         nodes = planner.specs(self._nodes)
         nodes += [service_spec(resolved, self._registry) for resolved in self._services]
+        if config.simulation.use_sim_time:
+            nodes = [
+                node.model_copy(update={"context": node.context | {"use_sim_time": True}}) for node in nodes
+            ]
         nodes = _share_of_host(nodes, request.host, self._findings)
         transport = transport_spec(config, request.path, self._findings)
         if transport is None:

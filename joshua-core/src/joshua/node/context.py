@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 
 from joshua.ipc.messages import Fault, Message, NodeWarning, StopRun, Waiting, printable
+from joshua.node import ros_time
 from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback, NamedMessageCallback
 from joshua.node.readers import ReaderThread, ReaderThreads
 from joshua.node.timers import Timer, TimerQueue
@@ -90,7 +90,7 @@ class RuntimeContext:
 
     def now_ns(self) -> int:
         """Nanoseconds since the epoch."""
-        return time.time_ns()
+        return ros_time.now_ns()
 
     def fail(self, reason: str) -> None:
         """Ends the node as failed."""

@@ -13,6 +13,7 @@ from typing import Literal
 
 from joshua.ipc.messages import Failure, Heartbeat, Message, Report, Resumed, Step, printable
 from joshua.ipc.process_attributes import set_timer_slack, use_realtime_priority
+from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
@@ -141,6 +142,10 @@ class NodeRuntime:
         self.context.endpoints = Endpoints(
             handle, self._spec.full_name, self._services.send, self.context.fail_with, self._log
         )
+        if self._spec.context.get("use_sim_time"):
+            ros_time.follow_simulation()
+            if self._spec.process_group != "simulation":  # that process sets its time itself
+                self.context.endpoints.subscribe(ros_time.CLOCK, ros_time.take)
         self._rosout = RosoutPublisher(handle, self._spec)
         self._services.observe_logs(self._spec.full_name, self._rosout.publish)
         self._behaviour = behaviour_type(self.context)

@@ -53,7 +53,7 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
         "joshua-mujoco-sim",
         ("simulation", "sim_config", "sim_camera_config"),
         ("INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"),
-        ("models",),
+        ("models", "sim"),
     ),
     KnownPlugin(
         "joshua-dataset",

@@ -30,7 +30,7 @@ DIVERGENCE_RESET: DivergencePolicy
 DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz", "attached")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz", "use_sim_time", "attached")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
@@ -41,6 +41,7 @@ class SimulationConfig(_message.Message):
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
     ON_DIVERGENCE_FIELD_NUMBER: _ClassVar[int]
     JOINT_STATE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    USE_SIM_TIME_FIELD_NUMBER: _ClassVar[int]
     ATTACHED_FIELD_NUMBER: _ClassVar[int]
     mode: SimulationMode
     model_path: str
@@ -52,8 +53,9 @@ class SimulationConfig(_message.Message):
     keyframe: str
     on_divergence: DivergencePolicy
     joint_state_rate_hz: float
+    use_sim_time: bool
     attached: _containers.RepeatedCompositeFieldContainer[AttachedModel]
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ...) -> None: ...
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ...) -> None: ...
 
 class AttachedModel(_message.Message):
     __slots__ = ("model_path", "prefix", "position_m", "yaw_rad")

@@ -13,6 +13,8 @@ from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.plan import TopicSpec
 
+from joshua_mujoco_sim.clock import ClockPublisher
+from joshua_mujoco_sim.control_topics import ControlTopics
 from joshua_mujoco_sim.joint_commands import Commands
 from joshua_mujoco_sim.mirror import Mirror
 from joshua_mujoco_sim.model_file import ModelError
@@ -38,7 +40,8 @@ class SimulatorNode(NodeBehaviour):
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window
     and follows positions on ``~/joint_commands``; PASSIVE replays a recording and then ends the run; MIRROR
-    follows topics of a robot.
+    follows topics of a robot. It says its time on ``/clock``, and obeys ``~/pause``, ``~/step``, ``~/reset``
+    and ``~/set_state``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -52,6 +55,7 @@ class SimulatorNode(NodeBehaviour):
         self._replayed_s = 0.0
         self._window: Window | None = None
         self._commands: Commands | None = None
+        self._clock: ClockPublisher | None = None
         self._reported = 0
 
     def configure(self) -> None:
@@ -68,6 +72,8 @@ class SimulatorNode(NodeBehaviour):
         self._publisher = self.context.publisher(
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
+        self._clock = ClockPublisher(world, self.context)
+        ControlTopics(world, self.context)
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
             self._mirror.subscribe()
@@ -98,8 +104,9 @@ class SimulatorNode(NodeBehaviour):
         """Ends the physics, unless devices of this process still use it."""
         if self._window is not None:
             self._window.close()
-        if self._commands is not None:
-            self._commands.close()
+        for part in (self._clock, self._commands):
+            if part is not None:
+                part.close()
         if self._replay is not None:
             self.context.log.info("%s", self._replay.report())
         if self._mirror is not None:

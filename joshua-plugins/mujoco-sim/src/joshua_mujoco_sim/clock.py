@@ -1,0 +1,49 @@
+"""Simulated time: published on ``/clock``, and taken by the nodes of this process at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from joshua.messages import message_class
+from joshua.node import ros_time
+from joshua.node.behaviour import NodeContext
+from joshua.plan import TopicSpec
+
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.world import World
+
+#: How often the clock is published, in simulated time.
+PERIOD_S = 0.01
+
+CLOCK = TopicSpec(name="/clock", type_name="rosgraph_msgs/msg/Clock", rate_hz=1 / PERIOD_S)
+
+
+class ClockPublisher:
+    """Publishes the time of a world.
+
+    Args:
+        world: whose time; context: of the node that publishes.
+    """
+
+    def __init__(self, world: World, context: NodeContext) -> None:
+        self._publisher = context.publisher(CLOCK)
+        self._published_s = -PERIOD_S
+        self._unhook = world.after_step(self._tick)
+
+    def close(self) -> None:
+        """Ends it."""
+        self._unhook()
+
+    def _tick(self, physics: Physics) -> None:
+        time_s = physics.time_s
+        ros_time.set_simulated_ns(round(time_s * 1e9))
+        if time_s < self._published_s or time_s - self._published_s >= PERIOD_S - 1e-9:
+            self._published_s = time_s
+            self._publisher.publish(clock_message(time_s))
+
+
+def clock_message(time_s: float) -> Any:
+    """Makes a ``rosgraph_msgs/msg/Clock``."""
+    total_ns = round(time_s * 1e9)
+    stamp = message_class("builtin_interfaces/msg/Time")(*divmod(total_ns, 1_000_000_000))
+    return message_class("rosgraph_msgs/msg/Clock")(clock=stamp)

@@ -1,0 +1,131 @@
+"""Simulated time on /clock, in the stamps, and under the hand of the user."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from joshua.messages import decode
+from joshua.plan import QosProfile, TransportSpec
+from joshua.testing.domain import reserved_domain
+from joshua.transport import open_transport
+from sim_configs import simulation_file
+
+
+class Simulation:
+    """A running simulation, and what its topics say last."""
+
+    def __init__(self, path: Path, domain: int) -> None:
+        self.environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.newest: dict[str, Any] = {}
+        self.transport: Any = None
+        end = time.monotonic() + 30
+        while self.transport is None:
+            transport = open_transport(TransportSpec(domain_id=domain))
+            if transport.connected:
+                self.transport = transport
+            else:
+                transport.close()
+                assert self.process.poll() is None, self.process.communicate()[0]
+                assert time.monotonic() < end
+                time.sleep(0.2)
+        node = self.transport.create_node("listener")
+        for topic, kind in (
+            ("/clock", "rosgraph_msgs/msg/Clock"),
+            ("/simulation/joint_states", "sensor_msgs/msg/JointState"),
+            ("/arm/joint_states", "sensor_msgs/msg/JointState"),
+        ):
+            node.create_subscription(topic, kind, QosProfile(), self._take(topic, kind))
+
+    def _take(self, topic: str, kind: str) -> Callable[[Any], None]:
+        return lambda sample: self.newest.__setitem__(topic, decode(kind, sample.cdr))
+
+    def time_s(self) -> float:
+        stamp = self.newest["/clock"].clock
+        return float(stamp.sec + stamp.nanosec * 1e-9)
+
+    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "joshua.cli.main", "sim", *arguments],
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=30,
+        )
+
+    def wait(self, condition: Callable[[], Any], seconds: float = 20) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, self.newest.keys()
+            time.sleep(0.02)
+
+    def close(self) -> str:
+        self.transport.close()
+        self.process.terminate()
+        return self.process.communicate(timeout=30)[0]
+
+
+@pytest.fixture
+def simulation(tmp_path: Path) -> Iterator[Simulation]:
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(simulation_file(simulation="use_sim_time: true"))
+    with reserved_domain() as domain:
+        running = Simulation(path, domain)
+        running.wait(lambda: len(running.newest) == 3)
+        yield running
+        text = running.close()
+        assert "Traceback" not in text
+
+
+def test_stamps_are_simulated_time(simulation: Simulation) -> None:
+    for topic in ("/arm/joint_states", "/simulation/joint_states"):
+        stamp = simulation.newest[topic].header.stamp
+        assert abs(stamp.sec + stamp.nanosec * 1e-9 - simulation.time_s()) < 1.0
+    before = simulation.time_s()
+    time.sleep(1.0)
+    assert 0.5 < simulation.time_s() - before < 1.5
+
+
+def test_user_pauses_steps_sets_and_resets(simulation: Simulation) -> None:
+    assert simulation.command("pause").returncode == 0
+    time.sleep(0.3)
+    held = simulation.time_s()
+    time.sleep(0.3)
+    assert simulation.time_s() == held
+    assert simulation.command("step", "50").returncode == 0
+    simulation.wait(lambda: simulation.time_s() >= held + 0.09)
+    time.sleep(0.2)
+    assert simulation.time_s() == pytest.approx(held + 0.1, abs=0.011)
+    assert simulation.command("set", "gripper=0.9").returncode == 0
+
+    def gripper() -> float:
+        message = simulation.newest["/simulation/joint_states"]
+        return float(message.position[list(message.name).index("gripper")])
+
+    simulation.wait(lambda: abs(gripper() - 0.9) < 0.01)
+    assert simulation.command("reset").returncode == 0
+    simulation.wait(lambda: abs(gripper()) < 0.01)
+    assert simulation.command("resume").returncode == 0
+    simulation.wait(lambda: 0 < simulation.time_s() < held)
+
+
+def test_bad_requests_are_named(simulation: Simulation) -> None:
+    refused = simulation.command("set", "gripper")
+    assert refused.returncode == 2
+    assert "expected JOINT=RADIANS, such as gripper=0.5" in refused.stderr
+    missing = simulation.command("pause", "--node", "/other", "--wait", "0.5")
+    assert missing.returncode == 1
+    assert "no simulation listens on /other/pause" in missing.stderr
