@@ -43,6 +43,19 @@ def test_every_calibration_survives_the_way_there_and_back(rows: list[tuple[int,
     assert from_lerobot(to_lerobot(calibration)) == calibration
 
 
+def test_dynamixel_servos_add_what_others_subtract_and_turn_round_by_themselves() -> None:
+    pan = {**LEROBOT["shoulder_pan"], "homing_offset": 300, "drive_mode": 1}
+    calibration = from_lerobot(json.dumps({"shoulder_pan": pan}), servo_adds_offset=True)
+    (motor,) = calibration.motors
+    assert (motor.homing_offset, motor.inverted) == (-300, False)
+    written = json.loads(to_lerobot(calibration, servo_adds_offset=True))["shoulder_pan"]
+    assert written == {**pan, "drive_mode": 0}
+    with pytest.raises(CalibrationError, match=r"homing_offset: .*integer.*\(found 'one'\)"):
+        from_lerobot(
+            json.dumps({"shoulder_pan": {**pan, "homing_offset": "one"}}), source="a", servo_adds_offset=True
+        )
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

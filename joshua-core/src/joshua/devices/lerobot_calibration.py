@@ -15,15 +15,18 @@ class CalibrationError(ValueError):
     """A calibration that cannot be used; the message says where and what to do."""
 
 
-def from_lerobot(text: str, *, source: str = "the file") -> ArmCalibration:
+def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool = False) -> ArmCalibration:
     """Reads a LeRobot calibration: a JSON object from joint name to the facts of its motor.
 
     LeRobot keeps these files below ``~/.cache/huggingface/lerobot/calibration``, one for each arm. Its
-    ``homing_offset`` is the one in the servo, as here; its ``drive_mode`` 1 is ``inverted``.
+    ``homing_offset`` is the one in the servo, as here; its ``drive_mode`` 1 is ``inverted``. Dynamixel servos
+    differ in both: they add the offset, which is subtracted here, and with drive mode 1 they turn their
+    positions round themselves, so that nothing is left to invert.
 
     Args:
         text: content of the file.
         source: name of the file for messages.
+        servo_adds_offset: the arm is one of Dynamixel servos.
 
     Raises:
         CalibrationError: the text is no such calibration.
@@ -42,16 +45,20 @@ def from_lerobot(text: str, *, source: str = "the file") -> ArmCalibration:
             f"{source}: a LeRobot calibration is an object from joint name to id, drive_mode, homing_offset, "
             "range_min and range_max; name a file below ~/.cache/huggingface/lerobot/calibration"
         )
-    return _validated({"motors": [_motor(n, v, source) for n, v in content.items()]}, source)
+    motors = [_motor(name, values, source) for name, values in content.items()]
+    if servo_adds_offset:
+        motors = [_of_adding_servo(motor) for motor in motors]
+    return _validated({"motors": motors}, source)
 
 
-def to_lerobot(calibration: ArmCalibration) -> str:
+def to_lerobot(calibration: ArmCalibration, *, servo_adds_offset: bool = False) -> str:
     """Writes a calibration as LeRobot reads it, joints in order of their motors."""
+    sign = -1 if servo_adds_offset else 1
     content = {
         motor.joint_name: {
             "id": motor.id,
             "drive_mode": int(motor.inverted),
-            "homing_offset": motor.homing_offset,
+            "homing_offset": sign * motor.homing_offset,
             "range_min": motor.range_min,
             "range_max": motor.range_max,
         }
@@ -80,6 +87,11 @@ def _motor(joint_name: str, values: Mapping[str, Any], source: str) -> dict[str,
         "range_max": values["range_max"],
         "inverted": bool(values["drive_mode"]),
     }
+
+
+def _of_adding_servo(motor: dict[str, Any]) -> dict[str, Any]:
+    offset = motor["homing_offset"]
+    return {**motor, "homing_offset": -offset if isinstance(offset, int) else offset, "inverted": False}
 
 
 def _validated(values: dict[str, Any], source: str) -> ArmCalibration:

@@ -58,6 +58,19 @@ def test_an_imported_calibration_is_exported_again(
     assert json.loads(out.read_text()) == json.loads(lerobot.read_text())
 
 
+def test_the_offsets_of_dynamixel_servos_have_the_other_sign(config: str, lerobot: Path, tmp_path: Path):
+    text = Path(config).read_text()
+    block = 'dynamixel_config {\n      models: "xl330-m077"'
+    Path(config).write_text(text.replace("sts3215_config {", block))
+    assert main(["calibrate", "import-lerobot", str(lerobot), "--config", config]) == 0
+    arm = ArmFile(tmp_path / "calibration" / "rig.pbtxt").arm("leader_arm")
+    assert arm is not None
+    assert [motor.homing_offset for motor in arm.motors] == [-10, -20, -30, -40, -50, -60]
+    out = tmp_path / "mine.json"
+    assert main(["calibrate", "export-lerobot", f"leader_arm={out}", "--config", config]) == 0
+    assert json.loads(out.read_text()) == json.loads(lerobot.read_text())
+
+
 def test_one_arm_needs_no_name(config: str, lerobot: Path, tmp_path: Path):
     assert main(["calibrate", "import-lerobot", str(lerobot), "--config", config]) == 0
     assert ArmFile(tmp_path / "calibration" / "rig.pbtxt").arm("leader_arm") is not None

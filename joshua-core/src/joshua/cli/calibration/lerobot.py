@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from joshua.calibration.arm_file import ArmFile, FileRefused
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.report import exit_code_of, request_of, show_findings
+from joshua.config.checks.device_table import block_of
 from joshua.config.topics import node_entries
 from joshua.devices.calibration import ArmCalibration
 from joshua.devices.lerobot_calibration import CalibrationError, from_lerobot, to_lerobot
@@ -95,7 +96,8 @@ def _import(checked: Checked, arguments: argparse.Namespace) -> None:
     chosen = [(*_pair(item, list(actuators)), item) for item in arguments.items]
     read = []
     for node, source, _ in chosen:
-        calibration = from_lerobot(_read(Path(source)), source=source)
+        adds = _adds_offset(checked, node)
+        calibration = from_lerobot(_read(Path(source)), source=source, servo_adds_offset=adds)
         _require_ids(node, actuators[node], calibration, source)
         read.append((node, calibration))
     nodes = [node for node, _ in read]
@@ -125,7 +127,8 @@ def _export(checked: Checked, arguments: argparse.Namespace) -> None:
         if path and Path(path).exists() and not arguments.force:
             raise _Refused(f"{path} exists already: choose another name, or add --force to replace it")
     for node, path in pairs:
-        text = to_lerobot(ArmCalibration.from_block(known[node])) + "\n"
+        calibration = ArmCalibration.from_block(known[node])
+        text = to_lerobot(calibration, servo_adds_offset=_adds_offset(checked, node)) + "\n"
         if not path:
             sys.stdout.write(text)
             continue
@@ -147,6 +150,14 @@ def _actuators(checked: Checked) -> dict[str, list[int]]:
             block = getattr(entry.owner, entry.owner.WhichOneof("actuator_config") or "", None)
             found[entry.node.node_name] = list(getattr(block, "motor_ids", ()))
     return found
+
+
+def _adds_offset(checked: Checked, node: str) -> bool:
+    """Whether the servos of an actuator add their homing offset, as Dynamixel servos do."""
+    return any(
+        entry.node.node_name == node and block_of(entry.owner)[0] == "dynamixel_config"
+        for entry in node_entries(checked.loaded.config)
+    )
 
 
 def _pair(item: str, nodes: list[str]) -> tuple[str, str]:
