@@ -9,13 +9,12 @@ from __future__ import annotations
 import ctypes
 from typing import Any
 
-from cyclonedds._clayer import ddspy_take, ddspy_write
-from cyclonedds.core import DDSException, Entity, GuardCondition, InstanceState, SampleState, ViewState
+from cyclonedds._clayer import ddspy_write
+from cyclonedds.core import DDSException, Entity, GuardCondition
 from cyclonedds.internal import DDS
 
 from joshua.transport.errors import TransportError
 
-_ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _ALIGNMENT = 4
 
 _assert_liveliness = DDS._dll_handle.dds_assert_liveliness
@@ -39,18 +38,6 @@ def write(writer: Entity, cdr: Any) -> bool:
     if code < 0:
         raise TransportError(f"DDS refused the message: {DDSException(code)}")
     return True
-
-
-def take(reader: Entity, count: int) -> list[tuple[bytes, Any]]:
-    """Takes up to ``count`` serialised samples with their sample infos.
-
-    Raises:
-        DDSException: the reader is gone.
-    """
-    taken = ddspy_take(reader._ref, _ANY, count)
-    if isinstance(taken, int):
-        raise DDSException(taken, "while taking samples")
-    return list(taken)
 
 
 def delete(entity: Entity) -> None:

@@ -16,6 +16,7 @@ from joshua.plan import QosProfile
 from joshua.transport.api import Sample, Subscription
 from joshua.transport.dds import raw
 from joshua.transport.dds.qos import endpoint_qos
+from joshua.transport.dds.taking import Taker
 
 if TYPE_CHECKING:
     from cyclonedds.domain import DomainParticipant
@@ -72,22 +73,23 @@ class DdsSubscription(Subscription):
             raw.delete(entity)
 
     def _run(self) -> None:
-        wait, reader, callback = self._waitset.wait, self.entity, self._callback
+        wait, take, callback = self._waitset.wait, Taker(self.entity).take, self._callback
         while not self._ended():
             wait(dds_infinity)
             if self._ended():
                 return
-            for cdr, info in raw.take(reader, 1):
-                if not info.valid_data:
-                    continue
-                gid = self._gids.get(info.publication_handle) or self._look_up(info.publication_handle)
-                sample = Sample(cdr, info.source_timestamp, time.time_ns(), 0, gid)
-                try:
-                    callback(sample)
-                except Exception:  # noqa: BLE001 - a failing callback must not end the subscription
-                    _log.exception("the callback of joshua-sub %s failed", self.name)
-                # a sample kept here would keep its buffer until the next one arrives
-                del cdr, info, sample
+            taken = take()
+            if taken is None or taken.cdr is None:
+                continue
+            handle = taken.publication_handle
+            gid = self._gids.get(handle) or self._look_up(handle)
+            sample = Sample(taken.cdr, taken.source_timestamp_ns, time.time_ns(), 0, gid)
+            try:
+                callback(sample)
+            except Exception:  # noqa: BLE001 - a failing callback must not end the subscription
+                _log.exception("the callback of joshua-sub %s failed", self.name)
+            # a sample kept here would keep its buffer until the next one arrives
+            del taken, sample
 
     def _ended(self) -> bool:
         """Whether close was called, by another thread or by the callback itself."""
