@@ -29,6 +29,7 @@ def teleoperation(
     overrides: tuple[str, ...] = (),
     text: str = "",
     blocks: tuple[str, str] = ("sts3215_config", "sts3215_config"),
+    options: tuple[str, ...] = (),
 ) -> Iterator[subprocess.Popen[str]]:
     """Runs the preset on two emulated arms, with the calibrations that their servos hold.
 
@@ -37,6 +38,7 @@ def teleoperation(
         domain_id: ROS 2 domain of this run.
         overrides: further values for ``--set``.
         text: of a file in place of the preset's; blocks: of leader and follower in it.
+        options: further words of the command line.
     """
     calibration = config_pb2.Config()
     for name, arm in (("leader_arm", leader), ("follower_arm", follower)):
@@ -58,6 +60,7 @@ def teleoperation(
             "--config",
             str(config),
             *(argument for value in values for argument in ("--set", value)),
+            *options,
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

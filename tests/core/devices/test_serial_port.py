@@ -144,7 +144,9 @@ def test_an_unplugged_adapter_is_reported_as_gone(emulator: EmulatedBus) -> None
     port.open()
     emulator.fault("unplug")
     with pytest.raises(
-        PortDisconnected, match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable"
+        PortDisconnected,
+        match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable; named by its path it is "
+        r"found again under this name only, under any by its serial_number \(joshua find-port --write\)",
     ):
         port.receive(6, time.monotonic() + 10)
     with pytest.raises(PortDisconnected):
@@ -160,4 +162,16 @@ def test_a_speed_that_no_adapter_runs_at_is_refused(
     monkeypatch.setattr("joshua.devices.serial_port._IS_LINUX", False)
     with pytest.raises(PortUnusable, match=r"cannot run at 250000 bit/s.*such as 1000000"):
         port.set_baudrate(250_000)
+    port.close()
+
+
+def test_an_adapter_with_a_lasting_name_is_found_again(emulator: EmulatedBus) -> None:
+    port = SerialPort(Endpoint(serial_number="EMULATED0", device_root=str(emulator.root)), 1_000_000)
+    port.open()
+    emulator.fault("unplug")
+    with pytest.raises(PortDisconnected, match=r"found again by its identity, under whatever name it comes"):
+        port.receive(6, time.monotonic() + 10)
+    emulator.fault("replug", name="ttyUSB3")
+    port.open()
+    assert port.entry.path.endswith("ttyUSB3")
     port.close()

@@ -75,3 +75,16 @@ def test_two_equal_adapters_need_a_serial_number(tmp_path: Path) -> None:
 
 def test_the_hosts_own_ports_can_be_listed() -> None:
     assert all(port.path.startswith("/dev/") for port in list_ports())
+
+
+def test_an_adapter_that_moved_is_found_by_what_its_calibration_remembers(tmp_path: Path) -> None:
+    root = str(tmp_path)
+    moved = plug(tmp_path, "ttyACM4", "L1")
+    gone = str(tmp_path / "dev/ttyACM0")
+    assert resolve(Endpoint(gone, device_root=root, known_as="usb:L1")).path == moved
+    assert resolve(Endpoint(gone, device_root=root, known_as="usb:R1")).path == gone
+    assert resolve(Endpoint(gone, device_root=root)).path == gone
+    other = plug(tmp_path, "ttyACM0", "R1")  # what stands at the path is not passed over in silence
+    assert resolve(Endpoint(gone, device_root=root, known_as="usb:L1")).path == other
+    assert Endpoint(gone, known_as="usb:L1").is_lasting
+    assert not Endpoint(gone).is_lasting

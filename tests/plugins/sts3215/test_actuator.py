@@ -321,6 +321,17 @@ def test_unplugging_disconnects_and_the_arm_is_found_under_another_name(
         arm.write(np.zeros(6))
 
 
+def test_a_calibrated_arm_that_was_moved_is_found_by_a_new_driver(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)  # named by its path, as a node that is started again
+    arm_emulator.fault("unplug")
+    arm_emulator.fault("replug", name="ttyACM4")
+    arm.connect()
+    assert arm.identity == "usb:ARM1"
+    assert arm.safe_stop_request("HOLD").path.endswith("ttyACM4")
+
+
 def test_a_servo_that_falls_silent_is_named(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator)
     arm.connect()

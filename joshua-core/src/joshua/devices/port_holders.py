@@ -30,7 +30,13 @@ def holders(path: str, proc: Path = Path("/proc")) -> list[int]:
 
 def describe_process(process: int, proc: Path = Path("/proc")) -> str:
     """Names a process for people, such as ``minicom (process 4711)``."""
+    folder = proc / str(process)
     with contextlib.suppress(OSError):
-        name = (proc / str(process) / "comm").read_text(encoding="utf-8").strip()
-        return f"{name} (process {process}{', this one' if process == os.getpid() else ''})"
+        name = (folder / "comm").read_text(encoding="utf-8").strip()
+        if process == os.getpid():
+            return f"{name} (process {process}, this one)"
+        words = (folder / "cmdline").read_bytes().decode(errors="replace").split("\0")
+        if any(Path(word).name == "joshua" or word == "joshua.cli.main" for word in words):
+            return f"{name} (process {process}) of a run that `joshua stop` ends"
+        return f"{name} (process {process})"
     return f"process {process}"

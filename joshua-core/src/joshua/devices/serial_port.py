@@ -247,9 +247,14 @@ class SerialPort:
                 raise self._disconnected(error) from error
 
     def _disconnected(self, error: BaseException) -> PortDisconnected:
+        found_again = (
+            "it is found again by its identity, under whatever name it comes back"
+            if self.endpoint.is_lasting
+            else "named by its path it is found again under this name only, under any by its serial_number "
+            "(joshua find-port --write)"
+        )
         return PortDisconnected(
-            f"{self}: the adapter is gone ({_reason(error)}). Check its plug and cable; "
-            "it is found again by its identity, under whatever name it comes back."
+            f"{self}: the adapter is gone ({_reason(error)}). Check its plug and cable; {found_again}."
         )
 
 

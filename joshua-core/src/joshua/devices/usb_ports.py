@@ -52,12 +52,20 @@ class Endpoint:
 
     Attributes:
         device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
+        known_as: identity of the adapter, as its calibration remembers it: where nothing is at the path, the
+            adapter is looked for by it.
     """
 
     path: str = ""
     serial_number: str = ""
     vid_pid: str = ""
     device_root: str = "/"
+    known_as: str = ""
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether the adapter is found wherever it is plugged in."""
+        return bool(self.serial_number or self.vid_pid or self.known_as) or "/by-id/" in self.path
 
     def __str__(self) -> str:
         parts = [
@@ -101,7 +109,7 @@ def resolve(endpoint: Endpoint) -> PortEntry:
     """
     ports = list_ports(endpoint.device_root)
     if not (endpoint.serial_number or endpoint.vid_pid):
-        return _by_path(endpoint.path, ports)
+        return _by_path(endpoint, ports)
     fitting = [port for port in ports if _fits(port, endpoint)]
     if len(fitting) == 1:
         return fitting[0]
@@ -116,12 +124,16 @@ def resolve(endpoint: Endpoint) -> PortEntry:
     )
 
 
-def _by_path(path: str, ports: Iterable[PortEntry]) -> PortEntry:
-    real = Path(path).resolve()
+def _by_path(endpoint: Endpoint, ports: Iterable[PortEntry]) -> PortEntry:
+    real = Path(endpoint.path).resolve()
     for port in ports:
         if Path(port.path).resolve() == real:
-            return replace(port, path=path)
-    return PortEntry(path)
+            return replace(port, path=endpoint.path)
+    if endpoint.known_as and not real.exists():
+        moved = [port for port in ports if port.identity == endpoint.known_as]
+        if len(moved) == 1:
+            return moved[0]
+    return PortEntry(endpoint.path)
 
 
 def _fits(port: PortEntry, endpoint: Endpoint) -> bool:

@@ -51,7 +51,13 @@ class ServoArm(Actuator):
         self._map = JointMap(settings)
         self._watch = HealthWatch(settings.joint_names, [HealthLimits()] * len(self._ids), self.family.status)
         self._port = SerialPort(
-            Endpoint(settings.port, settings.serial_number, settings.vid_pid, settings.device_root),
+            Endpoint(
+                settings.port,
+                settings.serial_number,
+                settings.vid_pid,
+                settings.device_root,
+                settings.calibration.device_identity if settings.calibration else "",
+            ),
             settings.baudrate,
         )
         self._bus = self.make_bus(self._port)
