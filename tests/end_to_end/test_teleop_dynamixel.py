@@ -91,25 +91,29 @@ def test_each_arm_follows_the_other_in_its_own_range(
 
 
 def test_the_documented_file_runs_with_emulated_arms(tmp_path: Path, joshua_domain_id: int) -> None:
+    """Then with the arms exchanged: what the emulated servos of one family remember is not the other's."""
     runtime = tmp_path / "run"
     runtime.mkdir(mode=0o700)
-    result = subprocess.run(
-        [str(JOSHUA), "--config", str(EXAMPLE), "--emulate", "--duration", "2"],
-        capture_output=True,
-        text=True,
-        timeout=100,
-        stdin=subprocess.DEVNULL,
-        env={
-            **os.environ,
-            "ROS_DOMAIN_ID": str(joshua_domain_id),
-            "XDG_RUNTIME_DIR": str(runtime),
-            "XDG_STATE_HOME": str(tmp_path / "state"),
-        },
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
-    for name in ("leader_arm", "follower_arm"):
-        assert f"emulated: {name} at " in result.stdout
-    assert "all 2 nodes ready" in result.stdout
+    other = tmp_path / "exchanged.pbtxt"
+    other.write_text(exchanged(EXAMPLE.read_text()))
+    for config in (EXAMPLE, other):
+        result = subprocess.run(
+            [str(JOSHUA), "--config", str(config), "--emulate", "--duration", "1"],
+            capture_output=True,
+            text=True,
+            timeout=100,
+            stdin=subprocess.DEVNULL,
+            env={
+                **os.environ,
+                "ROS_DOMAIN_ID": str(joshua_domain_id),
+                "XDG_RUNTIME_DIR": str(runtime),
+                "XDG_STATE_HOME": str(tmp_path / "state"),
+            },
+        )
+        assert result.returncode == 0, result.stdout + result.stderr
+        for name in ("leader_arm", "follower_arm"):
+            assert f"emulated: {name} at " in result.stdout
+        assert "all 2 nodes ready" in result.stdout
 
 
 def test_an_arm_whose_driver_is_killed_is_released_by_its_guardian(

@@ -53,6 +53,8 @@ class ServoBusEmulator(ProcessEmulator):
     #: Subcommand of the emulator's command line, and the arm that six servos are.
     protocol: ClassVar[str] = "feetech"
     arm: ClassVar[str] = "so_arm100"
+    #: Servos of another family at the same node remember what is theirs.
+    eeprom_file: ClassVar[str] = "eeprom.json"
 
     def make_process(self, block: Any, folder: Path) -> EmulatedBus:
         """Makes the bus with the ids and the line speed of the block."""
@@ -63,7 +65,7 @@ class ServoBusEmulator(ProcessEmulator):
             ids=ids,
             identity=self.device.node_name,
             baudrate=block.comm.serial.baudrate or 1_000_000,
-            eeprom=folder / "eeprom.json",
+            eeprom=folder / self.eeprom_file,
             arm=self.arm if is_arm else None,
             calibrated=is_arm,
             motion=LEADER_MOTION if self.device.role == "ACTION_LEADER" else None,
@@ -107,6 +109,7 @@ class DynamixelBusEmulator(ServoBusEmulator):
 
     protocol = "dynamixel"
     arm = "koch"
+    eeprom_file = "eeprom-dynamixel.json"
 
     def family_options(self, block: Any) -> dict[str, Any]:
         """The models of the block."""

@@ -12,7 +12,10 @@ class EepromStoreError(Exception):
 
 
 class EepromStore:
-    """EEPROM images by slot (place of the device on its cable); a path of None keeps nothing."""
+    """EEPROM images by slot; a path of None keeps nothing.
+
+    A slot is the place of the device on its cable, with its kind where devices of several kinds can be there.
+    """
 
     def __init__(self, path: Path | None, identity: str) -> None:
         self._path = path
@@ -39,12 +42,12 @@ class EepromStore:
             )
         self._images = images
 
-    def image(self, slot: int) -> bytes | None:
+    def image(self, slot: int | str) -> bytes | None:
         """The stored EEPROM of one slot, or None where none is stored."""
         image = self._images.get(str(slot))
         return None if image is None else bytes.fromhex(image)
 
-    def save(self, slot: int, image: bytes) -> None:
+    def save(self, slot: int | str, image: bytes) -> None:
         """Stores the EEPROM of one slot; the file changes in one step, so a kill leaves old or new."""
         self._images[str(slot)] = image.hex()
         if self._path is None:

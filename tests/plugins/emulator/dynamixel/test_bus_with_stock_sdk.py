@@ -140,6 +140,8 @@ def test_the_eeprom_outlives_the_process(tmp_path: Path) -> None:
         client.port.closePort()
     with EmulatedBus("dynamixel", ids=(1,), **options) as bus:
         assert bus.servo(5)["present_voltage"] == 120
+    with EmulatedBus("dynamixel", ids=(1,), **{**options, "models": ("xl330-m077",)}) as bus:
+        assert bus.servo(1)["present_voltage"] == 50  # another model in its place is another servo
 
 
 def test_a_reply_is_never_ahead_of_its_wire_time(bus: EmulatedBus, client: Client) -> None:

@@ -50,6 +50,10 @@ class DynamixelAssembly(BusAssembly[Servo]):
         servo.power_on()
         return bytes(servo.memory[EEPROM_START:EEPROM_END])
 
+    def slot_key(self, slot: int) -> str:
+        """Place and model: a servo of another model in the same place has an EEPROM of its own."""
+        return f"{slot} {self._model(slot).name}"
+
     def _model(self, slot: int) -> Model:
         names = self.spec.models or (USUAL_MODEL,)
         name = names[min(slot, len(names) - 1)]

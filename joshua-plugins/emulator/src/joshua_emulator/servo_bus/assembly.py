@@ -105,6 +105,10 @@ class BusAssembly(ABC, Generic[ServoT]):
             middle: encoder tick at the middle of the joint's range; half: half of that range in ticks.
         """
 
+    def slot_key(self, slot: int) -> str:
+        """What the EEPROM of a servo is kept under."""
+        return str(slot)
+
     @property
     def joint_names(self) -> list[str]:
         """Names of the joints in cable order."""
@@ -126,11 +130,12 @@ class BusAssembly(ABC, Generic[ServoT]):
         arm = ARMS.get(self.spec.arm, ())
         half = arm[slot].half_range_ticks if slot < len(arm) else FREE_HALF_RANGE
         middle = mounted_middle(self.spec.identity, slot) if arm else MIDDLE
-        stored = self._store.image(slot)
+        key = self.slot_key(slot)
+        stored = self._store.image(key)
         joint = Joint(float(middle), middle - half, middle + half)
-        servo = self.make_servo(slot, joint, stored, lambda image: self._store.save(slot, image))
+        servo = self.make_servo(slot, joint, stored, lambda image: self._store.save(key, image))
         if stored is None:
-            self._store.save(slot, self.set_up(servo, servo_id, middle, half))
+            self._store.save(key, self.set_up(servo, servo_id, middle, half))
         return servo
 
     def _extra_servo(self, bus: EmulatedServoBus[ServoT], servo_id: int) -> ServoT:
