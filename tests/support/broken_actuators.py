@@ -150,6 +150,13 @@ class WritesWithoutTorque(MockActuator):
         return super().write(goal_rad)
 
 
+class TellsWhatItWanted(MockActuator):
+    """The kind of read-back that makes an e-stop lie."""
+
+    def read_torque(self) -> dict[str, bool]:
+        return dict.fromkeys(self.joint_names, True)
+
+
 class JumpsAtEnable(MockActuator):
     def enable(self) -> None:
         super().enable()

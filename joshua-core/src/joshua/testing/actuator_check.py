@@ -53,6 +53,7 @@ def check_actuator(
         checklist.run("stamps", clauses.stamps)
         checklist.run("own data", clauses.own_data)
         checklist.run("torque", motion.torque)
+        checklist.run("torque read back", motion.torque_read_back)
         checklist.run("enable", motion.enable)
         checklist.run("limits", motion.limits)
         checklist.run("refused goals", motion.refused_goals)

@@ -62,6 +62,22 @@ class MotionClauses:
                 device.enable()
                 device.release()
 
+    def torque_read_back(self) -> None:
+        """What the device says of its torque is true; one that cannot say returns None."""
+        with lifecycle.opened(self._factory) as device:
+            device.enable()
+            if device.read_torque() is None:
+                return
+            for verb, expected in (("enable", True), ("release", False)):
+                getattr(device, verb)()
+                told = device.read_torque()
+                require(
+                    told == dict.fromkeys(device.joint_names, expected),
+                    f"read_torque after {verb} returned {told!r}",
+                    why="an e-stop tells the user by it whether the joints have torque",
+                    cause="it repeats what the driver wanted, or is not by joint name",
+                )
+
     def enable(self) -> None:
         """Torque comes without a motion."""
         with lifecycle.opened(self._factory) as device:

@@ -133,6 +133,12 @@ class SimActuator(Actuator):
             with self._world.lock:
                 self._goal = None
 
+    def read_torque(self) -> dict[str, bool]:
+        """Whether the drives of the joints have a goal."""
+        world, _ = self._joined("read_torque")
+        with world.lock:
+            return dict.fromkeys(self._names, self._goal is not None)
+
     def disconnect(self) -> None:
         """Leaves the simulation, with the drives as they are; a second call does nothing."""
         world, self._world = self._world, None

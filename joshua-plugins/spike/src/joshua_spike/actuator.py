@@ -196,6 +196,12 @@ class SpikeActuator(Actuator):
                 except ProgramFailed:
                     return  # the firmware itself takes the torque off when a program has ended
 
+    def read_torque(self) -> dict[str, bool]:
+        """Whether the motors have torque, as the hub says next. Raises DeviceDisconnected."""
+        self.require_connected("read_torque")
+        state = self._hub.next_state().state
+        return dict.fromkeys(self.joint_names, state.energised or state.holding)
+
     def disconnect(self) -> None:
         """Closes the link; motors that were neither held nor released stop by the dead man's switch."""
         with self._lock:

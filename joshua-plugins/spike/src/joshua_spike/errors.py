@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from joshua.devices import errors
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 
 
@@ -41,5 +42,5 @@ class NotEnabled(DeviceError):
     """A goal was written while the motors have no torque."""
 
 
-class SafetyTripped(DeviceError):
+class SafetyTripped(errors.SafetyTripped):
     """The hub's dead man's switch has stopped the motors; they stay so until they are enabled again."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.arm import ServoArm
+from joshua.devices.servo.feedback import Feedback
 from joshua.devices.servo.inspection import ServoSetup
 from joshua.devices.servo.torque import MoveValues
 
@@ -39,6 +42,13 @@ class Sts3215Actuator(ServoArm):
     def calibration_target(self) -> Sts3215CalibrationTarget:
         """The servos as a calibration sees them: positions without torque, and their EEPROM."""
         return Sts3215CalibrationTarget(self.settings)
+
+    def clear_faults(self, readings: Sequence[Feedback]) -> bool:
+        """Takes torque off once more, which clears what a servo keeps of a fault that is over."""
+        faulty = any(reading.status & self.family.status.at_once for reading in readings)
+        if faulty:
+            self._torque.switch_off()
+        return faulty
 
     def move_values(self) -> list[MoveValues]:
         """Acceleration and speed of a move, the same for all servos."""

@@ -1,0 +1,36 @@
+"""A node with a fault that is ended from outside."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from joshua.node.behaviour import NodeBehaviour
+from joshua.node.errors import NodeError, ResumeRefusedError
+
+
+class Faulty(NodeBehaviour):
+    """Is in fault from the start; what ``resume`` does stands in a file, so that it can change."""
+
+    @property
+    def wish(self) -> str:
+        return Path(self.context.spec.context["wish"]).read_text()
+
+    def configure(self) -> None:
+        self.context.create_timer(0.01, lambda: None, name="tick")
+        if self.wish == "absent":
+            raise NodeError("the arm is not there")
+
+    def activate(self) -> None:
+        self.context.fault("tripped")
+
+    def resume(self) -> str:
+        wish = self.wish
+        if wish == "slow":
+            time.sleep(0.8)
+        if wish == "refuse":
+            raise ResumeRefusedError("still too hot")
+        if wish == "fail":
+            raise NodeError("the cable is gone")
+        self.context.fault("")
+        return "has torque again"
