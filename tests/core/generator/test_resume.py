@@ -112,7 +112,7 @@ def test_a_failure_while_resuming_is_answered_and_restarts_the_node(robot: Any) 
 def test_resuming_may_take_longer_than_a_loop_may_be_silent(
     robot: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(HANG_AFTER_S, NodeKind.ACTUATOR, 0.4)
+    monkeypatch.setitem(HANG_AFTER_S, NodeKind.ACTUATOR, 1.0)
 
     def work(user: User) -> None:
         user.wish.write_text("slow")

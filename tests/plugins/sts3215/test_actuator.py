@@ -11,7 +11,6 @@ from joshua.devices.servo.errors import (
     NoReply,
     NotCalibrated,
     NotEnabled,
-    SafetyTripped,
 )
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
@@ -248,92 +247,6 @@ def test_servos_set_up_for_something_else_are_refused(arm_emulator: EmulatedBus,
     arm_emulator.ask("set_register", id=2, name="max_position_limit", value=0)
     with pytest.raises(MotorCheckFailed, match=r"joint_2 \(id 2\): \d+ to \d+ allowed by the configuration"):
         make_arm(arm_emulator, calibrated=False).connect()
-
-
-def test_overload_takes_the_torque_off_until_it_is_enabled_again(
-    arm_emulator: EmulatedBus, make_arm: Any
-) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm.enable()
-    arm_emulator.fault("overload", 3)
-    with pytest.raises(
-        SafetyTripped, match=r"elbow_flex: the servo reports: overloaded.*torque of this arm was taken off"
-    ):
-        arm.read()
-    assert energised(arm_emulator) == {False}
-    arm.read()
-    with pytest.raises(SafetyTripped, match="Enable it again first"):
-        arm.write(np.zeros(6))
-    arm.enable()
-    assert energised(arm_emulator) == {True}
-
-
-def test_heat_trips_and_stays_until_it_is_over(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm.enable()
-    arm_emulator.ask("set", id=1, temperature_c=75)
-    with pytest.raises(SafetyTripped, match="shoulder_pan"):
-        arm.read()
-    with pytest.raises(SafetyTripped, match="torque stays off: shoulder_pan"):
-        arm.enable()
-    assert energised(arm_emulator) == {False}
-    arm_emulator.ask("set", id=1, temperature_c=30)
-    arm.enable()  # the servo keeps its fault until its torque is written again
-    assert energised(arm_emulator) == {True}
-
-
-def test_torque_is_read_back(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    assert arm.read_torque() == dict.fromkeys(arm.joint_names, False)
-    arm.enable()
-    assert arm.read_torque() == dict.fromkeys(arm.joint_names, True)
-    arm_emulator.ask("set_register", id=3, name="torque_enable", value=0)
-    assert [joint for joint, torque in arm.read_torque().items() if not torque] == ["elbow_flex"]
-    arm_emulator.fault("silent", 4)
-    with pytest.raises(NoReply, match=r"wrist_flex \(id 4\) does not say whether its torque is off"):
-        arm.read_torque()
-
-
-def test_an_open_arm_is_checked_again(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    with pytest.raises(DeviceError, match="the device is not open: call connect first"):
-        arm.check()
-    arm.connect()
-    arm.check()
-    arm_emulator.ask("set_register", id=2, name="mode", value=1)
-    with pytest.raises(MotorCheckFailed, match="id 2 works in mode 1"):
-        arm.check()
-    assert arm.connected
-
-
-def test_a_trip_says_whether_the_torque_is_off(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm.enable()
-    arm_emulator.fault("overload", 3)
-    with pytest.raises(SafetyTripped) as caught:
-        arm.read()
-    assert caught.value.released
-
-
-def test_a_power_cut_is_noticed_and_does_not_energise_again(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator, velocity_ticks_s=800)
-    arm.connect()
-    arm.enable()
-    arm_emulator.fault("brown_out", 4)
-    deadline_s = time.monotonic() + 10
-    with pytest.raises((SafetyTripped, NoReply)) as caught:  # noqa: PT012 - until the check has its turn
-        while time.monotonic() < deadline_s:
-            arm.read()
-    while isinstance(caught.value, NoReply) and time.monotonic() < deadline_s:
-        with pytest.raises((SafetyTripped, NoReply)) as caught:  # noqa: PT012
-            while True:
-                arm.read()
-    assert "wrist_flex (id 4) lost torque or settings without a command" in str(caught.value)
-    assert energised(arm_emulator) == {False}
 
 
 def test_unplugging_disconnects_and_the_arm_is_found_under_another_name(

@@ -27,7 +27,7 @@ class Faulty(NodeBehaviour):
     def resume(self) -> str:
         wish = self.wish
         if wish == "slow":
-            time.sleep(0.8)
+            time.sleep(2.0)
         if wish == "refuse":
             raise ResumeRefusedError("still too hot")
         if wish == "fail":
