@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from calibration_run import JOSHUA, CalibrationRun, Page, environment, robot, sweep_all
 from joshua_emulator import EmulatedBus
-
-from tests.support.calibration_run import JOSHUA, CalibrationRun, Page, environment, robot, sweep_all
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

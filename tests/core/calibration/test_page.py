@@ -12,13 +12,12 @@ from importlib.resources import files
 from typing import Any
 
 import pytest
+from calibration_run import Page
 from joshua.calibration.front_end import ArmState, Ask, Board, Request
 from joshua.calibration.page.front_end import PageFrontEnd
 from joshua.calibration.page.server import FILES
 from joshua.calibration.procedure import Procedure
 from joshua.devices.calibration_target import arm_motors
-
-from tests.support.calibration_run import Page
 
 VIEW = Procedure(arm_motors(range(1, 7))).view()
 BOARD = Board("rig", (("leader_arm", ArmState.ACTIVE), ("follower_arm", ArmState.WAITING)), 0, VIEW)

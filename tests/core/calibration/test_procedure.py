@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from calibration_hand import Hand
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from joshua.calibration.procedure import Procedure
@@ -10,8 +11,6 @@ from joshua.calibration.result import RangeRefused
 from joshua.calibration.view import JointState, Step
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua.devices.calibration_target import TargetMotor, arm_motors
-
-from tests.support.calibration_hand import Hand
 
 THREE = tuple(TargetMotor(i, name) for i, name in ((1, "base"), (2, "elbow"), (3, "jaw")))
 
@@ -205,13 +204,24 @@ def test_a_sweep_with_lost_readings_has_a_hole_until_the_joint_passes_again(hand
 
 def test_an_arm_that_does_not_answer_confirms_nothing(hand: Hand):
     hand.rest()
-    hand.procedure.lost("the adapter is gone")
+    hand.time_s += 1.0
+    hand.procedure.lost(hand.time_s, "the adapter is gone")
     hand.procedure.confirm()
     assert hand.procedure.step is Step.HOMING
     assert message(hand) == "No answer from the arm: the adapter is gone"
     hand.feed()
     assert message(hand) == "The arm answers again."
     hand.take_home()
+    assert hand.procedure.step is Step.SWEEP
+
+
+def test_one_lost_reading_is_no_event(hand: Hand):
+    hand.rest()
+    hand.time_s += 0.1
+    hand.procedure.lost(hand.time_s, "no reply")
+    assert message(hand) == ""
+    hand.feed()
+    hand.procedure.confirm()
     assert hand.procedure.step is Step.SWEEP
 
 
@@ -343,7 +353,7 @@ def test_whatever_happens_the_procedure_stands_and_gives_only_whole_results(even
             raw = values if kind == "observe" else [(a + b) % 4096 for a, b in zip(raw, values, strict=True)]
             procedure.observe(time_s, raw)
         elif kind == "lost":
-            procedure.lost("gone")
+            procedure.lost(time_s + number, "gone")
         elif kind == "repeat":
             procedure.repeat(int(number))
         else:

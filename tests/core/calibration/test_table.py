@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import io
 
+from calibration_hand import Hand
 from joshua.calibration.front_end import ArmState, Board
 from joshua.calibration.table import board_lines, event_text
 from joshua.calibration.terminal import TerminalFrontEnd
 from joshua.devices.calibration_target import TargetMotor
-
-from tests.support.calibration_hand import Hand
 
 MOTORS = (TargetMotor(1, "base"), TargetMotor(2, "a_joint_with_a_long_name"))
 

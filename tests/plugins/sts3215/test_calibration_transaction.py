@@ -9,14 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import calibration_writer
 import pytest
+from calibration_writer import NODE, SteppedTarget, new_calibration, open_target, parts
 from joshua.calibration.arm_file import PreparedFile
 from joshua.calibration.journal import JournalRefused
 from joshua.calibration.transaction import NotWritten, Recovery, recover, values_of, write
 from joshua_emulator import EmulatedBus
-
-from tests.support import calibration_writer
-from tests.support.calibration_writer import NODE, SteppedTarget, new_calibration, open_target, parts
 
 STEPS = 24  # 2 for the note, 18 for six servos, 2 for the file, 2 for the end of the note
 OLD_STAMP = "2025-01-01T00:00:00Z"

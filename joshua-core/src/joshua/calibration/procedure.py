@@ -70,7 +70,7 @@ class Procedure:
         """
         self._require_readings(raw)
         gap_s = 0.0 if self._time_s is None else time_s - self._time_s
-        continuous = self._time_s is not None and not self._lost and 0.0 <= gap_s <= GAP_S
+        continuous = self._time_s is not None and 0.0 <= gap_s <= GAP_S
         before = [track.position for track in self._tracks]
         for index, (track, value) in enumerate(zip(self._tracks, raw, strict=True)):
             if continuous:
@@ -86,10 +86,11 @@ class Procedure:
         if self.step in (Step.SWEEP, Step.REVIEW):
             self._look_beyond()
 
-    def lost(self, reason: str) -> None:
-        """Says that the arm does not answer; nothing can be confirmed before it does again."""
-        self._lost = reason
-        self._recent.clear()
+    def lost(self, time_s: float, reason: str) -> None:
+        """Says that the arm does not answer; from a moment on nothing can be confirmed then."""
+        if self._time_s is None or not 0.0 <= time_s - self._time_s <= GAP_S:
+            self._lost = reason
+            self._recent.clear()
 
     def confirm(self) -> None:
         """Grants the present step: takes the middle pose, goes on to the next joint, or asks for writing."""

@@ -91,7 +91,7 @@ class Session:
 
         Raises:
             Stopped: the user has ended it; arms that are done stay calibrated.
-            Unfinished: nobody is there, and a step does not become ready.
+            Unfinished: nobody is there, and a step does not become ready; or an emulator moves no joints.
             NotWritten: writing was interrupted, and the arm may need ``recover``.
         """
         for index, arm in enumerate(self._arms):
@@ -139,7 +139,7 @@ class Session:
             positions = arm.target.raw_positions()
             self._procedure.observe(time.monotonic(), positions)
         except DeviceError as error:
-            self._procedure.lost(str(error).splitlines()[0])
+            self._procedure.lost(time.monotonic(), str(error).splitlines()[0])
             if not isinstance(error, NoReply):  # a servo alone may answer again; a port that is gone will not
                 arm.target.disconnect()
                 self._reconnect_s = time.monotonic() + RECONNECT_S
@@ -178,7 +178,8 @@ class Session:
         seconds = MIDDLE_S if view.active is None else SWEEP_S
         if self._scripted:
             seconds /= SCRIPT_SPEED
-        arm.guide(view.active, seconds)
+        if not arm.guide(view.active, seconds):
+            raise Unfinished(f"{arm.node_name}: its emulator moves no joints, and nothing else can")
         return seconds
 
     def _write(self, arm: Arm) -> None:

@@ -15,7 +15,7 @@ class SpikeCalibrationTarget(CalibrationTarget):
         self._hub = HubClient(settings, hold=False)
         self._identity = ""
         self._motors = tuple(
-            TargetMotor(port_id(port), f"joint_{port.lower()}", ticks_per_turn=TICKS_PER_TURN)
+            TargetMotor(port_id(port), f"joint_{port.lower()}", ticks_per_turn=TICKS_PER_TURN, full_turn=True)
             for port in settings.port_names
         )
 

@@ -6,11 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
+from calibration_run import robot
 from joshua.calibration.arm_file import ArmFile
 from joshua.cli.main import main
 from joshua.devices.lerobot_calibration import from_lerobot
-
-from tests.support.calibration_run import robot
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 

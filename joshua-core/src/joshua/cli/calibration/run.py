@@ -119,7 +119,11 @@ def _open(address: str) -> None:
 
 def _is_scripted(front_ends: Sequence[FrontEnd], arms: Sequence[Arm]) -> bool:
     """Whether nobody is there to confirm; emulated arms then go through it by themselves. Raises Refused."""
+    is_emulated = any(arm.guide is not None for arm in arms)
     if sys.stdin is not None and not sys.stdin.closed and _has_input():
+        if is_emulated:
+            sys.stdout.write("emulated arms move by themselves: confirm each step once it is complete\n")
+            sys.stdout.flush()
         return False
     if all(arm.guide is not None for arm in arms):
         sys.stdout.write("nobody is there to confirm: the emulated arms go through it by themselves\n")
