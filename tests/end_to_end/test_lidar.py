@@ -90,7 +90,7 @@ def test_a_wrong_line_speed_is_named_before_anything_runs(tmp_path: Path, joshua
     assert code == 4, text
     flat = " ".join(text.split())
     assert (
-        "a laser scanner does not answer at 115200 bit/s, but a LD19 does at 230400: set baudrate: 230400"
+        "a laser scanner does not answer at 115200 bit/s, but an LD19 does at 230400: set baudrate: 230400"
         in flat
     )
 

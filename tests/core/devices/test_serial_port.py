@@ -1,12 +1,15 @@
 import os
+import struct
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from joshua.devices import serial_port
 from joshua.devices.serial_errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.usb_ports import Endpoint
@@ -160,7 +163,7 @@ def test_a_speed_that_no_adapter_runs_at_is_refused(
     port = port_of(emulator)
     port.open()
     monkeypatch.setattr("joshua.devices.serial_port._IS_LINUX", False)
-    with pytest.raises(PortUnusable, match=r"cannot run at 250000 bit/s.*such as 1000000"):
+    with pytest.raises(PortUnusable, match=r"cannot run at 250000 bit/s.*such as 115200"):
         port.set_baudrate(250_000)
     port.close()
 
@@ -174,4 +177,35 @@ def test_an_adapter_with_a_lasting_name_is_found_again(emulator: EmulatedBus) ->
     emulator.fault("replug", name="ttyUSB3")
     port.open()
     assert port.entry.path.endswith("ttyUSB3")
+    port.close()
+
+
+def test_waiting_bytes_are_dropped_on_request(emulator: EmulatedBus) -> None:
+    port = port_of(emulator)
+    port.open()
+    port.send(ping(1))
+    time.sleep(0.1)
+    port.discard_input()
+    assert port.receive(6, time.monotonic() + 0.1) == b""
+    port.close()
+
+
+@pytest.mark.parametrize(("raised", "request_code"), [(True, termios.TIOCMBIS), (False, termios.TIOCMBIC)])
+@pytest.mark.parametrize("drop_on_close", [True, False])
+def test_dtr_is_switched_and_dropped_on_close_only_where_that_is_asked(
+    emulator: EmulatedBus,
+    monkeypatch: pytest.MonkeyPatch,
+    raised: bool,
+    request_code: int,
+    drop_on_close: bool,
+) -> None:
+    port = port_of(emulator)
+    port.open()
+    asked: list[tuple[int, bytes]] = []
+    monkeypatch.setattr(serial_port.fcntl, "ioctl", lambda _, code, value: asked.append((code, value)))
+    port.set_dtr(raised, drop_on_close=drop_on_close)
+    monkeypatch.undo()
+    assert asked == [(request_code, struct.pack("I", termios.TIOCM_DTR))]
+    assert bool(termios.tcgetattr(port._fd)[2] & termios.HUPCL) == drop_on_close
+    port.set_dtr(raised)  # a pseudo-terminal has no such line, which is no error
     port.close()

@@ -125,3 +125,20 @@ def test_damaged_answers_are_asked_for_again(emulator_of: Start, encoder_at: Mak
     found = readings(encoder, 1.5)
     assert len(found) > 50
     assert encoder.damaged > 5
+
+
+def test_the_state_for_diagnostics(emulator_of: Start, encoder_at: Make) -> None:
+    emulator = emulator_of("line", crc=True)
+    encoder = encoder_at(emulator.port, joint_name=["left_wheel"])
+    assert encoder.diagnostics() == ()
+    encoder.connect()
+    readings(encoder, 0.3)
+    link, joint = encoder.diagnostics()
+    assert (link.level, link.name, link.message) == (0, "link", "in order")
+    assert joint.name == "left_wheel"
+    assert float(joint.values["position_rad"]) != 0.0
+    emulator.fault("corrupt", 0.05)
+    readings(encoder, 0.5)
+    link = encoder.diagnostics()[0]
+    assert link.level == 1
+    assert link.message == "the line damages what comes: check cable and ground"

@@ -70,9 +70,9 @@ def test_another_model_than_the_file_says(emulator_of: Start, lidar_at: Make) ->
     text = refusal(lidar_at(emulator_of("ydlidar_x2").port, "rplidar_a1"))
     assert 'is a YDLIDAR X2, and the file says model: "rplidar_a1": set model: "ydlidar_x2"' in text
     text = refusal(lidar_at(emulator_of("lds01").port, "ld19"))
-    assert 'is a LDS-01, and the file says model: "ld19"' in text
+    assert 'is an LDS-01, and the file says model: "ld19"' in text
     text = refusal(lidar_at(emulator_of("ld19").port, "ydlidar_x4"))
-    assert 'a LD19 does at 230400: set baudrate: 230400 and model: "ld19"' in text
+    assert 'an LD19 does at 230400: set baudrate: 230400 and model: "ld19"' in text
 
 
 def test_nothing_at_the_port(emulator_of: Start, lidar_at: Make) -> None:

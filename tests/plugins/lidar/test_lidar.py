@@ -154,3 +154,16 @@ def test_a_line_that_loses_packets_leaves_gaps(emulator_of: Start, lidar_at: Mak
     missing = np.isnan(scan.ranges_m).mean()
     assert 0.01 < missing < 0.4
     assert agrees_with_the_room(lidar, scan) > 0.95
+
+
+def test_the_state_for_diagnostics(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_c1")
+    lidar = lidar_at(emulator.port, "rplidar_c1")
+    assert lidar.diagnostics() == ()
+    lidar.connect()
+    next_reading(lidar)
+    (row,) = lidar.diagnostics()
+    assert (row.level, row.name, row.message) == (0, "scanner", "in order")
+    assert row.hardware_id.startswith("RPLIDAR C1, firmware 1.29, serial number ")
+    assert float(row.values["turn_hz"]) == pytest.approx(10, rel=0.2)
+    assert row.values["damaged"] == "0"

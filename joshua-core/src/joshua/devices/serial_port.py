@@ -1,4 +1,4 @@
-"""A serial port as the bus needs it: exclusive, raw, 8N1, with reads that end at a deadline."""
+"""A serial port as drivers need it: exclusive, raw, 8N1, with reads that end at a deadline."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class SerialPort:
                 raise self._disconnected(error) from error
             raise PortUnusable(
                 f"{self}: cannot run at {baudrate} bit/s ({_reason(error)}); "
-                "choose a baudrate that adapter and servos share, such as 1000000"
+                "choose a baudrate that adapter and device share, such as 115200"
             ) from error
 
     def wire_time_s(self, size: int) -> float:

@@ -120,7 +120,7 @@ def resolve(endpoint: Endpoint) -> PortEntry:
         )
     raise PortNotFound(
         f"{endpoint}: no adapter of this identity is plugged in. Ports here: {_listing(ports)}. "
-        "Plug the arm in and check its supply, or correct comm.serial; joshua find-port lists the ports."
+        "Plug the device in and check its supply, or correct comm.serial; joshua find-port lists the ports."
     )
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.serial_port import SerialPort
@@ -18,6 +20,9 @@ from joshua_encoder.sources import Amt21Source, Counts, LineSource, Source
 from joshua_encoder.tracker import Tracker
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+
+#: Damaged lines or answers as share of the counts above which a link is not in order.
+DAMAGED_SHARE = 0.01
 
 #: Counts that may wait for a reader; older ones are left out, the position goes on.
 _WAITING = 64
@@ -126,6 +131,31 @@ class SerialEncoder(Sensor):
             frame_id=frame_id,
             at_ns=reading.stamp_ns,
         )
+
+    def diagnostics(self) -> Sequence[DiagnosticStatus]:
+        """One row for the link, and one for each encoder as last read."""
+        source = self._source
+        if source is None or not self._sequence:
+            return ()
+        poor = source.damaged > DAMAGED_SHARE * self._sequence
+        message = "the line damages what comes: check cable and ground" if poor else "in order"
+        protocol = self.settings.protocol
+        values = {"counts": str(self._sequence), "damaged": str(source.damaged)}
+        joints = [
+            DiagnosticStatus(
+                OK,
+                name,
+                "in order",
+                protocol,
+                {
+                    "position_rad": f"{tracker.position_rad:+.4f}",
+                    "velocity_rad_s": f"{tracker.velocity_rad_s:+.3f}",
+                    "ticks": str(tracker.ticks),
+                },
+            )
+            for name, tracker in zip(self.settings.joint_names, self._trackers, strict=True)
+        ]
+        return (DiagnosticStatus(WARN if poor else OK, "link", message, protocol, values), *joints)
 
     def disconnect(self) -> None:
         """Closes the port; a second call does nothing."""

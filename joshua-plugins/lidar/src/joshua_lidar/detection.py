@@ -64,13 +64,13 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
         model = MODELS[found]
         if baudrate != asked_baudrate:
             return DeviceError(
-                f"{port}: {what} does not answer at {asked_baudrate} bit/s, but a {model.title} does at "
+                f"{port}: {what} does not answer at {asked_baudrate} bit/s, but {model.one} does at "
                 f"{baudrate}: set baudrate: {baudrate}"
                 + (f' and model: "{found}"' if expected and not same_stream(found, expected.name) else "")
             )
         if expected and not same_stream(found, expected.name):
             return DeviceError(
-                f'{port}: is a {model.title}, and the file says model: "{expected.name}": '
+                f'{port}: is {model.one}, and the file says model: "{expected.name}": '
                 f'set model: "{found}", or plug the {expected.title} in'
             )
         if expected:

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 _WINDOW = 50
 
+#: Damaged places as share of the packets above which a line is not in order.
+DAMAGED_SHARE = 0.01
+
 
 @dataclass(frozen=True)
 class Figures:

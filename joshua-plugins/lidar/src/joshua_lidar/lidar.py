@@ -5,9 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.serial_port import BITS_PER_BYTE, SerialPort
@@ -19,7 +21,7 @@ from joshua.messages.make import header
 from joshua_lidar.arrivals import Arrivals
 from joshua_lidar.assembly import Beams, Scan, TurnAssembler
 from joshua_lidar.detection import detect, explain
-from joshua_lidar.figures import FigureKeeper, Figures
+from joshua_lidar.figures import DAMAGED_SHARE, FigureKeeper, Figures
 from joshua_lidar.links import LINKS, Link, NoAnswerError
 from joshua_lidar.models import MODELS, Model
 from joshua_lidar.motor_watch import MotorWatch
@@ -169,6 +171,22 @@ class SerialLidar(Sensor):
         if np.isnan(scan.ranges_m).all():
             return "no beam measured anything: is the window of the scanner covered?"
         return ""
+
+    def diagnostics(self) -> Sequence[DiagnosticStatus]:
+        """One row: how the scanner turns, and what its line is like."""
+        link, figures = self._link, self.figures
+        if link is None or not figures.turns:
+            return ()
+        damaged = figures.damaged > DAMAGED_SHARE * figures.packets
+        message = "the line damages packets: check cable and ground" if damaged else "in order"
+        values = {
+            "turn_hz": f"{figures.turn_hz:.2f}",
+            "points": str(figures.points),
+            "beams_measured": f"{figures.coverage:.2f}",
+            "packets": str(figures.packets),
+            "damaged": str(figures.damaged),
+        }
+        return (DiagnosticStatus(WARN if damaged else OK, "scanner", message, self.facts, values),)
 
     def disconnect(self) -> None:
         """Stops the motor and closes the port; a second call does nothing."""

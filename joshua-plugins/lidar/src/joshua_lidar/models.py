@@ -31,6 +31,11 @@ class Model:
     power: str
     standard_beams: int = 0
 
+    @property
+    def one(self) -> str:
+        """The title with its article."""
+        return f"a {self.title}" if self.title.startswith("Y") else f"an {self.title}"
+
     def beams_in(self, scan_mode: str) -> int:
         """Beams of one turn in a scan mode."""
         return self.standard_beams if self.standard_beams and scan_mode == STANDARD else self.beams

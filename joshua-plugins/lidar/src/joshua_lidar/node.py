@@ -15,18 +15,17 @@ from joshua.node.behaviour import NodeContext
 
 from joshua_lidar.assembly import Scan
 from joshua_lidar.drawing import terminal_view, top_view
-from joshua_lidar.figures import Figures
+from joshua_lidar.figures import DAMAGED_SHARE, Figures
 from joshua_lidar.lidar import SerialLidar
 from joshua_lidar.models import Model
 
 FIGURES_PERIOD_S = 1.0
 
 #: What MODE_TEST asks of a scanner: turns a second that deviate by no more than this share of the usual ones,
-#: measurements of a turn and beams that measured as shares of all beams, damaged places as share of packets.
+#: measurements of a turn and beams that measured as shares of all beams.
 TURN_TOLERANCE = 0.4
 LEAST_POINTS = 0.6
 LEAST_COVERAGE = 0.5
-DAMAGED_SHARE = 0.01
 
 Row = tuple[str, bool, str]
 
