@@ -61,9 +61,11 @@ def test_the_eeprom_of_an_emulated_arm_outlives_the_run(environment: dict[str, s
 
 
 def test_a_device_without_an_emulator_is_never_opened(environment: dict[str, str]) -> None:
-    result = joshua(environment, "--config", preset("teleop_keyboard"), "--emulate")
+    result = joshua(
+        environment, "--config", preset("teleop_so_arm100"), "--emulate", "--block-plugin", "joshua-emulator"
+    )
     assert result.returncode == 3
-    assert "no installed plugin emulates keyboard_config" in " ".join(result.stderr.split())
+    assert "no installed plugin emulates sts3215_config" in " ".join(result.stderr.split())
     assert "nothing was started" in result.stderr
 
 

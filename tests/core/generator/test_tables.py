@@ -87,6 +87,15 @@ def test_the_live_status_shows_rates_and_what_is_not_ready():
     )
 
 
+def test_what_a_node_tells_people_comes_first_in_the_status_line():
+    nodes = (
+        NodeStatus("/arm", "ready", 1, 0, published_hz={"/arm/joint_states": 50.0}),
+        NodeStatus("/keyboard", "ready", 2, 0, shown="driving ON: pan +"),
+    )
+    line = status_line(RunStatus("r", "m", "running", 4.0, 1, nodes))
+    assert line == "running 4 s | /keyboard [driving ON: pan +] | /arm joint_states 50.0 Hz"
+
+
 def test_the_report_shows_cadence_failures_and_the_reason():
     report = RunReport(
         exit_code=1,

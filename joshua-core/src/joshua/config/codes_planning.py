@@ -29,6 +29,10 @@ PLANNING_CODES: dict[str, CodeDoc] = {
         "--fault names a node that is no emulated device of the file.",
         "Name one of the devices: --fault NODE:FAULT.",
     ),
+    "terminal-shared": CodeDoc(
+        "Two nodes of one machine read the terminal, and each key reaches one of them only.",
+        "Put the controls of both into one keyboard_config.",
+    ),
     "native-missing": CodeDoc(
         "A node asks for node_type CPP, and its plugin has no native implementation.",
         "Nothing: the Python implementation runs. Set node_type to PYTHON to silence the note.",

@@ -6,7 +6,7 @@ import logging
 import os
 import signal
 import time
-from typing import Any, Protocol
+from typing import Any
 
 from joshua.generator.child import Child
 from joshua.generator.heartbeats import HeartbeatWatch, ProcessorTime, processor_time
@@ -15,6 +15,7 @@ from joshua.generator.launcher import Launcher, describe_status
 from joshua.generator.logbook import Logbook
 from joshua.generator.node_record import NodeRecord
 from joshua.generator.options import SupervisorOptions, ladder_times, ready_timeout_s
+from joshua.generator.process_owner import ProcessOwner
 from joshua.generator.reactor import Reactor, ReactorTimer
 from joshua.generator.restart import RestartPolicy, strictest
 from joshua.generator.stack_dump import StackDump
@@ -27,31 +28,6 @@ DUMP_TIMEOUT_S = 0.3
 
 EXIT_NODE_FAILED = 1
 EXIT_NOT_INSTALLED = 3
-
-
-class ProcessOwner(Protocol):
-    """The supervisor, as a process sees it."""
-
-    def on_process_configured(self, process: ManagedProcess) -> None:
-        """Every node of the process is configured."""
-
-    def on_process_ready(self, process: ManagedProcess) -> None:
-        """Every node of the process is active."""
-
-    def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
-        """The process has ended; ``failed`` unless it was asked to."""
-
-    def on_first_message(self, stamp_ns: int) -> None:
-        """A subscription has received its first message."""
-
-    def on_fault(self, node: str, text: str) -> None:
-        """The device of a node does nothing until it is resumed; "" ends that."""
-
-    def on_resumed(self, message: ipc.Resumed) -> None:
-        """A node has answered to ``resume``."""
-
-    def on_stop_run(self, node: str, reason: str) -> None:
-        """A node asks for the end of the run."""
 
 
 class ManagedProcess:
@@ -221,6 +197,9 @@ class ManagedProcess:
             self._on_step(record, message.step)
         elif isinstance(message, ipc.Waiting):
             record.waiting = message.text
+        elif isinstance(message, ipc.Shown):
+            record.shown = message.text
+            self._owner.on_shown()
         elif isinstance(message, ipc.FirstMessage):
             self._owner.on_first_message(message.stamp_ns)
         elif isinstance(message, ipc.NodeWarning):

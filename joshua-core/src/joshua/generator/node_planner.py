@@ -74,7 +74,10 @@ class NodePlanner:
             implementation=provision.native if native else provision.implementation,
             settings_type=provision.settings,
             settings=settings.model_dump(mode="json") if settings is not None else {},
-            context=resolved.context | self._shared_context(want) | safety_context(want, provision),
+            context=resolved.context
+            | self._shared_context(want)
+            | safety_context(want, provision)
+            | ({"terminal": True} if provision.terminal else {}),
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),

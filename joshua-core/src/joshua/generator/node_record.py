@@ -32,7 +32,8 @@ class NodeRecord:
     """One node's state, over all processes that have run it.
 
     Attributes:
-        state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node says it waits for.
+        state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node says it waits for;
+            shown: what it shows in the status line.
         fault: why its device does nothing although the node runs; "" for none.
         reason: why it failed; exit_code: that the failure calls for.
         report: its own last report; None if it ended without one.
@@ -43,6 +44,7 @@ class NodeRecord:
     step: str = ""
     waiting: str = ""
     fault: str = ""
+    shown: str = ""
     process_id: int = 0
     restarts: int = 0
     reason: str = ""
@@ -61,7 +63,7 @@ class NodeRecord:
     def begin(self) -> None:
         """A process for the node starts."""
         self.state, self.step, self.waiting, self.process_id = "starting", "", "", 0
-        self.fault = ""
+        self.fault = self.shown = ""
         self.report = None
         self.warnings.clear()
         self.totals.clear()
@@ -107,6 +109,7 @@ class NodeRecord:
             restarts=self.restarts,
             doing=self.doing,
             reason=self.reason or self.fault,
+            shown=self.shown,
             published_hz=published,
             received_hz=received,
         )

@@ -48,6 +48,7 @@ class Planning:
         self._services = resolve_services(config, self._registry, share, self._findings, self._request.path)
         wanted = wanted_nodes(config, devices=share.devices, models=share.models)
         self._nodes = self._resolver.resolve(wanted, physics_of(self._services))
+        self._refuse_shared_terminal()
 
     def plan(self) -> Plan | None:
         """Makes the plan of what was resolved; None where the transport cannot be chosen."""
@@ -78,6 +79,23 @@ class Planning:
             transport=transport,
             duration_s=_duration_s(config, request),
         )
+
+    def _refuse_shared_terminal(self) -> None:
+        """A key goes to one reader: which one would be chance."""
+        readers = [node for node in self._nodes if node.provision.terminal]
+        hosts: dict[str, str] = {}
+        for reader in readers:
+            node = reader.want.entry.node
+            first = hosts.setdefault(node.host, node.node_name)
+            if first != node.node_name:
+                self._findings.add(
+                    "terminal-shared",
+                    Severity.ERROR,
+                    f"{first} and {node.node_name} both read the terminal, and each key "
+                    "reaches one of them only",
+                    reader.want.block_path,
+                    remedy="put the controls of both into one keyboard_config",
+                )
 
     def _note_partial_qos(self, nodes: list[NodeSpec], kind: str) -> None:
         """Says once which quality-of-service settings do not act everywhere, and on which topics."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.config.topics import endpoints
 from joshua.generator.devices import Wanted, joints_of
 from joshua.generator.findings import Findings
 from joshua.generator.safety import check_safety
@@ -56,6 +57,8 @@ class Resolver:
         self._source = source
         self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
         self.joints: dict[str, list[dict[str, Any]]] = {}
+        self._endpoints = endpoints(config)
+        self._final_names: set[str] = set()
 
     def resolve(self, wanted: list[Wanted], physics: Mapping[str, Any]) -> list[Resolved]:
         """Resolves all nodes whose plugin is installed; the others become findings.
@@ -82,6 +85,9 @@ class Resolver:
                 resolved.append(Resolved(want, provision, settings, context))
             if want.kind is ProvisionKind.ACTUATOR:
                 joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
+                # Before its calibration an arm's joints have names that nobody will use.
+                if calibration is not None or (provision is not None and provision.virtual):
+                    self._final_names.add(want.entry.path)
                 if provision is not None:
                     check_safety(want, provision, joints, self._findings)
         for wants in missing.values():
@@ -90,7 +96,26 @@ class Resolver:
 
     def _context(self, want: Wanted, calibration: calibration_pb2.ArmCalibration | None) -> dict[str, Any]:
         context: dict[str, Any] = {"calibration": calibration_values(calibration)} if calibration else {}
-        return context | self._waivers if want.kind is ProvisionKind.ACTUATOR else context
+        if want.kind is ProvisionKind.ACTUATOR:
+            return context | self._waivers
+        joints = self._reached_joints(want) if want.kind is ProvisionKind.SENSOR else []
+        return context | ({"joints": joints} if joints else {})
+
+    def _reached_joints(self, want: Wanted) -> list[dict[str, Any]]:
+        """The joints that a sensor's commands reach; empty unless the names of all of them are final."""
+        topics = {
+            item.topic for item in self._endpoints if item.is_publisher and item.entry.path == want.entry.path
+        }
+        reached = [
+            item.entry
+            for item in self._endpoints
+            if not item.is_publisher
+            and item.topic in topics
+            and isinstance(item.entry.owner, pb.SingleAction)
+        ]
+        if not all(entry.path in self._final_names for entry in reached):
+            return []
+        return [joint for entry in reached for joint in self.joints[entry.path]]
 
     def _provision(self, want: Wanted) -> Provision | None:
         if not _is_complete(want):

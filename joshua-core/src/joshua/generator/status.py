@@ -51,7 +51,7 @@ class NodeStatus:
         state: ``starting``, ``configured``, ``ready``, ``fault`` (it runs, and its device does nothing
             until it is resumed), ``resuming``, ``restarting``, ``stopping``, ``stopped``, ``failed`` or
             ``killed``; reason: of a failure or a fault.
-        doing: step of the lifecycle, and what it waits for.
+        doing: step of the lifecycle, and what it waits for; shown: what the node tells people of itself.
         published_hz, received_hz: rates by topic over the last seconds.
     """
 
@@ -61,6 +61,7 @@ class NodeStatus:
     restarts: int
     doing: str = ""
     reason: str = ""
+    shown: str = ""
     published_hz: dict[str, float] = field(default_factory=dict)
     received_hz: dict[str, float] = field(default_factory=dict)
 

@@ -26,6 +26,7 @@ from joshua.generator.run_requests import RunRequests
 from joshua.generator.run_view import run_status, start_table
 from joshua.generator.status import RunEvent, RunStatus
 from joshua.generator.stop_signals import StopSignals
+from joshua.generator.terminal_guard import TerminalGuard
 from joshua.generator.ui import SilentInterface, UserInterface
 from joshua.ipc import messages as ipc
 from joshua.plan import NodeKind, Plan, RunReport
@@ -39,7 +40,6 @@ EXIT_INTERRUPTED = 130
 #: After a failure at the start the other nodes may go on for this long, so that one run shows every
 #: absent device and not only the first.
 START_SETTLE_S = 0.5
-
 
 #: Defects of the supervisor's own after which it lets the fork server end the nodes.
 MAX_DEFECTS = 10
@@ -161,7 +161,8 @@ class Supervisor:
     def _start(self, closers: list[Callable[[], None]]) -> None:
         plan, options = self._plan, self._options
         launcher = Launcher(self._reactor, self._fork_server, self._on_fork_server_lost)
-        closers.append(launcher.close)
+        self._terminal_guard = TerminalGuard(plan.nodes)
+        closers += [launcher.close, self._terminal_guard.close]
         tools = (self._reactor, launcher, self._logbook)
         groups = process_groups(plan.nodes)
         self._processes = [ManagedProcess(specs, plan.transport, options, tools, self) for specs in groups]
@@ -233,6 +234,7 @@ class Supervisor:
     def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
         """Ends the run, restarts the process, or lets it stay down, by the phase and its policy."""
         self._requests.ended(process)
+        self._terminal_guard.ended(process.specs)
         if self._phase is Phase.STOPPING:
             self._finish_if_stopped()
             return
@@ -386,12 +388,13 @@ class Supervisor:
         return run_status(self._plan, self._records(), self._phase.value, elapsed_s)
 
     def _show_status(self) -> None:
-        if self._phase is Phase.ENDED:
-            return
-        status = self.status()
-        self._logbook.interface.call(lambda ui: ui.on_status(status))
-        self._reactor.call_later(self._options.status_period_s, self._show_status)
+        if self._phase is not Phase.ENDED:
+            self.on_shown()
+            self._reactor.call_later(self._options.status_period_s, self._show_status)
+
+    def on_shown(self) -> None:
+        """Shows the status now: a node has something to tell people."""
+        self._logbook.interface.call(lambda ui: ui.on_status(self.status()))
 
     def _event(self, kind: str, node: str, text: str) -> None:
-        event = RunEvent(kind, node, text)
-        self._logbook.interface.call(lambda ui: ui.on_event(event))
+        self._logbook.interface.call(lambda ui: ui.on_event(RunEvent(kind, node, text)))

@@ -75,12 +75,14 @@ def _node_rows(node: NodeRow) -> list[tuple[str, str, str, str, str, str]]:
 def status_line(status: RunStatus) -> str:
     """The live status in one line: time, then each node's state or the rates of what it publishes."""
     parts = [f"{status.phase} {status.elapsed_s:.0f} s"]
-    for node in status.nodes:
+    # What a node tells people comes first: it must not be cut off in a narrow terminal.
+    for node in sorted(status.nodes, key=lambda node: not node.shown):
         if node.state != "ready":
             parts.append(f"{node.full_name} {node.state}")
             continue
         rates = [f"{_last_name(topic)} {rate:.1f} Hz" for topic, rate in node.published_hz.items()]
-        parts.append(" ".join([node.full_name, *rates]))
+        shown = [f"[{node.shown}]"] if node.shown else []
+        parts.append(" ".join([node.full_name, *shown, *rates]))
     return clean(" | ".join(parts))
 
 

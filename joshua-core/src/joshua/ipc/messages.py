@@ -92,6 +92,14 @@ class Waiting(Message):
     text: str
 
 
+class Shown(Message):
+    """Child to supervisor: a text for the node's part of the status line; "" for nothing."""
+
+    kind: Literal["shown"] = "shown"
+    node: str
+    text: str
+
+
 class ThreadAge(BaseModel):
     """A reader thread, the seconds since it last showed life, and its limit."""
 
@@ -208,6 +216,7 @@ ToSupervisor = (
     Hello
     | Step
     | Waiting
+    | Shown
     | Heartbeat
     | Log
     | Topics

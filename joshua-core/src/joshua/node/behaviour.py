@@ -84,6 +84,9 @@ class NodeContext(Protocol):
     def fault(self, reason: str) -> None:
         """Says that the node goes on, but its device does nothing until it is resumed; "" ends that."""
 
+    def show(self, text: str) -> None:
+        """Puts a short text into the node's part of the live status line; "" takes it away; any thread."""
+
     def end_run(self, reason: str) -> None:
         """Asks for the end of the whole run in good order: the node's work is done; any thread."""
 

@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from joshua.ipc.messages import Fault, Message, NodeWarning, StopRun, Waiting, printable
+from joshua.ipc.messages import Fault, Message, NodeWarning, Shown, StopRun, Waiting, printable
 from joshua.node import ros_time
 from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback, NamedMessageCallback
 from joshua.node.readers import ReaderThread, ReaderThreads
@@ -53,6 +53,7 @@ class RuntimeContext:
         self._wake = wake
         self._lock = threading.Lock()
         self._stopping = False
+        self._shown = ""
 
     def publisher(self, topic: TopicSpec) -> CountingPublisher:
         """Declares a publisher."""
@@ -125,6 +126,12 @@ class RuntimeContext:
         if reason:
             self.log.error("%s", reason)
         self._send(Fault(node=self.spec.full_name, text=printable(reason)))
+
+    def show(self, text: str) -> None:
+        """Puts a text into the status line."""
+        if text != self._shown:
+            self._shown = text
+            self._send(Shown(node=self.spec.full_name, text=printable(text, 120)))
 
     def end_run(self, reason: str) -> None:
         """Asks for the end of the run."""

@@ -47,6 +47,7 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
         "joshua-teleop-input",
         ("gamepad_config", "keyboard_config"),
         ("PERCEPTION_GAMEPAD", "PERCEPTION_KEYBOARD"),
+        ("find-gamepads", "share-gamepad"),
     ),
     KnownPlugin("joshua-smolvla", (), ("SMOLVLA",)),
     KnownPlugin(

@@ -47,6 +47,7 @@ class Provision:
         stand_in: import string of what ``--sim`` asks of a simulator: a function that takes the configuration
             and the ``RealDevice``s of it, and puts blocks of simulated devices in their place; "" if none.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
+        terminal: the node reads the terminal that the run was started from; one node of a run may.
     """
 
     kind: ProvisionKind
@@ -64,3 +65,4 @@ class Provision:
     packaged_files: str = ""
     stand_in: str = ""
     virtual: bool = False
+    terminal: bool = False

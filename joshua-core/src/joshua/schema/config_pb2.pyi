@@ -517,24 +517,42 @@ class JointControl(_message.Message):
     def __init__(self, positive: _Optional[str] = ..., negative: _Optional[str] = ..., joint: _Optional[str] = ..., speed_rad_s: _Optional[float] = ...) -> None: ...
 
 class GamepadConfig(_message.Message):
-    __slots__ = ("device", "dead_zone", "dead_man_button", "controls")
+    __slots__ = ("device", "dead_zone", "dead_man_button", "controls", "expo", "enable_button", "mapping")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     DEAD_ZONE_FIELD_NUMBER: _ClassVar[int]
     DEAD_MAN_BUTTON_FIELD_NUMBER: _ClassVar[int]
     CONTROLS_FIELD_NUMBER: _ClassVar[int]
+    EXPO_FIELD_NUMBER: _ClassVar[int]
+    ENABLE_BUTTON_FIELD_NUMBER: _ClassVar[int]
+    MAPPING_FIELD_NUMBER: _ClassVar[int]
     device: str
     dead_zone: float
     dead_man_button: str
     controls: _containers.RepeatedCompositeFieldContainer[JointControl]
-    def __init__(self, device: _Optional[str] = ..., dead_zone: _Optional[float] = ..., dead_man_button: _Optional[str] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ...) -> None: ...
+    expo: float
+    enable_button: str
+    mapping: _containers.RepeatedCompositeFieldContainer[GamepadMapping]
+    def __init__(self, device: _Optional[str] = ..., dead_zone: _Optional[float] = ..., dead_man_button: _Optional[str] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ..., expo: _Optional[float] = ..., enable_button: _Optional[str] = ..., mapping: _Optional[_Iterable[_Union[GamepadMapping, _Mapping]]] = ...) -> None: ...
+
+class GamepadMapping(_message.Message):
+    __slots__ = ("name", "source", "inverted")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    INVERTED_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    source: str
+    inverted: bool
+    def __init__(self, name: _Optional[str] = ..., source: _Optional[str] = ..., inverted: _Optional[bool] = ...) -> None: ...
 
 class KeyboardConfig(_message.Message):
-    __slots__ = ("key_hold_s", "controls")
+    __slots__ = ("key_hold_s", "controls", "enable_key")
     KEY_HOLD_S_FIELD_NUMBER: _ClassVar[int]
     CONTROLS_FIELD_NUMBER: _ClassVar[int]
+    ENABLE_KEY_FIELD_NUMBER: _ClassVar[int]
     key_hold_s: float
     controls: _containers.RepeatedCompositeFieldContainer[JointControl]
-    def __init__(self, key_hold_s: _Optional[float] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ...) -> None: ...
+    enable_key: str
+    def __init__(self, key_hold_s: _Optional[float] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ..., enable_key: _Optional[str] = ...) -> None: ...
 
 class Ai(_message.Message):
     __slots__ = ("models", "data_store", "training")

@@ -43,6 +43,7 @@ class RecordingContext:
         self.warnings: list[str] = []
         self.failures: list[str] = []
         self.faults: list[str] = []
+        self.shown = ""
         self._threads: list[threading.Thread] = []
         self._errors: list[BaseException] = []
         self._stopping = threading.Event()
@@ -96,6 +97,10 @@ class RecordingContext:
     def fault(self, reason: str) -> None:
         """Keeps what a device is in fault for."""
         self.faults.append(reason)
+
+    def show(self, text: str) -> None:
+        """Keeps what the status line would show."""
+        self.shown = text
 
     def tick(self, name: str, times: int = 1) -> None:
         """Runs a timer as often as said, without waiting."""

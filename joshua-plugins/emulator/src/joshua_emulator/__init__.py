@@ -9,6 +9,7 @@ either shows.
 from joshua_emulator.camera.process import EmulatedCamera
 from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
 from joshua_emulator.encoder.process import EmulatedEncoder
+from joshua_emulator.gamepad.process import EmulatedGamepad
 from joshua_emulator.lidar.process import EmulatedLidar
 from joshua_emulator.process import EmulatedBus
 
@@ -16,6 +17,7 @@ __all__ = [
     "EmulatedBus",
     "EmulatedCamera",
     "EmulatedEncoder",
+    "EmulatedGamepad",
     "EmulatedLidar",
     "EmulatorError",
     "EmulatorProcess",

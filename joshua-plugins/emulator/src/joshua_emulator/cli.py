@@ -24,6 +24,7 @@ from joshua_emulator.eeprom_store import EepromStoreError
 from joshua_emulator.encoder import cli as encoder_cli
 from joshua_emulator.feetech import registers as feetech
 from joshua_emulator.feetech.assembly import FeetechAssembly
+from joshua_emulator.gamepad import cli as gamepad_cli
 from joshua_emulator.lidar import cli as lidar_cli
 from joshua_emulator.motion import MotionError
 from joshua_emulator.servo_bus.assembly import BusAssembly, BusSpec, SpecError
@@ -139,9 +140,18 @@ def _serial_sensor(station: Station) -> Machine:
     return Machine(facts, station.control.handler, station.run, station.stop, station.close)
 
 
+def _gamepad(options: argparse.Namespace, root: Path) -> Machine:
+    server = gamepad_cli.make_server(options, root)
+    assert server.control is not None
+    return Machine(
+        gamepad_cli.ready_facts(server), server.control.handler, server.run, server.stop, server.close
+    )
+
+
 MAKERS: dict[str, Callable[[argparse.Namespace, Path], Machine]] = {
     "camera": _camera,
     "encoder": lambda options, root: _serial_sensor(encoder_cli.make_station(options, root)),
+    "gamepad": _gamepad,
     "lidar": lambda options, root: _serial_sensor(lidar_cli.make_station(options, root)),
     "spike": _hub,
 }
@@ -176,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
     camera_cli.add_parser(protocols)
     encoder_cli.add_parser(protocols)
     lidar_cli.add_parser(protocols)
+    gamepad_cli.add_parser(protocols)
     spike_cli.add_parser(protocols)
     return parser
 

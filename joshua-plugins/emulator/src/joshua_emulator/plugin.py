@@ -46,4 +46,10 @@ def joshua_provisions() -> list[Provision]:
             implementation="joshua_emulator.serial_sensors:EncoderEmulator",
             summary="rotary encoders on a shaft, on a pseudo-terminal",
         ),
+        Provision(
+            kind=ProvisionKind.EMULATOR,
+            block="gamepad_config",
+            implementation="joshua_emulator.gamepad.device:GamepadEmulator",
+            summary="Xbox controller whose records come from a UNIX socket, moved by an unseen hand",
+        ),
     ]

@@ -1,0 +1,67 @@
+"""Gives the terminal back as it was, when a node that read keys from it could not do so itself."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import termios
+from collections.abc import Iterable
+from typing import Any
+
+from joshua.plan import NodeSpec
+
+#: The terminal that a process and its children were started from.
+CONTROLLING_TERMINAL = "/dev/tty"
+
+#: Ends the reports of key releases (the kitty keyboard protocol) and of the window's focus.
+RESET_REPORTS = b"\x1b[<u\x1b[?1004l"
+
+
+class TerminalGuard:
+    """Remembers the settings of the terminal when it is made; without a terminal it does nothing.
+
+    Args:
+        nodes: of the run; where none of them reads the terminal, nothing is done at all.
+    """
+
+    def __init__(self, nodes: Iterable[NodeSpec]) -> None:
+        self._descriptor = -1
+        self._attributes: list[Any] = []
+        if not any(_reads_terminal(node) for node in nodes):
+            return
+        with contextlib.suppress(OSError, termios.error):
+            self._descriptor = os.open(CONTROLLING_TERMINAL, os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
+            self._attributes = termios.tcgetattr(self._descriptor)
+
+    def ended(self, nodes: Iterable[NodeSpec]) -> None:
+        """The process of some nodes has ended: restores what a reader of the terminal has left."""
+        if any(_reads_terminal(node) for node in nodes):
+            self.restore()
+
+    def restore(self) -> None:
+        """Puts the settings back if they are not as they were; what was typed meanwhile is dropped."""
+        if not self._attributes:
+            return
+        with contextlib.suppress(OSError, termios.error):
+            if termios.tcgetattr(self._descriptor) == self._attributes:
+                return
+            # A background process that changes the terminal would be stopped.
+            former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
+            try:
+                os.write(self._descriptor, RESET_REPORTS)
+                termios.tcsetattr(self._descriptor, termios.TCSAFLUSH, self._attributes)
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, former)
+
+    def close(self) -> None:
+        """Restores and lets go of the terminal; a second call does nothing."""
+        self.restore()
+        self._attributes = []
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _reads_terminal(node: NodeSpec) -> bool:
+    return bool(node.context.get("terminal"))

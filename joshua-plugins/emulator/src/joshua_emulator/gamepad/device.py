@@ -1,0 +1,29 @@
+"""The gamepad that ``--emulate`` puts in place of the one of a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from google.protobuf.message import Message
+
+from joshua_emulator.devices import ProcessEmulator
+from joshua_emulator.gamepad.process import EmulatedGamepad
+
+
+class GamepadEmulator(ProcessEmulator):
+    """A gamepad behind a UNIX socket, moved in place of the person who would."""
+
+    def make_process(self, block: Any, folder: Path) -> EmulatedGamepad:
+        """Makes the gamepad; a gamepad remembers nothing."""
+        del block, folder
+        return EmulatedGamepad(motion="demonstration", fault=list(self.device.faults))
+
+    def amend(self, block: Message) -> None:
+        """Puts the socket in place of the device."""
+        block.device = self._process.device  # type: ignore[attr-defined]
+
+    @property
+    def endpoint(self) -> str:
+        """Path of the socket."""
+        return str(self._process.device)

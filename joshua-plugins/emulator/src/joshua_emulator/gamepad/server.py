@@ -1,0 +1,226 @@
+"""The event loop of an emulated gamepad: records out, requests of the control channel in."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import itertools
+import json
+import os
+import select
+import socket
+import struct
+import time
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+
+from joshua_emulator.control import ControlServer
+from joshua_emulator.event_log import EventLog
+from joshua_emulator.gamepad.xbox import AXES, BUTTONS, EV_ABS, EV_KEY, EV_SYN, IDENTITY, NAME, axis_counts
+from joshua_emulator.pacing import sharpen_timers
+
+#: ``struct input_event`` of 64-bit Linux: seconds, microseconds, type, code, value.
+RECORD = struct.Struct("<qqHHi")
+
+FORMAT = "joshua-gamepad"
+VERSION = 1
+
+MAX_CLIENTS = 8
+_SEND_BUFFER = 65_536
+
+
+class GamepadServer:
+    """A gamepad that reports changes at a fixed rate, and a sign of life where nothing changes.
+
+    Args:
+        path: of the socket; rate_hz: of the reports; name: as the device calls itself.
+    """
+
+    def __init__(self, path: Path, rate_hz: float, log: EventLog, *, name: str = NAME) -> None:
+        self.path, self.rate_hz, self.log, self.name = path, rate_hz, log, name
+        self.control: ControlServer | None = None
+        self.stalled = False
+        self.reports = 0
+        self.axes = dict.fromkeys(AXES, 0.0)
+        self.held: set[str] = set()
+        self.motion: Callable[[float], dict[str, float]] | None = None
+        self._reported = self._snapshot()
+        self._listener: socket.socket | None = None
+        self._clients: list[socket.socket] = []
+        self._timers: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._running = False
+        self._due_s = 0.0
+        self._began_s = time.monotonic()
+        self.plug()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the gamepad can be reached."""
+        return self._listener is not None
+
+    @property
+    def clients(self) -> int:
+        """Programs that read it."""
+        return len(self._clients)
+
+    def press(self, name: str, *, down: bool) -> None:
+        """Presses or releases a button."""
+        (self.held.add if down else self.held.discard)(name)
+
+    def plug(self) -> None:
+        """Lets programs connect, always at the same path."""
+        if self._listener is not None:
+            return
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self.path.unlink(missing_ok=True)
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        listener.bind(str(self.path))
+        os.chmod(self.path, 0o600)  # noqa: PTH101 - the socket file of this process alone
+        listener.listen(MAX_CLIENTS)
+        listener.setblocking(False)
+        self._listener = listener
+        self.log.add("plug", time.monotonic(), path=str(self.path))
+
+    def unplug(self) -> None:
+        """Cuts everybody off in the middle of a record; the path vanishes."""
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+        self.path.unlink(missing_ok=True)
+        for client in self._clients:
+            with contextlib.suppress(OSError):
+                client.send(RECORD.pack(0, 0, EV_ABS, 0, 0)[: RECORD.size // 2])
+            client.close()
+        self._clients.clear()
+        self.log.add("unplug", time.monotonic())
+
+    def drop_records(self) -> None:
+        """Says that records were lost, as the kernel does for a reader that was too slow."""
+        self._send([(EV_SYN, 3, 0), (EV_SYN, 0, 0)])
+        self.log.add("dropped", time.monotonic())
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Reports at another rate from now on."""
+        self.rate_hz = rate_hz
+        self._due_s = time.monotonic() + 1 / rate_hz
+
+    def at(self, delay_s: float, action: Callable[[], None]) -> None:
+        """Calls ``action`` after a delay, on the loop."""
+        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
+
+    def stop(self) -> None:
+        """Ends ``run`` after the present turn."""
+        self._running = False
+
+    def run(self, watched: Collection[int] = ()) -> None:
+        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        sharpen_timers()
+        self._running = True
+        self._due_s = time.monotonic()
+        while self._running:
+            now_s = time.monotonic()
+            while self._timers and self._timers[0][0] <= now_s:
+                heapq.heappop(self._timers)[2]()
+            if now_s >= self._due_s:
+                self._report(now_s)
+            deadline_s = min([self._due_s, *(entry[0] for entry in self._timers[:1])])
+            inputs = [*watched, *(self.control.descriptors() if self.control is not None else ())]
+            inputs += [item.fileno() for item in (self._listener, *self._clients) if item is not None]
+            ready, _, _ = select.select(inputs, [], [], max(0.0, deadline_s - time.monotonic()))
+            if any(not os.read(descriptor, 4096) for descriptor in watched if descriptor in ready):
+                return
+            if self._listener is not None and self._listener.fileno() in ready:
+                self._accept()
+            self._drop_closed(ready)
+            if self.control is not None:
+                self.control.serve(ready)
+
+    def close(self) -> None:
+        """Cuts everybody off and closes the control channel."""
+        self.unplug()
+        if self.control is not None:
+            self.control.close()
+
+    def _snapshot(self) -> dict[tuple[int, int], int]:
+        """What the device counts, by type and code."""
+        axes = {(EV_ABS, AXES[name][0]): axis_counts(name, value) for name, value in self.axes.items()}
+        return axes | {(EV_KEY, code): int(name in self.held) for name, code in BUTTONS.items()}
+
+    def _report(self, now_s: float) -> None:
+        self._due_s += 1 / self.rate_hz
+        if now_s > self._due_s:  # this process was held up: those reports were never made
+            self._due_s = now_s + 1 / self.rate_hz
+        if self.stalled:
+            return
+        if self.motion is not None:
+            for name, value in self.motion(now_s - self._began_s).items():
+                if name in BUTTONS:
+                    self.press(name, down=value > 0)
+                else:
+                    self.axes[name] = value
+        snapshot = self._snapshot()
+        changes = [(*key, value) for key, value in snapshot.items() if value != self._reported[key]]
+        self._reported = snapshot
+        sent_s = time.monotonic()
+        self._send([*changes, (EV_SYN, 0, 0)])
+        if changes:
+            self.reports += 1
+            self.log.add("report", sent_s, changes=[[code, value] for _, code, value in changes])
+
+    def _send(self, records: Iterable[tuple[int, int, int]]) -> None:
+        seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
+        data = b"".join(RECORD.pack(seconds, nanoseconds // 1000, *record) for record in records)
+        for client in list(self._clients):
+            try:
+                whole = client.send(data) == len(data)
+            except OSError:
+                whole = False
+            if not whole:  # it does not read, or has gone
+                client.close()
+                self._clients.remove(client)
+
+    def _accept(self) -> None:
+        assert self._listener is not None
+        with contextlib.suppress(BlockingIOError):
+            client, _ = self._listener.accept()
+            client.setblocking(False)
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+            if len(self._clients) >= MAX_CLIENTS:
+                client.close()
+                return
+            with contextlib.suppress(OSError):
+                client.send(self._header())
+            self._clients.append(client)
+            self._began_s = time.monotonic()  # whoever connects sees a motion from its beginning
+            self.log.add("connect", time.monotonic())
+
+    def _header(self) -> bytes:
+        """What the queries of a local program would answer, everything as it stands now."""
+        counts = self._reported
+        axes = {
+            str(code): [counts[EV_ABS, code], low, high, fuzz, flat, 0]
+            for code, low, high, fuzz, flat in AXES.values()
+        }
+        facts = {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": self.name,
+            "id": list(IDENTITY),
+            "keys": sorted(BUTTONS.values()),
+            "held": sorted(code for code in BUTTONS.values() if counts[EV_KEY, code]),
+            "axes": axes,
+        }
+        return json.dumps(facts).encode() + b"\n"
+
+    def _drop_closed(self, ready: Collection[int]) -> None:
+        for client in [item for item in self._clients if item.fileno() in ready]:
+            try:
+                gone = not client.recv(4096)
+            except BlockingIOError:
+                gone = False
+            except OSError:
+                gone = True
+            if gone:
+                client.close()
+                self._clients.remove(client)

@@ -1,0 +1,1 @@
+"""Gamepads and the keyboard: a person drives."""

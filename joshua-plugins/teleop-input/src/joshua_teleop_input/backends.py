@@ -1,0 +1,38 @@
+"""How gamepads are read on this system."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from typing import TYPE_CHECKING
+
+from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.settings import GamepadSettings
+
+if TYPE_CHECKING:
+    from joshua_teleop_input.sdl_pad import SdlPad
+
+
+def prefers_sdl(device: str) -> bool:
+    """Whether SDL reads a gamepad here: outside Linux, except for shared ones, which have a path."""
+    return sys.platform != "linux" and "/" not in device
+
+
+def sdl_instead(settings: GamepadSettings, reason: InputDeviceError) -> tuple[SdlPad, str]:
+    """Tries SDL where the kernel's devices cannot be used.
+
+    Returns:
+        The gamepad, and what the user should know.
+
+    Raises:
+        InputDeviceError: the reason, or what SDL says where that is installed.
+    """
+    if "/" in settings.device or importlib.util.find_spec("pygame") is None:
+        raise reason
+    from joshua_teleop_input.sdl_pad import SdlPad
+
+    try:
+        pad = SdlPad(settings)
+    except InputDeviceError:
+        raise reason from None
+    return pad, f"{pad.name} is read by SDL, because the kernel's devices could not be used: {reason}"

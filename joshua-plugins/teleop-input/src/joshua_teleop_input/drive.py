@@ -1,0 +1,125 @@
+"""What a person's input does to the joints: gate, shaping, goals, and when commands are sent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from joshua_teleop_input.gate import Gate
+from joshua_teleop_input.jog import Jog
+from joshua_teleop_input.settings import ControlSettings
+
+#: Without a button that switches driving on, commands go on for this time after the last motion.
+TAIL_S = 0.5
+
+Value = Callable[[str], float]
+
+
+class Drive:
+    """Turns states of an input device into commands; not thread-safe.
+
+    Commands are sent while driving is on, and then always for every driven joint, so that whoever else
+    commands the arm has it back when driving ends. An axis or key that is deflected when driving starts
+    or the device appears counts only after it was centred.
+
+    Args:
+        controls: what moves what.
+        gate: decides whether anything moves.
+        jog: holds the goals.
+        shape: from a raw deflection to a share of the speed.
+    """
+
+    def __init__(
+        self, controls: Sequence[ControlSettings], gate: Gate, jog: Jog, shape: Callable[[float], float]
+    ) -> None:
+        self.gate, self.jog = gate, jog
+        self._controls = tuple(controls)
+        self._shape = shape
+        self._centred = [False] * len(self._controls)
+        self._deflection = [0.0] * len(self._controls)
+        self._sending = False
+        self._last_motion_s = float("-inf")
+
+    @property
+    def sending(self) -> bool:
+        """Whether commands are sent just now."""
+        return self._sending
+
+    @property
+    def moving(self) -> dict[str, float]:
+        """Speeds in rad/s of the joints that move just now."""
+        return self._velocity() if self._sending else {}
+
+    @property
+    def deflections(self) -> list[float]:
+        """Deflection of each control, -1 to 1, whether or not it moves anything."""
+        return list(self._deflection)
+
+    def take(self, value: Value) -> bool:
+        """Takes a state of the device; returns whether something began, ended or turned round.
+
+        Args:
+            value: of an axis, button or key by name.
+        """
+        before = (self.gate.active, self._signs())
+        self.gate.update(lambda name: value(name) >= 0.5)
+        for index, control in enumerate(self._controls):
+            raw = value(control.positive) - (value(control.negative) if control.negative else 0.0)
+            deflection = self._shape(min(max(raw, -1.0), 1.0))
+            self._centred[index] |= deflection == 0.0
+            self._deflection[index] = deflection if self._centred[index] else 0.0
+        return before != (self.gate.active, self._signs())
+
+    def release(self) -> bool:
+        """The device is lost or cannot be trusted: everything counts as released, driving as switched off.
+
+        Returns whether something was moving or switched on.
+        """
+        was = self.gate.active or any(self._deflection)
+        self.gate.close()
+        self._centred = [False] * len(self._controls)
+        self._deflection = [0.0] * len(self._controls)
+        return was
+
+    def command(self, now_s: float) -> dict[str, float] | None:
+        """The goals to send now, in rad by joint; None while nobody drives."""
+        if not self._wanted(now_s) or not self.jog.ready(now_s):
+            # The last goal stands: whoever holds the arm holds it there.
+            self._sending = False
+            self.jog.end()
+            return None
+        if not self._sending:
+            self._sending = True
+            self.jog.begin()
+        return self.jog.advance(self._velocity(), now_s)
+
+    def _wanted(self, now_s: float) -> bool:
+        if not self.gate.active:
+            return False
+        if any(self._deflection):
+            self._last_motion_s = now_s
+        return self.gate.has_buttons or now_s - self._last_motion_s <= TAIL_S
+
+    def _signs(self) -> tuple[int, ...]:
+        return tuple((value > 0) - (value < 0) for value in self._deflection)
+
+    def _velocity(self) -> dict[str, float]:
+        """Speed of each joint; several controls of one joint add up, to the fastest of them at most."""
+        total: dict[str, float] = {}
+        fastest: dict[str, float] = {}
+        for control, deflection in zip(self._controls, self._deflection, strict=True):
+            total[control.joint] = total.get(control.joint, 0.0) + control.speed_rad_s * deflection
+            fastest[control.joint] = max(fastest.get(control.joint, 0.0), abs(control.speed_rad_s))
+        return {
+            joint: min(max(speed, -fastest[joint]), fastest[joint])
+            for joint, speed in total.items()
+            if speed != 0.0
+        }
+
+
+def limits_of(joints: Sequence[Mapping[str, float | str]]) -> dict[str, tuple[float, float]]:
+    """Least and greatest angle by joint, from the plan's facts about them."""
+    return {
+        str(joint["name"]): (float(joint["min_rad"]), float(joint["max_rad"]))
+        for joint in joints
+        if "min_rad" in joint and "max_rad" in joint
+    }

@@ -1,0 +1,91 @@
+"""A gamepad that is read as the kernel's records, local or shared."""
+
+from __future__ import annotations
+
+import time
+
+from joshua_teleop_input.codes import EV_SYN, SYN_DROPPED, SYN_REPORT
+from joshua_teleop_input.discovery import EventDevice
+from joshua_teleop_input.events import Capabilities
+from joshua_teleop_input.layout import Source, mapped_source, present, standard_layout
+from joshua_teleop_input.pad_state import PadState, StateTracker
+from joshua_teleop_input.settings import GamepadSettings
+
+
+class EventPad:
+    """An open gamepad; its first state is the one that it was found in.
+
+    Args:
+        device: open; closed by ``close``.
+        settings: whose mapping says where this gamepad has what.
+    """
+
+    def __init__(self, device: EventDevice, settings: GamepadSettings) -> None:
+        self._device = device
+        layout = present(layout_for(device.capabilities, settings), device.capabilities)
+        self.name = f"{device.capabilities.name} ({device.path})"
+        self.names = frozenset(layout)
+        self._tracker = StateTracker(device.capabilities, layout)
+        self._heard_s = time.monotonic()
+        self._live = True
+        self._lost_records = False
+        self._first: list[PadState] = [self._tracker.state()]
+
+    def read(self, timeout_s: float) -> list[PadState]:
+        """Waits for new states; silence of a sender that should show life makes one, too."""
+        if self._first:
+            states, self._first = self._first, []
+            return states
+        limit_s = self._device.silence_limit_s
+        if limit_s is not None and self._live:
+            timeout_s = min(timeout_s, max(0.0, self._heard_s + limit_s - time.monotonic()))
+        events = self._device.read(timeout_s)
+        now_s = time.monotonic()
+        if not events:
+            if limit_s is not None and self._live and now_s - self._heard_s >= limit_s:
+                self._live = False
+                return [PadState(live=False)]
+            return []
+        self._heard_s = now_s
+        states = []
+        changed = not self._live
+        for event in events:
+            if event.type != EV_SYN:
+                if not self._lost_records:
+                    self._tracker.take(event)
+                    changed = True
+            elif event.code == SYN_DROPPED:
+                self._lost_records = True
+            elif event.code == SYN_REPORT:
+                states += self._report(changed)
+                changed = False
+        return states
+
+    def close(self) -> None:
+        """Closes the device; a second call does nothing."""
+        self._device.close()
+
+    def _report(self, changed: bool) -> list[PadState]:
+        """The states that a report of the device completes."""
+        states = []
+        if self._lost_records:
+            # What was pressed meanwhile is unknown: first of all, everything counts as released.
+            self._lost_records = False
+            states.append(PadState(live=False))
+            now = self._device.resynchronise()
+            if now is None:
+                return states
+            self._tracker.begin(now)
+            changed = True
+        if changed:
+            self._live = True
+            states.append(self._tracker.state())
+        return states
+
+
+def layout_for(device: Capabilities, settings: GamepadSettings) -> dict[str, Source]:
+    """Where a device has what, the file's mapping first."""
+    layout = standard_layout(device)
+    for entry in settings.mapping:
+        layout[entry.name] = mapped_source(entry.name, entry.source, entry.inverted)
+    return layout

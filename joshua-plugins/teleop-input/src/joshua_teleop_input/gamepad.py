@@ -1,0 +1,135 @@
+"""The gamepad as a sensor: each reading is a state of its sticks and buttons."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from typing import Any, Protocol
+
+from joshua.config.nearest import nearest_first
+from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.stamps import StampClock
+from joshua.messages import message_class
+from joshua.messages.make import header
+
+from joshua_teleop_input.discovery import DEVICE_FOLDER, open_gamepad
+from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.event_pad import EventPad
+from joshua_teleop_input.pad_state import PadState, joy_values
+from joshua_teleop_input.settings import GamepadSettings
+
+JOY = "sensor_msgs/msg/Joy"
+_JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+class Pad(Protocol):
+    """An open gamepad, whatever it is read by."""
+
+    name: str
+    names: frozenset[str]
+
+    def read(self, timeout_s: float) -> list[PadState]:
+        """Waits for new states. Raises DeviceDisconnected."""
+
+    def close(self) -> None:
+        """Closes the device; a second call does nothing."""
+
+
+class Gamepad(Sensor):
+    """A gamepad; ``Reading.data`` is a ``PadState``.
+
+    The first reading after ``connect`` is the state that the device was found in.
+
+    Attributes:
+        note: what a user should know of how the device is read; "" for nothing.
+    """
+
+    def __init__(self, settings: GamepadSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self.note = ""
+        self._pad: Pad | None = None
+        self._name = ""
+        self._states: deque[PadState] = deque()
+        self._clock = StampClock()
+        self._sequence = 0
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """What ``message`` makes; commands come from the node."""
+        return (JOY,)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the device is open."""
+        return self._pad is not None
+
+    @property
+    def name(self) -> str:
+        """Name of the device that is or was open."""
+        return self._name
+
+    def connect(self) -> None:
+        """Opens the device, and checks that it has what the file uses. Raises InputDeviceError."""
+        self.disconnect()
+        pad = self._open()
+        missing = [name for name in self._used() if name not in pad.names]
+        if missing:
+            pad.close()
+            raise InputDeviceError(
+                f"{pad.name} has no {', '.join(missing)}; it has "
+                f"{', '.join(nearest_first(missing[0], sorted(pad.names)))}: use those, or say with mapping "
+                "where the others are (joshua find-gamepads --watch shows what you press)"
+            )
+        self._pad, self._name, self._sequence = pad, pad.name, 0
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next state. Raises DeviceDisconnected."""
+        self.require_connected("read")
+        assert self._pad is not None
+        end_s = time.monotonic() + timeout_s
+        while not self._states:
+            left_s = max(0.0, end_s - time.monotonic())
+            self._states.extend(self._pad.read(left_s))
+            if not self._states and left_s <= 0.0:
+                return None
+        reading = Reading(self._clock.now_ns(), self._sequence, self._states.popleft())
+        self._sequence += 1
+        return reading
+
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes a Joy, in the order of ROS 2's game_controller_node."""
+        if type_name != JOY:
+            raise InputDeviceError(f"a gamepad's state is no {type_name}: allowed is {JOY}")
+        axes, buttons = joy_values(reading.data, self.settings.dead_zone)
+        return message_class(JOY)(header(frame_id, reading.stamp_ns), axes, buttons)
+
+    def disconnect(self) -> None:
+        """Closes the device; a second call does nothing."""
+        pad, self._pad = self._pad, None
+        self._states.clear()
+        if pad is not None:
+            pad.close()
+
+    def _open(self) -> Pad:
+        from joshua_teleop_input.backends import prefers_sdl, sdl_instead
+
+        settings: GamepadSettings = self.settings
+        self.note = ""
+        if not prefers_sdl(settings.device):
+            try:
+                return EventPad(open_gamepad(settings.device, DEVICE_FOLDER), settings)
+            except InputDeviceError as error:
+                pad, self.note = sdl_instead(settings, error)
+                return pad
+        from joshua_teleop_input.sdl_pad import SdlPad
+
+        return SdlPad(settings)
+
+    def _used(self) -> list[str]:
+        settings: GamepadSettings = self.settings
+        names = [
+            *(name for control in settings.controls for name in (control.positive, control.negative)),
+            settings.dead_man_button,
+            settings.enable_button,
+        ]
+        return list(dict.fromkeys(name for name in names if name))

@@ -1,0 +1,152 @@
+"""The node of a gamepad."""
+
+from __future__ import annotations
+
+import time
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.sensor import Reading
+from joshua.node.behaviour import MessagePublisher, NodeContext
+from joshua.node.implementation import load_implementation
+
+from joshua_teleop_input.gamepad import JOY, Gamepad
+from joshua_teleop_input.gate import Gate
+from joshua_teleop_input.help_text import gamepad_help
+from joshua_teleop_input.input_node import InputNode
+from joshua_teleop_input.pad_state import PadState
+from joshua_teleop_input.settings import GamepadSettings
+from joshua_teleop_input.shaping import with_expo, without_dead_zone
+
+#: Longest wait for a state, so that the stop is noticed.
+READ_TIMEOUT_S = 0.1
+
+RECONNECT_FIRST_S = 0.25
+RECONNECT_LARGEST_S = 5.0
+
+
+class GamepadNode(InputNode):
+    """Publishes a gamepad's state, and drives joints by it.
+
+    When the gamepad vanishes nothing moves any more; it is opened again when it is back, and then driving
+    has to be switched on anew.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._gamepad: Gamepad | None = None
+        self._reading: Reading | None = None
+        self._readings = 0
+        self._losses = 0
+        self._reader_runs = False
+
+    @property
+    def gamepad(self) -> Gamepad:
+        """The device."""
+        assert self._gamepad is not None
+        return self._gamepad
+
+    def configure(self) -> None:
+        """Opens the device and declares topics. Raises DeviceError, TargetError."""
+        implementation, settings = load_implementation(self.context.spec, Gamepad)
+        assert isinstance(settings, GamepadSettings)
+        self._gamepad = implementation(settings, dict(self.context.spec.context))
+
+        def shape(value: float) -> float:
+            return with_expo(without_dead_zone(value, settings.dead_zone), settings.expo)
+
+        self.set_up(settings, Gate(settings.dead_man_button, settings.enable_button), shape)
+        self.gamepad.connect()
+        if self.gamepad.note:
+            self.context.warn(self.gamepad.note)
+
+    def activate(self) -> None:
+        """Starts the reader and says what moves what."""
+        if self._reader_runs:
+            return
+        self._reader_runs = True
+        self.context.log.info("reads %s", self.gamepad.name)
+        for line in gamepad_help(self.gamepad.settings):
+            self.context.log.info("%s", line)
+        self.context.spawn_thread(self._read, name="gamepad")
+
+    def deactivate(self) -> None:
+        """Stops whatever moves."""
+        if self._drive is not None:
+            self.release()
+
+    def cleanup(self) -> None:
+        """Closes the device."""
+        if self._gamepad is not None:
+            self._gamepad.disconnect()
+
+    def publish_joy(self, publisher: MessagePublisher) -> None:
+        """Publishes the newest state; nothing while the device is lost."""
+        reading = self._reading
+        if reading is None:
+            return
+        now = Reading(self.context.now_ns(), reading.sequence, reading.data)
+        publisher.publish(self.gamepad.message(now, JOY, self.context.spec.frame_id))
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """Whether the device was there all the time."""
+        lost = f", lost {self._losses} times" if self._losses else ""
+        row = ("gamepad", self._readings > 0 and not self._losses, f"{self.gamepad.name}{lost}")
+        return [row, *super().test_results()]
+
+    def _read(self) -> None:
+        while not self.context.stopping:
+            try:
+                reading = self.gamepad.read(READ_TIMEOUT_S)
+            except DeviceDisconnected as error:
+                self._lose(error)
+                self._reconnect()
+                continue
+            if reading is not None:
+                self._take(reading)
+
+    def _take(self, reading: Reading) -> None:
+        state: PadState = reading.data
+        self._reading = reading
+        self._readings += 1
+        if state.live:
+            self.take(state.value)
+            return
+        if self.release():
+            self.context.log.warning("the gamepad has gone silent: everything counts as released")
+
+    def _lose(self, error: DeviceDisconnected) -> None:
+        """Stops whatever moves, says so to those who hear the Joy, and lets them hear nothing more."""
+        self.release()
+        self._losses += 1
+        if self._reading is not None:
+            self._reading = Reading(self.context.now_ns(), self._reading.sequence, PadState(live=False))
+            for publisher in self._joys:
+                self.publish_joy(publisher)
+        self._reading = None
+        self.context.log.warning(
+            "the gamepad is lost, the arm holds: %s; looking for it until it is back", error
+        )
+
+    def _reconnect(self) -> None:
+        wait_s = RECONNECT_FIRST_S
+        said = ""
+        while not self.context.stopping:
+            self.gamepad.disconnect()
+            if self._stopped_within(wait_s):
+                return
+            try:
+                self.gamepad.connect()
+            except DeviceError as error:
+                wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
+                level = self.context.log.debug if str(error) == said else self.context.log.warning
+                level("not back yet: %s", error)
+                said = str(error)
+            else:
+                self.context.log.info("the gamepad is back: %s; switch driving on anew", self.gamepad.name)
+                return
+
+    def _stopped_within(self, duration_s: float) -> bool:
+        end_s = time.monotonic() + duration_s
+        while not (stopped := self.context.stopping) and (left_s := end_s - time.monotonic()) > 0:
+            time.sleep(min(left_s, 0.05))
+        return stopped

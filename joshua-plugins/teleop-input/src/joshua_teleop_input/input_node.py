@@ -1,0 +1,150 @@
+"""What the nodes of gamepads and the keyboard have in common: joints, commands, help."""
+
+from __future__ import annotations
+
+import functools
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from joshua.config.nearest import nearest_first
+from joshua.devices.errors import DeviceError
+from joshua.messages.make import joint_state
+from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+
+from joshua_teleop_input.drive import Drive, limits_of
+from joshua_teleop_input.gate import Gate
+from joshua_teleop_input.jog import Jog
+from joshua_teleop_input.settings import JOINT_STATE, InputSettings
+
+JOY = "sensor_msgs/msg/Joy"
+
+#: Rate of goals where a node publishes none, for the state that people see.
+_IDLE_RATE_HZ = 20.0
+
+
+class InputNode(NodeBehaviour):
+    """Drives joints by what a person does.
+
+    A reader thread hands over states with ``take``; a command leaves at once when something begins or
+    ends, and at the rate of its topic while driving is on.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._lock = threading.Lock()
+        self._drive: Drive | None = None
+        self._commands: list[MessagePublisher] = []
+        self._joys: list[MessagePublisher] = []
+        self._shown = ""
+        self._waiting_since_s: float | None = None
+        self._commanded = 0
+
+    @property
+    def drive(self) -> Drive:
+        """What the input does to the joints."""
+        assert self._drive is not None
+        return self._drive
+
+    def set_up(self, settings: InputSettings, gate: Gate, shape: Callable[[float], float]) -> None:
+        """Declares topics and prepares the drive. Raises DeviceError."""
+        spec = self.context.spec
+        known = [joint for joint in spec.context.get("joints", ()) if joint.get("name")]
+        self._refuse_unknown_joints(settings, [str(joint["name"]) for joint in known])
+        topics = [topic for topic in spec.publishers if topic.type_name == JOINT_STATE]
+        rate_hz = max((topic.rate_hz for topic in topics), default=_IDLE_RATE_HZ)
+        joints = [control.joint for control in settings.controls] if topics else []
+        self._drive = Drive(settings.controls, gate, Jog(joints, limits_of(known), 1.0 / rate_hz), shape)
+        self._commands = [self.context.publisher(topic) for topic in topics]
+        self._joys = [self.context.publisher(topic) for topic in spec.publishers if topic.type_name == JOY]
+        if joints:
+            for topic in spec.subscriptions:
+                self.context.subscribe(topic, self._hear_state)
+            self.context.create_timer(1.0 / rate_hz, self._tick, name="commands")
+        for publisher in self._joys:
+            call = functools.partial(self.publish_joy, publisher)
+            self.context.create_timer(1.0 / publisher.topic.rate_hz, call, name="joy")
+        self.context.create_timer(0.1, self._show, name="help")
+
+    def publish_joy(self, publisher: MessagePublisher) -> None:
+        """Publishes the present state as a Joy."""
+
+    def take(self, value: Callable[[str], float]) -> None:
+        """Takes a state of the device, on the reader's thread."""
+        with self._lock:
+            if self.drive.take(value):
+                self._command()
+
+    def release(self) -> bool:
+        """Everything counts as released, and driving as switched off; returns whether it was on."""
+        with self._lock:
+            was = self.drive.release()
+            self._command()
+        return was
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """The row of the commands."""
+        return [("commands", True, f"{self._commanded} sent")] if self._commands else []
+
+    def _tick(self) -> None:
+        with self._lock:
+            self._command()
+
+    def _command(self) -> None:
+        """Sends the goals, where somebody drives; the lock is held."""
+        goals = self.drive.command(time.monotonic())
+        if goals is None or not self._commands:
+            return
+        message = joint_state(list(goals), list(goals.values()), frame_id=self.context.spec.frame_id)
+        for publisher in self._commands:
+            publisher.publish(message)
+        self._commanded += 1
+
+    def _hear_state(self, message: Any, received_ns: int) -> None:
+        del received_ns  # goals are planned on the monotonic clock
+        names, angles = list(message.name), [float(angle) for angle in message.position]
+        with self._lock:
+            jog = self.drive.jog
+            first = bool(jog.missing())
+            jog.observe(dict(zip(names, angles, strict=False)), time.monotonic())
+            missing = jog.missing() if first else []
+        if missing:
+            self.context.fail(
+                f"no joint is named {', '.join(missing)}: the state that is heard has "
+                f"{', '.join(nearest_first(missing[0], names)) or 'no joints'}; correct joint in controls"
+            )
+
+    def _refuse_unknown_joints(self, settings: InputSettings, known: list[str]) -> None:
+        for control in settings.controls:
+            if known and settings.drives and control.joint not in known:
+                raise DeviceError(
+                    f"{self.context.spec.full_name}: no joint is named {control.joint!r}; the actuator has "
+                    f"{', '.join(nearest_first(control.joint, known))}: correct joint in controls"
+                )
+
+    # What the person sees.
+
+    def _show(self) -> None:
+        """Shows the state in the status line, and a change of it in the log."""
+        with self._lock:
+            drive, now_s = self.drive, time.monotonic()
+            state = drive.gate.describe()
+            moving = drive.moving
+            waits = bool(self._commands) and drive.gate.active and not drive.jog.ready(now_s)
+        if waits:
+            self._waiting_since_s = self._waiting_since_s or now_s
+            if now_s - self._waiting_since_s > 0.5:
+                state = "waits: no state of the arm comes"
+        else:
+            self._waiting_since_s = None
+        if state != self._shown:
+            first, self._shown = not self._shown, state
+            if not (first and state == "ON"):
+                self.context.log.info("driving is %s", state)
+        self.context.show(f"driving {state}{_speeds(moving)}")
+
+
+def _speeds(moving: Mapping[str, float]) -> str:
+    parts = [f"{joint} {'+' if speed > 0 else '-'}" for joint, speed in moving.items()]
+    return f": {', '.join(parts)}" if parts else ""

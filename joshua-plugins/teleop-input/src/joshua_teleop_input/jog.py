@@ -1,0 +1,96 @@
+"""From speeds to joint goals: integrated from where the joints are, never far ahead of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+#: How far a goal may be ahead of its joint: what the joint moves in this time, and no less than the angle.
+LEAD_S = 0.3
+LEAST_LEAD_RAD = 0.1
+
+#: Age of the joints' last state at which nothing moves any more.
+STATE_LIMIT_S = 0.5
+
+
+class Jog:
+    """Goals of some joints.
+
+    A goal moves only while its joint has a speed, and stops in the same call when the speed becomes 0.
+
+    Args:
+        joints: names of the joints that are driven.
+        limits: least and greatest angle in rad by joint, where they are known.
+        period_s: distance of two calls of ``advance``.
+    """
+
+    def __init__(
+        self, joints: Iterable[str], limits: Mapping[str, tuple[float, float]], period_s: float
+    ) -> None:
+        self.joints = tuple(dict.fromkeys(joints))
+        self._limits = dict(limits)
+        self._period_s = period_s
+        self._position: dict[str, float] = {}
+        self._goal: dict[str, float] = {}
+        self._observed_s: float | None = None
+        self._planned_until_s: float | None = None
+        self._velocity: dict[str, float] = {}
+
+    @property
+    def goal(self) -> dict[str, float]:
+        """Goals in rad by joint; empty before ``begin``."""
+        return dict(self._goal)
+
+    def observe(self, position_rad: Mapping[str, float], now_s: float) -> None:
+        """Takes where the joints are; ``now_s`` on the monotonic clock."""
+        self._position.update(
+            (name, angle) for name, angle in position_rad.items() if name in self.joints and angle == angle
+        )
+        self._observed_s = now_s
+
+    def missing(self) -> list[str]:
+        """Driven joints whose position has never been heard of."""
+        return [name for name in self.joints if name not in self._position]
+
+    def ready(self, now_s: float) -> bool:
+        """Whether every joint's position is known and recent."""
+        recent = self._observed_s is not None and now_s - self._observed_s <= STATE_LIMIT_S
+        return recent and not self.missing()
+
+    def begin(self) -> None:
+        """Starts from where the joints are."""
+        self._goal = {name: self._position[name] for name in self.joints}
+        self._velocity = {}
+        self._planned_until_s = None
+
+    def end(self) -> None:
+        """Forgets the goals: the next ``begin`` starts from where the joints are then."""
+        self._goal, self._velocity = {}, {}
+        self._planned_until_s = None
+
+    def advance(self, velocity_rad_s: Mapping[str, float], now_s: float) -> dict[str, float]:
+        """Moves the goals to where they shall be one period from now; returns them.
+
+        Calls between two periods, after a change of the input, move them by what is missing only.
+        """
+        until_s = now_s + self._period_s
+        planned_s = self._planned_until_s
+        # After a pause, or a tick that came late, no goal jumps.
+        missing_s = 0.0 if planned_s is None else min(max(until_s - planned_s, 0.0), 2 * self._period_s)
+        for name in self.joints:
+            speed = velocity_rad_s.get(name, 0.0)
+            if speed != 0.0:
+                # What has stood still starts now; nothing is planned for it yet.
+                elapsed_s = missing_s if self._velocity.get(name, 0.0) else self._period_s
+                self._goal[name] = self._bounded(name, self._goal[name] + speed * elapsed_s, speed)
+        self._velocity = dict(velocity_rad_s)
+        self._planned_until_s = until_s
+        return self.goal
+
+    def _bounded(self, name: str, wanted: float, speed: float) -> float:
+        """The wanted angle within limits and lead; a bound never moves a goal against its speed."""
+        low, high = self._limits.get(name, (float("-inf"), float("inf")))
+        lead = max(LEAST_LEAD_RAD, abs(speed) * LEAD_S)
+        here = self._goal[name]
+        if speed > 0:
+            return max(here, min(wanted, high, self._position[name] + lead))
+        return min(here, max(wanted, low, self._position[name] - lead))

@@ -1,0 +1,119 @@
+"""The terminal that the run was started from, as a source of keys.
+
+The run's output goes on: only reading is changed, and Ctrl-C stays the terminal's. Whoever started the run
+restores the settings when this process dies before it can.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import termios
+from typing import Any
+
+from joshua.devices.errors import DeviceDisconnected
+
+from joshua_teleop_input.errors import InputDeviceError
+
+CONTROLLING_TERMINAL = "/dev/tty"
+
+#: Asks whether the terminal speaks the kitty keyboard protocol.
+_QUERY = b"\x1b[?u"
+
+#: Key releases and repetitions, all keys as sequences, shifted characters; and when the window loses focus.
+_ON = b"\x1b[>15u\x1b[?1004h"
+_OFF = b"\x1b[<u\x1b[?1004l"
+
+_LFLAG, _IFLAG, _CC = 3, 0, 6
+
+
+class KeyTerminal:
+    """The controlling terminal, read key by key."""
+
+    def __init__(self) -> None:
+        self._descriptor = -1
+        self._attributes: list[Any] = []
+        self._reports = False
+
+    def open(self) -> None:
+        """Takes the keys; nothing is shown of them. Raises InputDeviceError."""
+        try:
+            self._descriptor = os.open(CONTROLLING_TERMINAL, os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
+        except OSError as error:
+            raise InputDeviceError(
+                "there is no terminal to read keys from: this run was started by a service, a scheduler or "
+                "another program; start joshua in a terminal (over SSH: ssh -t), or drive with a gamepad "
+                f"({CONTROLLING_TERMINAL}: {(error.strerror or '').lower()})"
+            ) from error
+        try:
+            self._take()
+        except BaseException:
+            self.close()
+            raise
+
+    def report_releases(self) -> None:
+        """Has the terminal report releases, after it has said that it can."""
+        if not self._reports:
+            self._reports = True
+            os.write(self._descriptor, _ON)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Waits for bytes; b"" when none came. Raises DeviceDisconnected."""
+        ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
+        if not ready:
+            return b""
+        try:
+            data = os.read(self._descriptor, 1024)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise DeviceDisconnected(
+                "the terminal is gone: it was closed, or the connection to it broke"
+            ) from error
+        if not data:
+            raise DeviceDisconnected("the terminal is gone: it was closed, or the connection to it broke")
+        return data
+
+    def interrupt(self) -> None:
+        """Does what the terminal does itself at Ctrl-C while it hands out characters."""
+        os.killpg(os.tcgetpgrp(self._descriptor), signal.SIGINT)
+
+    def close(self) -> None:
+        """Gives the terminal back as it was; a second call does nothing."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor < 0:
+            return
+        with contextlib.suppress(OSError, termios.error):
+            if self._reports:
+                os.write(descriptor, _OFF)
+            if self._attributes:
+                _set_attributes(descriptor, self._attributes)
+        os.close(descriptor)
+        self._attributes, self._reports = [], False
+
+    def _take(self) -> None:
+        if os.tcgetpgrp(self._descriptor) != os.getpgrp():
+            raise InputDeviceError(
+                "this run is in the background of its terminal, whose keys go to another program: bring it "
+                "to the foreground (fg), or start it without &"
+            )
+        self._attributes = termios.tcgetattr(self._descriptor)
+        changed = termios.tcgetattr(self._descriptor)
+        changed[_LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
+        changed[_IFLAG] &= ~termios.IXON
+        changed[_CC][termios.VMIN], changed[_CC][termios.VTIME] = 1, 0
+        # A run that is suspended would leave an arm energised and nobody at its controls.
+        changed[_CC][termios.VSUSP] = os.fpathconf(self._descriptor, "PC_VDISABLE").to_bytes(1, "little")
+        _set_attributes(self._descriptor, changed)
+        os.write(self._descriptor, _QUERY)
+
+
+def _set_attributes(descriptor: int, attributes: list[Any]) -> None:
+    """Changes the terminal; typed characters that nobody has read are dropped."""
+    former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
+    try:
+        termios.tcsetattr(descriptor, termios.TCSAFLUSH, attributes)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, former)

@@ -1,0 +1,183 @@
+"""A gamepad behind a UNIX socket: attached to another machine, or emulated.
+
+The stream begins with one line of JSON that says what the device has, as a kernel answers the queries of a
+local program; after it come the kernel's own records, ``<qqHHi``. The sender shows a sign of life, an
+empty report, at least every 100 ms.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import socket
+import time
+from typing import Any
+
+from joshua.devices.errors import DeviceDisconnected
+
+from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.events import AxisRange, Capabilities, EventDecoder, InputEvent
+
+FORMAT = "joshua-gamepad"
+VERSION = 1
+
+#: Distance of two signs of life of the sender.
+LIFE_SIGN_S = 0.1
+
+#: Silence after which everything counts as released.
+SILENCE_LIMIT_S = 0.3
+
+#: Silence after which the connection counts as lost.
+LOST_AFTER_S = 2.0
+
+_CONNECT_TIMEOUT_S = 2.0
+_MAX_HEADER = 65_536
+_MAX_CODE = 0x2FF
+_MAX_INT = 2**31
+
+
+class RemoteDevice:
+    """A connection to a sender.
+
+    Args:
+        path: of the socket.
+
+    Raises:
+        InputDeviceError: nobody listens there, or what comes is no gamepad.
+    """
+
+    silence_limit_s: float | None = SILENCE_LIMIT_S
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._decoder = EventDecoder()
+        self._events: list[InputEvent] = []
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._socket.settimeout(_CONNECT_TIMEOUT_S)
+            self._connect()
+            self.capabilities = self._read_header()
+            self._socket.setblocking(False)
+        except BaseException:
+            self.close()
+            raise
+        self._heard_s = time.monotonic()
+
+    def grab(self) -> None:
+        """Does nothing: the sender holds the device."""
+
+    def read(self, timeout_s: float) -> list[InputEvent]:
+        """Waits for records. Raises DeviceDisconnected."""
+        if self._events:
+            events, self._events = self._events, []
+            return events
+        ready, _, _ = select.select([self._socket], [], [], timeout_s)
+        if not ready:
+            if time.monotonic() - self._heard_s > LOST_AFTER_S:
+                raise DeviceDisconnected(f"{self.path}: the sender shows no sign of life")
+            return []
+        try:
+            data = self._socket.recv(4096)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise DeviceDisconnected(f"{self.path}: {os.strerror(error.errno or 0).lower()}") from error
+        if not data:
+            raise DeviceDisconnected(f"{self.path}: the sender has closed the connection")
+        self._heard_s = time.monotonic()
+        return self._decoder.feed(data)
+
+    def resynchronise(self) -> Capabilities | None:
+        """None: a sender that lost records cannot be asked where everything stands."""
+        return None
+
+    def close(self) -> None:
+        """Ends the connection; a second call does nothing."""
+        with contextlib.suppress(OSError):
+            self._socket.close()
+
+    def _connect(self) -> None:
+        try:
+            self._socket.connect(self.path)
+        except PermissionError:
+            raise InputDeviceError(
+                f"{self.path} may not be opened by this user: let the same user share the gamepad"
+            ) from None
+        except OSError as error:
+            raise InputDeviceError(
+                f"no gamepad is shared at {self.path} ({(error.strerror or str(error)).lower()}): "
+                "start joshua share-gamepad at the other end"
+            ) from error
+
+    def _read_header(self) -> Capabilities:
+        data = b""
+        deadline_s = time.monotonic() + _CONNECT_TIMEOUT_S
+        while b"\n" not in data and len(data) <= _MAX_HEADER:
+            try:
+                piece = self._socket.recv(4096)
+            except TimeoutError:
+                piece = b""
+            except OSError as error:
+                raise InputDeviceError(
+                    f"{self.path}: the sender went away while connecting ({error})"
+                ) from error
+            if not piece or time.monotonic() > deadline_s:
+                raise InputDeviceError(f"{self.path}: the sender does not say which gamepad it is")
+            data += piece
+        line, _, rest = data.partition(b"\n")
+        self._events = self._decoder.feed(rest)
+        return parse_header(line, self.path)
+
+
+def parse_header(line: bytes, path: str) -> Capabilities:
+    """Reads the first line of a stream. Raises InputDeviceError."""
+    try:
+        values: Any = json.loads(line)
+        if values["format"] != FORMAT:
+            raise ValueError(f"format {values['format']!r}")
+        if values["version"] != VERSION:
+            raise InputDeviceError(
+                f"{path}: the sender speaks version {values['version']} of the format and this side "
+                f"{VERSION}: install the same joshua-teleop-input at both ends"
+            )
+        return Capabilities(
+            str(values["name"])[:200],
+            tuple(_integer(number, 0xFFFF) for number in values["id"]),
+            keys=frozenset(_integer(code, _MAX_CODE) for code in values["keys"]),
+            held=frozenset(_integer(code, _MAX_CODE) for code in values["held"]),
+            axes={
+                _integer(int(code), 0x3F): AxisRange(*(_integer(number, _MAX_INT) for number in facts))
+                for code, facts in values["axes"].items()
+            },
+        )
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputDeviceError(
+            f"{path} is no shared gamepad: what it sends begins with {line[:40]!r}; "
+            "joshua share-gamepad is the program for the other end"
+        ) from error
+
+
+def header_line(capabilities: Capabilities) -> bytes:
+    """The first line of a stream."""
+    facts = capabilities
+    values = {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": facts.name,
+        "id": list(facts.identity),
+        "keys": sorted(facts.keys),
+        "held": sorted(facts.held),
+        "axes": {
+            str(code): [axis.value, axis.minimum, axis.maximum, axis.fuzz, axis.flat, axis.resolution]
+            for code, axis in sorted(facts.axes.items())
+        },
+    }
+    return json.dumps(values).encode() + b"\n"
+
+
+def _integer(value: Any, largest: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not -largest <= value <= largest:
+        raise ValueError(f"{value!r} is no number up to {largest}")
+    return value

@@ -1,0 +1,207 @@
+"""Settings of gamepads and the keyboard."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from google.protobuf.message import Message
+from joshua.config.nearest import nearest_first
+from joshua.plugins.settings import BlockSettings, FieldError
+from joshua.schema.data_type_names import TYPE_NAMES
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from joshua_teleop_input.codes import AXES, BUTTONS
+from joshua_teleop_input.keys import HELP_KEY, NAMED_KEYS, canonical_key
+from joshua_teleop_input.layout import AXIS_NAMES, STANDARD_NAMES
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+class ControlSettings(BaseModel):
+    """What one axis, button or key, or a pair of them, moves.
+
+    Attributes:
+        positive, negative: names; "" for no negative one.
+        joint: name of the joint; speed_rad_s: at full deflection, negative for the other direction.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    positive: str
+    negative: str = ""
+    joint: str
+    speed_rad_s: float
+
+
+class MappingSettings(BaseModel):
+    """Where a gamepad has an axis or button: our name for it, the kernel's name for it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    source: str
+    inverted: bool = False
+
+
+class InputSettings(BlockSettings):
+    """What gamepads and the keyboard have in common.
+
+    Attributes:
+        joints: names of the joints that the node's commands reach; () where they are not known yet.
+        drives: the node publishes commands; hears_state: it subscribes to a state of joints.
+    """
+
+    controls: tuple[ControlSettings, ...] = ()
+    joints: tuple[str, ...] = ()
+    drives: bool = False
+    hears_state: bool = False
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds what the node publishes and hears, and the joints that it reaches."""
+        return super().si_values(values, node, context) | {
+            "joints": tuple(joint["name"] for joint in context.get("joints", ())),
+            "drives": JOINT_STATE in _types(getattr(node, "publishers", ())),
+            "hears_state": JOINT_STATE in _types(getattr(node, "subscriptions", ())),
+        }
+
+    def check_controls(self) -> None:
+        """Refuses joints that the actuator does not have, and commands without the joints' state."""
+        if self.drives and self.controls and not self.hears_state:
+            raise FieldError(
+                "controls",
+                "a joint is moved from where it is, and the node does not hear where that is",
+                remedy="add subscriptions { data_type: JOINT_STATE topic_name: … } with the topic that the "
+                "actuator publishes its state on",
+            )
+        for index, control in enumerate(self.controls):
+            if self.joints and control.joint not in self.joints:
+                raise FieldError(
+                    f"controls[{index}].joint",
+                    f"the actuator has no joint named {control.joint!r}",
+                    allowed=nearest_first(control.joint, self.joints),
+                    remedy="write the joint's name as the actuator publishes it",
+                )
+
+
+class GamepadSettings(InputSettings):
+    """Settings of a gamepad.
+
+    Attributes:
+        device: path, or part of a name; "" takes the first gamepad.
+        dead_zone: share of an axis around its centre that counts as centred; expo: 0 for a straight line.
+        dead_man_button: must be held; enable_button: switches driving on and off; "" for none.
+        mapping: where this gamepad has axes and buttons, beside what the kernel's drivers agree on.
+    """
+
+    device: str
+    dead_zone: float
+    expo: float
+    dead_man_button: str
+    enable_button: str
+    mapping: tuple[MappingSettings, ...] = ()
+
+    @model_validator(mode="after")
+    def _check(self) -> GamepadSettings:
+        for index, entry in enumerate(self.mapping):
+            self._check_mapping(index, entry)
+        names = (*STANDARD_NAMES, *(entry.name for entry in self.mapping))
+        axes = (*AXIS_NAMES, *(entry.name for entry in self.mapping if entry.source in AXES))
+        for index, control in enumerate(self.controls):
+            for field, name in (("positive", control.positive), ("negative", control.negative)):
+                if name:
+                    _require(f"controls[{index}].{field}", name, names, "axis or button")
+        for field, name in (
+            ("dead_man_button", self.dead_man_button),
+            ("enable_button", self.enable_button),
+        ):
+            if name:
+                _require(field, name, [item for item in names if item not in axes[:4]], "button")
+        if self.enable_button and self.enable_button == self.dead_man_button:
+            raise FieldError(
+                "enable_button",
+                "one button cannot be the dead-man button and the switch",
+                remedy="name another button, or remove one of the two fields",
+            )
+        self.check_controls()
+        return self
+
+    def _check_mapping(self, index: int, entry: MappingSettings) -> None:
+        if entry.source not in AXES and entry.source not in BUTTONS:
+            raise FieldError(
+                f"mapping[{index}].source",
+                f"the kernel has no axis or button of a gamepad named {entry.source!r}",
+                allowed=nearest_first(entry.source, (*AXES, *BUTTONS))[:12],
+                remedy="joshua find-gamepads --watch shows the name of what you press",
+            )
+        if [other.name for other in self.mapping].index(entry.name) != index:
+            raise FieldError(
+                f"mapping[{index}].name",
+                f"{entry.name} is mapped twice",
+                remedy="remove one of the entries",
+            )
+
+
+class KeyboardSettings(InputSettings):
+    """Settings of the keyboard.
+
+    Attributes:
+        key_hold_s: time without a repetition after which a key counts as released, in terminals that do
+            not report releases.
+        enable_key: switches driving on and off; "" for none.
+    """
+
+    key_hold_s: float
+    enable_key: str
+
+    @model_validator(mode="after")
+    def _check(self) -> KeyboardSettings:
+        used: dict[str, str] = {}
+        for field, name in self._keys():
+            if canonical_key(name) is None:
+                raise FieldError(
+                    field,
+                    f"{name!r} is no key",
+                    allowed=("a single character", *nearest_first(name, NAMED_KEYS)),
+                    remedy="write one character, or the name of a key",
+                )
+            key = str(canonical_key(name))
+            if key == HELP_KEY:
+                raise FieldError(
+                    field, f"{HELP_KEY} shows the help and cannot drive", remedy="take another key"
+                )
+            if key in used:
+                raise FieldError(
+                    field,
+                    f"the key {name} stands at {used[key]}, too",
+                    remedy="take another key for one of them",
+                )
+            used[key] = field
+        self.check_controls()
+        return self
+
+    def _keys(self) -> list[tuple[str, str]]:
+        keys = [
+            (f"controls[{index}].{field}", name)
+            for index, control in enumerate(self.controls)
+            for field, name in (("positive", control.positive), ("negative", control.negative))
+            if name
+        ]
+        return [*keys, *([("enable_key", self.enable_key)] if self.enable_key else [])]
+
+
+def _require(field: str, name: str, allowed: Sequence[str], what: str) -> None:
+    if name not in allowed:
+        raise FieldError(
+            field,
+            f"a gamepad has no {what} named {name!r}",
+            allowed=nearest_first(name, allowed),
+            remedy="joshua find-gamepads --watch shows the name of what you press; mapping adds names",
+        )
+
+
+def _types(endpoints: Any) -> set[str]:
+    return {TYPE_NAMES.get(endpoint.data_type, "") for endpoint in endpoints}

@@ -1,0 +1,157 @@
+"""The gamepad as a sensor, at an emulated one in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from gamepads import STICK, gamepad_settings
+from joshua.devices.errors import DeviceDisconnected
+from joshua.devices.sensor import Sensor
+from joshua.testing import check_sensor
+from joshua_emulator import EmulatedGamepad
+from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.gamepad import Gamepad
+from joshua_teleop_input.pad_state import PadState
+from joshua_teleop_input.settings import GamepadSettings
+
+
+def settings_for(pad: EmulatedGamepad, block: str = STICK) -> GamepadSettings:
+    return gamepad_settings(f'device: "{pad.device}" {block}')
+
+
+def read_until(gamepad: Gamepad, condition: object, timeout_s: float = 10.0) -> PadState:
+    end_s = time.monotonic() + timeout_s
+    while time.monotonic() < end_s:
+        reading = gamepad.read(0.2)
+        if reading is not None and condition(reading.data):  # type: ignore[operator]
+            state = reading.data
+            assert isinstance(state, PadState)
+            return state
+    raise AssertionError("no such state came")
+
+
+def test_it_keeps_the_contract_of_sensors(pad: EmulatedGamepad) -> None:
+    pad.ask("motion", kind="demonstration")
+    settings = settings_for(pad)
+    pad.ask("state")
+
+    def unplug(_: Sensor) -> None:
+        pad.fault("unplug")
+
+    check_sensor(lambda: Gamepad(settings), unplug=unplug, timeout_s=30)
+
+
+def test_it_follows_sticks_and_buttons(pad: EmulatedGamepad) -> None:
+    gamepad = Gamepad(settings_for(pad))
+    gamepad.connect()
+    try:
+        pad.set(left_x=0.5, left_y=1.0, a=1)
+        state = read_until(gamepad, lambda state: state.pressed("a"))
+        assert state.value("left_x") == pytest.approx(0.5, abs=0.001)
+        assert state.value("left_y") == pytest.approx(1.0, abs=0.001)
+        pad.set(a=0)
+        read_until(gamepad, lambda state: not state.pressed("a"))
+    finally:
+        gamepad.disconnect()
+
+
+def test_it_says_how_it_was_found(pad: EmulatedGamepad) -> None:
+    pad.fault("dirty")
+    time.sleep(0.05)
+    gamepad = Gamepad(settings_for(pad))
+    gamepad.connect()
+    try:
+        first = gamepad.read(1.0)
+        assert first is not None
+        assert first.data.pressed("left_bumper")
+        assert first.data.value("left_x") == pytest.approx(1.0)
+    finally:
+        gamepad.disconnect()
+
+
+def test_a_silent_sender_is_not_trusted(pad: EmulatedGamepad) -> None:
+    gamepad = Gamepad(settings_for(pad))
+    gamepad.connect()
+    try:
+        pad.set(left_x=1.0)
+        read_until(gamepad, lambda state: state.value("left_x") > 0.9)
+        pad.fault("stall", 1.0)
+        assert read_until(gamepad, lambda state: not state.live).value("left_x") == 0.0
+        assert read_until(gamepad, lambda state: state.live).value("left_x") == pytest.approx(1.0)
+    finally:
+        gamepad.disconnect()
+
+
+def test_a_sender_that_stays_silent_is_lost(pad: EmulatedGamepad) -> None:
+    gamepad = Gamepad(settings_for(pad))
+    gamepad.connect()
+    try:
+        pad.fault("stall")
+        with pytest.raises(DeviceDisconnected, match="the sender shows no sign of life"):
+            read_until(gamepad, lambda _: False)
+    finally:
+        gamepad.disconnect()
+
+
+def test_lost_records_release_everything(pad: EmulatedGamepad) -> None:
+    gamepad = Gamepad(settings_for(pad))
+    gamepad.connect()
+    try:
+        pad.set(left_x=1.0)
+        read_until(gamepad, lambda state: state.value("left_x") > 0.9)
+        pad.fault("drop")
+        read_until(gamepad, lambda state: not state.live)
+    finally:
+        gamepad.disconnect()
+
+
+def test_an_axis_that_the_device_lacks_is_named(pad: EmulatedGamepad) -> None:
+    settings = settings_for(pad, 'controls { positive: "paddle_1" joint: "pan" speed_rad_s: 1 }')
+    with pytest.raises(
+        InputDeviceError, match=r"Emulated Xbox Controller .* has no paddle_1; it has .*left_x"
+    ):
+        Gamepad(settings).connect()
+
+
+def test_nobody_shares_a_gamepad_there(tmp_path: Path) -> None:
+    settings = gamepad_settings(f'device: "{tmp_path}/pad.sock"')
+    with pytest.raises(InputDeviceError, match=r"no gamepad is shared at .*no such file.*share-gamepad"):
+        Gamepad(settings).connect()
+
+
+@pytest.mark.parametrize(
+    ("said", "problem"),
+    [
+        (b"", "does not say which gamepad it is"),
+        (b"SSH-2.0-OpenSSH\n", "is no shared gamepad: what it sends begins with"),
+        (b"x" * 70_000, "is no shared gamepad"),
+    ],
+)
+def test_another_program_at_the_socket_is_named(tmp_path: Path, said: bytes, problem: str) -> None:
+    path = tmp_path / "pad.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(str(path))
+        listener.listen()
+
+        def answer() -> None:
+            client, _ = listener.accept()
+            with client:
+                client.sendall(said)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(InputDeviceError, match=problem):
+            Gamepad(gamepad_settings(f'device: "{path}"')).connect()
+        thread.join()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is refused to root")
+def test_a_socket_of_another_user(pad: EmulatedGamepad) -> None:
+    os.chmod(pad.device, 0)
+    with pytest.raises(InputDeviceError, match="let the same user share the gamepad"):
+        Gamepad(settings_for(pad)).connect()

@@ -1,0 +1,170 @@
+"""The node of a gamepad: what an emulated one makes an arm do."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+
+import pytest
+from gamepads import COMMANDS, STATE, STICK, gamepad_settings, node_spec, wait_until
+from joshua.devices.errors import DeviceError
+from joshua.messages.make import joint_state
+from joshua.testing.recording_context import RecordingContext
+from joshua_emulator import EmulatedGamepad
+from joshua_teleop_input.gamepad_node import GamepadNode
+
+Start = Callable[..., tuple[GamepadNode, RecordingContext]]
+DEAD_MAN = 'dead_man_button: "left_bumper" ' + STICK
+
+
+def hear(context: RecordingContext, pan: float = 0.2) -> None:
+    context.receive(STATE, joint_state(["pan", "lift"], [pan, 0.0]))
+
+
+def sent(context: RecordingContext) -> list[float]:
+    return [float(message.position[0]) for message in context.publishers[COMMANDS].messages]
+
+
+def begin(
+    start: Start, pad: EmulatedGamepad, block: str, *, joy: bool = False
+) -> tuple[GamepadNode, RecordingContext]:
+    node, context = start(gamepad_settings(f'device: "{pad.device}" {block}'), joy=joy)
+    hear(context)
+    return node, context
+
+
+def press_and_wait(node: GamepadNode, pad: EmulatedGamepad, **values: float) -> None:
+    """Lets the driver see everything released, then the values."""
+    wait_until(lambda: "no input device" not in node.drive.gate.describe(), "the first state")
+    pad.set(**values)
+
+
+def test_a_command_leaves_with_the_event(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    press_and_wait(node, pad, left_bumper=1)
+    wait_until(lambda: sent(context), "a command")
+    assert sent(context) == [pytest.approx(0.2)], "no timer runs in this test"
+    pad.set(left_x=1.0)
+    wait_until(lambda: len(sent(context)) == 2, "a second command")
+    assert sent(context)[1] == pytest.approx(0.22)
+    pad.set(left_x=0.0)
+    wait_until(lambda: len(sent(context)) == 3, "a third command")
+    assert sent(context)[2] == sent(context)[1]
+
+
+def test_the_goal_goes_on_at_the_rate_of_the_topic(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    press_and_wait(node, pad, left_bumper=1)
+    wait_until(lambda: node.drive.gate.active)
+    pad.set(left_x=1.0)
+    wait_until(lambda: node.drive.moving)
+    hear(context)
+    time.sleep(0.02)
+    context.tick("commands")
+    assert sent(context)[-1] > sent(context)[0]
+    assert context.publishers[COMMANDS].messages[-1].name == ["pan"]
+
+
+def test_nothing_is_sent_once_the_dead_man_is_released(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    press_and_wait(node, pad, left_bumper=1, left_x=1.0)
+    wait_until(lambda: sent(context))
+    pad.set(left_bumper=0)
+    wait_until(lambda: not node.drive.gate.active)
+    count = len(sent(context))
+    hear(context)
+    context.tick("commands", 5)
+    assert len(sent(context)) == count
+
+
+def test_an_unplugged_gamepad_stops_and_needs_a_fresh_start(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN, joy=True)
+    press_and_wait(node, pad, left_bumper=1, left_x=1.0)
+    wait_until(lambda: sent(context))
+    pad.fault("unplug", replug_after_s=0.5)
+    wait_until(lambda: not node.drive.gate.active, "the stop")
+    count = len(sent(context))
+    last = context.publishers["/joy"].messages[-1]
+    assert not any(last.axes)
+    assert not any(last.buttons)
+    wait_until(lambda: node.gamepad.connected and node._reading is not None, "the reconnection")
+    hear(context)
+    context.tick("commands", 3)
+    assert len(sent(context)) == count, "bumper and stick are still held from before"
+    pad.set(left_bumper=0, left_x=0)
+    wait_until(lambda: node.gamepad.connected and node.drive.gate.describe().startswith("off: hold"))
+    time.sleep(0.1)
+    pad.set(left_bumper=1)
+    wait_until(lambda: len(sent(context)) > count, "driving anew")
+
+
+def test_a_lost_gamepad_publishes_no_joy(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, STICK, joy=True)
+    wait_until(lambda: node._reading is not None)
+    context.tick("joy")
+    assert len(context.publishers["/joy"].messages) == 1
+    pad.fault("unplug")
+    wait_until(lambda: not node.gamepad.connected)
+    count = len(context.publishers["/joy"].messages)
+    context.tick("joy", 3)
+    assert len(context.publishers["/joy"].messages) == count
+
+
+def test_a_silent_gamepad_stops(start: Start, pad: EmulatedGamepad, caplog: pytest.LogCaptureFixture) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    press_and_wait(node, pad, left_bumper=1, left_x=1.0)
+    wait_until(lambda: sent(context))
+    pad.fault("stall", 0.6)
+    wait_until(lambda: not node.drive.gate.active, "the stop")
+    wait_until(lambda: not pad.ask("state")["stalled"])
+    time.sleep(0.1)
+    assert not node.drive.gate.active
+    assert "everything counts as released" in caplog.text
+
+
+def test_without_a_state_of_the_arm_nothing_is_sent(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = start(gamepad_settings(f'device: "{pad.device}" {DEAD_MAN}'))
+    press_and_wait(node, pad, left_bumper=1, left_x=1.0)
+    wait_until(lambda: node.drive.gate.active)
+    context.tick("commands", 5)
+    context.tick("help")
+    time.sleep(0.6)
+    context.tick("help")
+    assert sent(context) == []
+    assert context.shown == "driving waits: no state of the arm comes"
+
+
+def test_a_state_without_the_joint_names_those_that_it_has(start: Start, pad: EmulatedGamepad) -> None:
+    _, context = start(gamepad_settings(f'device: "{pad.device}" {STICK}'))
+    context.receive(STATE, joint_state(["pann", "lift"], [0.0, 0.0]))
+    assert context.failures == [
+        "no joint is named pan: the state that is heard has pann, lift; correct joint in controls"
+    ]
+
+
+def test_a_joint_that_the_plan_does_not_know(pad: EmulatedGamepad) -> None:
+    settings = gamepad_settings(
+        f'device: "{pad.device}" controls {{ positive: "left_x" joint: "lfit" speed_rad_s: 1 }}'
+    )
+    with pytest.raises(DeviceError, match=r"/gamepad: no joint is named 'lfit'; the actuator has lift, pan"):
+        GamepadNode(RecordingContext(node_spec(settings))).configure()
+
+
+def test_the_screen_says_what_moves_what_and_whether_it_is_on(
+    start: Start, pad: EmulatedGamepad, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    node, context = begin(start, pad, 'enable_button: "start" ' + DEAD_MAN)
+    assert "left_x  pan, +1 rad/s" in caplog.text
+    assert "left_bumper: nothing moves unless it is held" in caplog.text
+    wait_until(lambda: node._reading is not None)
+    time.sleep(0.05)
+    context.tick("help")
+    assert context.shown == "driving off: press start to switch driving on"
+    pad.set(start=1, left_bumper=1)
+    wait_until(lambda: node.drive.gate.active)
+    pad.set(left_x=-1.0)
+    wait_until(lambda: node.drive.moving)
+    context.tick("help")
+    assert context.shown == "driving ON: pan -"

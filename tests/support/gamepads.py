@@ -1,0 +1,67 @@
+"""Settings and node specs of gamepads for tests."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from google.protobuf import text_format
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.schema import config_pb2 as pb
+from joshua_teleop_input.settings import GamepadSettings, InputSettings, KeyboardSettings
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+JOY = "sensor_msgs/msg/Joy"
+COMMANDS = "/gamepad/joint_commands"
+STATE = "/arm/joint_states"
+JOINTS = [
+    {"name": "pan", "min_rad": -1.0, "max_rad": 1.0},
+    {"name": "lift", "min_rad": -2.0, "max_rad": 2.0},
+]
+NODE = """
+  publishers { data_type: JOINT_STATE topic_name: "/gamepad/joint_commands" publish_rate_hz: 50 }
+  subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" }
+"""
+STICK = 'controls { positive: "left_x" joint: "pan" speed_rad_s: 1.0 }'
+PAIR = 'controls { positive: "a" negative: "b" joint: "lift" speed_rad_s: 0.5 }'
+
+
+def gamepad_settings(
+    block: str = STICK, *, node: str = NODE, joints: list[dict[str, Any]] | None = None
+) -> GamepadSettings:
+    """Settings of a ``gamepad_config`` as a file has it."""
+    message = text_format.Parse(block, pb.GamepadConfig())
+    return GamepadSettings.from_block(message, text_format.Parse(node, pb.Node()), {"joints": joints or []})
+
+
+def keyboard_settings(block: str, *, node: str = NODE) -> KeyboardSettings:
+    """Settings of a ``keyboard_config`` as a file has it."""
+    message = text_format.Parse(block, pb.KeyboardConfig())
+    return KeyboardSettings.from_block(message, text_format.Parse(node, pb.Node()), {})
+
+
+def node_spec(settings: InputSettings, *, joy: bool = False, rate_hz: float = 50.0) -> NodeSpec:
+    """The plan of a gamepad's node that drives two joints."""
+    topics = [TopicSpec(name=COMMANDS, type_name=JOINT_STATE, rate_hz=rate_hz)]
+    if joy:
+        topics.append(TopicSpec(name="/joy", type_name=JOY, rate_hz=rate_hz))
+    return NodeSpec(
+        name="gamepad",
+        kind=NodeKind.SENSOR,
+        behaviour="joshua_teleop_input.gamepad_node:GamepadNode",
+        implementation="joshua_teleop_input.gamepad:Gamepad",
+        settings_type="joshua_teleop_input.settings:GamepadSettings",
+        settings=settings.model_dump(mode="json"),
+        context={"joints": JOINTS},
+        publishers=tuple(topics),
+        subscriptions=(TopicSpec(name=STATE, type_name=JOINT_STATE),),
+    )
+
+
+def wait_until(condition: Callable[[], object], what: str = "it") -> None:
+    """Waits for something that another thread or process brings about."""
+    deadline_s = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline_s, f"{what} did not happen"
+        time.sleep(0.005)
