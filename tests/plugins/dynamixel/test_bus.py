@@ -122,6 +122,22 @@ def test_a_silent_servo_is_left_out_or_named(emulator: EmulatedBus, open_bus: An
             bus.read(2, reg.MODEL)
 
 
+@pytest.mark.parametrize(("address", "length"), [(0, 12), (20, 4), (31, 5), (64, 1), (126, 21), (132, 4)])
+def test_padding_stays_where_there_are_registers(
+    address: int, length: int, emulator: EmulatedBus, open_bus: Any
+) -> None:
+    with open_bus(emulator) as bus:
+        sizes = set()
+        for padding in range(16):
+            start, size, skip = bus.padded(address, length, padding)
+            assert start + skip == address
+            assert length <= size - skip
+            assert size <= length + padding
+            bus.read_block(1, start, size)
+            sizes.add(size)
+        assert len(sizes) > 2
+
+
 def test_a_reboot_ends_a_hardware_error(emulator: EmulatedBus, open_bus: Any) -> None:
     with open_bus(emulator) as bus:
         bus.write(1, reg.TORQUE_ENABLE, 1)

@@ -20,6 +20,13 @@ def test_driver_and_emulator_agree_though_they_share_no_code() -> None:
     }
 
 
+def test_everything_that_is_read_has_registers() -> None:
+    spanned = {address for first, end in registers.SPANS for address in range(first, end)}
+    assert spanned <= emulated.DEFINED
+    for address, length in (*registers.SETUP, registers.FEEDBACK):
+        assert spanned.issuperset(range(address, address + length))
+
+
 def test_models_have_names_and_loads() -> None:
     assert model_name(1190) == "xl330-m077"
     assert model_name(4711) == "model 4711"

@@ -29,7 +29,7 @@ from joshua_dynamixel.packet import (
     request,
     word,
 )
-from joshua_dynamixel.registers import BAUDRATES, FEEDBACK, FIRMWARE, MODEL
+from joshua_dynamixel.registers import BAUDRATES, FEEDBACK, FIRMWARE, MODEL, SETUP, SPANS
 
 REBOOT_TIMEOUT_S = 2.0
 _REBOOT_PAUSE_S = 0.05
@@ -69,6 +69,19 @@ class Bus(ServoBus):
             self.counters.retries += attempt > 0
             values |= self._bulk_read_once(missing)
         return values
+
+    def read_setups(self, ids: Sequence[int]) -> dict[int, bytes]:
+        """Reads how servos are set up, laid out as in their memory; those that do not answer are left out.
+
+        Raises PortDisconnected.
+        """
+        memories = {servo_id: bytearray(sum(SETUP[-1])) for servo_id in ids}
+        for address, length in SETUP:
+            found = self.bulk_read(dict.fromkeys(memories, (address, length)))
+            memories = {servo_id: memories[servo_id] for servo_id in found}
+            for servo_id, block in found.items():
+                memories[servo_id][address : address + length] = block
+        return {servo_id: bytes(memory) for servo_id, memory in memories.items()}
 
     def reboot(self, servo_id: int) -> None:
         """Restarts a servo, which ends its hardware errors and its torque; waits until it answers again.
@@ -114,10 +127,12 @@ class Bus(ServoBus):
         return request(BROADCAST_ID, SYNC_WRITE, bytes(parameters))
 
     def padded(self, address: int, length: int, padding: int) -> tuple[int, int, int]:
-        """Further bytes in front, where there are registers; behind the last ones there are none."""
-        if address < padding:
-            return address, length + padding, 0
-        return address - padding, length + padding, padding
+        """Further bytes in front or behind, as far as there are registers."""
+        spans = (span for span in SPANS if span[0] <= address < span[1])
+        first, end = next(spans, (address, address + length))
+        front = min(padding, address - first)
+        behind = max(0, min(padding - front, end - address - length))
+        return address - front, front + length + behind, front
 
     def refusal(self, error: int) -> str:
         """Why a servo refuses a request, by the error number of its reply."""

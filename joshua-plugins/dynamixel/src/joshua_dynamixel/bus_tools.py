@@ -60,11 +60,12 @@ class DynamixelBusTools(ServoBusTools):
 
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
         """Reads what a servo says of itself. Raises NoReply and PortDisconnected."""
-        block = bus.read_block(servo_id, SETUP[0], HARDWARE_ERROR.end)
+        blocks = {address: bus.read_block(servo_id, address, length) for address, length in SETUP}
         feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))
 
         def value(register: Register) -> int:
-            return register.decode(block[register.address :])
+            start = max(address for address in blocks if address <= register.address)
+            return register.decode(blocks[start][register.address - start :])
 
         return FoundMotor(
             servo_id,

@@ -33,4 +33,5 @@ X_SERIES = ServoFamily(
     feedback=FEEDBACK,
     parse_feedback=parse_feedback,
     status=HARDWARE_ERRORS,
+    reads_gaps=False,
 )

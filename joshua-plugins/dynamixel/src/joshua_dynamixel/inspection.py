@@ -21,7 +21,6 @@ from joshua_dynamixel.registers import (
     MIN_POSITION,
     MIN_VOLTAGE,
     OPERATING_MODE,
-    SETUP,
     STATUS_LEVEL,
     TIME_BASED,
     VELOCITY_LIMIT,
@@ -50,7 +49,7 @@ def inspect(bus: Bus, settings: DynamixelSettings) -> list[ServoSetup]:
 
 def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
     """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
-    blocks = bus.bulk_read(dict.fromkeys(ids, SETUP))
+    blocks = bus.read_setups(ids)
     missing = [servo_id for servo_id in ids if servo_id not in blocks]
     if missing:
         raise NoReply(

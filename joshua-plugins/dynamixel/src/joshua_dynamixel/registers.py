@@ -39,7 +39,13 @@ PRESENT_LOAD = Register("present_load", 126, 2, signed=True)  # current in the m
 PRESENT_POSITION = Register("present_position", 132, 4, signed=True)  # ticks
 PRESENT_TEMPERATURE = Register("present_temperature", 146, 1)  # °C
 
-SETUP = (0, 70)  # address and length of the block from MODEL to STATUS_LEVEL and a little further
+# Addresses that have registers, first and behind the last, in all models; a servo may refuse to read others.
+SPANS = ((0, 14), (20, 28), (31, 38), (44, 56), (63, 66), (68, 71), (76, 86), (88, 92), (98, 99), (100, 148))
+
+# Addresses and lengths of the blocks that say how a servo is set up: from MODEL to OPERATING_MODE,
+# HOMING_OFFSET, from MAX_TEMPERATURE to MIN_VOLTAGE, from VELOCITY_LIMIT to MIN_POSITION, and from
+# STATUS_LEVEL to HARDWARE_ERROR.
+SETUP = ((0, 12), (20, 4), (31, 5), (44, 12), (68, 3))
 FEEDBACK = (126, 21)  # address and length of the block from PRESENT_LOAD to PRESENT_TEMPERATURE
 
 HARDWARE_ERRORS = StatusBits(

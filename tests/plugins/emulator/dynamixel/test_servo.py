@@ -152,7 +152,8 @@ def test_the_load_is_a_current_or_a_share() -> None:
     assert loads == {"xl330-m077": -735, "xl430-w250": -500, "xm430-w350": -428}
 
 
-def test_there_is_nothing_beyond_the_table() -> None:
+def test_there_is_nothing_to_read_where_there_is_no_register() -> None:
     servo = make()
     assert servo.read(660, 3, 0.0) == (ProtocolError.ACCESS, b"")
+    assert servo.read(64, 3, 0.0) == (ProtocolError.ACCESS, b"")  # nothing at 66
     assert servo.read(0, 2, 0.0) == (ProtocolError.NONE, (1190).to_bytes(2, "little"))

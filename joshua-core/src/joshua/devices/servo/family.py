@@ -21,6 +21,7 @@ class ServoFamily:
         feedback: address and length of the block that one read of the state brings.
         parse_feedback: reads that block.
         status: bits of the status that ``Feedback`` carries.
+        reads_gaps: addresses without a register can be read along with those around them.
     """
 
     torque_enable: Register
@@ -33,6 +34,7 @@ class ServoFamily:
     feedback: tuple[int, int]
     parse_feedback: Callable[[bytes], Feedback]
     status: StatusBits
+    reads_gaps: bool = True
 
     @property
     def moves_width(self) -> int:

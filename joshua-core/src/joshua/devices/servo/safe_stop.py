@@ -16,6 +16,7 @@ from joshua.devices.serial_errors import PortBusy, PortNotFound
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.family import ServoFamily
+from joshua.devices.servo.register_read import read_registers
 from joshua.devices.usb_ports import Endpoint
 
 ACTIONS = ("HOLD", "RELEASE", "PARK_THEN_RELEASE")
@@ -154,20 +155,17 @@ class _SafeStop:
 
     def _states(self, ids: tuple[int, ...]) -> dict[int, tuple[bool, int, int]]:
         """Torque, goal and present position in ticks of the servos that answer."""
-        states = {}
-        torque, goal, present = (
-            self._family.torque_enable,
-            self._family.goal_position,
-            self._family.present_position,
-        )
-        start = torque.address
-        for servo_id, block in self._bus.sync_read(start, present.end - start, ids).items():
-            states[servo_id] = (
-                torque.decode(block) != 0,
-                goal.decode(block[goal.address - start :]),
-                present.decode(block[present.address - start :]),
+        family = self._family
+        torque, goal, present = family.torque_enable, family.goal_position, family.present_position
+        found = read_registers(self._bus, family, (torque, goal, present), ids)
+        return {
+            servo_id: (
+                torque.decode(values[torque]) != 0,
+                goal.decode(values[goal]),
+                present.decode(values[present]),
             )
-        return states
+            for servo_id, values in found.items()
+        }
 
     def _hold(self) -> None:
         seeded: dict[int, int] = {}

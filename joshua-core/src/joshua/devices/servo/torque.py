@@ -9,6 +9,7 @@ from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.errors import NoReply
 from joshua.devices.servo.family import ServoFamily
 from joshua.devices.servo.register import Register
+from joshua.devices.servo.register_read import read_registers
 
 ATTEMPTS = 3
 
@@ -52,11 +53,11 @@ class TorqueSwitch:
         for _ in range(ATTEMPTS):
             self._bus.sync_write(self._start, family.moves_width, rows)
             self._bus.sync_write(torque.address, torque.width, dict.fromkeys(rows, self._on))
-            found = self._states(self._ids)
+            found = self._states()
             rows = {
                 servo_id: row
                 for servo_id, row in rows.items()
-                if self._torque_and_moves(found.get(servo_id)) != (self._on, row)
+                if not self._has_taken(found.get(servo_id), row)
             }
             if not rows:
                 return
@@ -95,24 +96,23 @@ class TorqueSwitch:
 
         Servos that do not answer are not judged. Raises PortDisconnected.
         """
-        start = self._family.torque_enable.address
         lapsed = []
-        for servo_id, block in self._states(self._ids).items():
+        for servo_id, found in self._states().items():
             kept = self._kept.get(servo_id, {})
-            found = {register: block[register.address - start :][: register.width] for register in kept}
-            if block[: len(self._on)] != self._on or found != kept:
+            has_torque = found[self._family.torque_enable] == self._on
+            if not has_torque or {register: found[register] for register in kept} != kept:
                 lapsed.append(servo_id)
         return self._list(lapsed)
 
-    def _states(self, ids: tuple[int, ...]) -> dict[int, bytes]:
-        """Registers from the torque to the last one of a move."""
-        start = self._family.torque_enable.address
-        return self._bus.sync_read(start, self._family.moves[-1].end - start, ids)
+    def _states(self) -> dict[int, dict[Register, bytes]]:
+        """Torque and the registers of a move."""
+        registers = (self._family.torque_enable, *self._family.moves)
+        return read_registers(self._bus, self._family, registers, self._ids)
 
-    def _torque_and_moves(self, block: bytes | None) -> tuple[bytes, bytes]:
-        if block is None:
-            return b"", b""
-        return block[: len(self._on)], block[self._start - self._family.torque_enable.address :]
+    def _has_taken(self, found: Mapping[Register, bytes] | None, row: bytes) -> bool:
+        if found is None or found[self._family.torque_enable] != self._on:
+            return False
+        return b"".join(found[register] for register in self._family.moves) == row
 
     def _list(self, ids: Sequence[int] | Mapping[int, bytes]) -> str:
         return ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in ids)

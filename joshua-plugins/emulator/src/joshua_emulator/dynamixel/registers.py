@@ -76,6 +76,9 @@ TABLE = (
 
 BY_NAME = {register.name: register for register in TABLE}
 BY_ADDRESS = {register.address: register for register in TABLE}
+DEFINED = frozenset(
+    address for register in TABLE for address in range(register.address, register.address + register.width)
+)
 
 
 class OperatingMode:

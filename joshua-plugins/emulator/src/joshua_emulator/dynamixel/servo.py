@@ -11,6 +11,7 @@ from joshua_emulator.dynamixel.packets import ALERT, ProtocolError
 from joshua_emulator.dynamixel.registers import (
     BAUDRATES,
     BY_NAME,
+    DEFINED,
     EEPROM_END,
     EEPROM_START,
     MEMORY_SIZE,
@@ -136,8 +137,8 @@ class Servo(EmulatedServo):
         self._measure()
 
     def read(self, address: int, length: int, now_s: float) -> tuple[ProtocolError, bytes]:
-        """Reads memory; there is nothing beyond the table."""
-        if not length or address + length > MEMORY_SIZE:
+        """Reads memory; a read that touches an address without a register is refused as a whole."""
+        if not length or not DEFINED.issuperset(range(address, address + length)):
             return ProtocolError.ACCESS, b""
         if address + length > _FEEDBACK[0]:
             self.advance(now_s)
