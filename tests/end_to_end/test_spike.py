@@ -79,6 +79,24 @@ def test_the_same_hub_twice_is_refused(joshua_run: JoshuaProgram, tmp_path: Path
     assert "ble-device-shared" in result.stdout + result.stderr
 
 
+def test_the_calibration_preset_runs_whole_and_its_file_is_loaded(
+    joshua_run: JoshuaProgram, tmp_path: Path
+) -> None:
+    joshua_run.environment["XDG_STATE_HOME"] = str(tmp_path / "state")
+    result = joshua_run("--config", str(CONFIGS / "calibrate_spike.pbtxt"), "--emulate")
+    said = result.stdout + result.stderr
+    assert result.returncode == 0, said
+    assert "spike_hub: Calibrated." in said
+    (written,) = (tmp_path / "state").rglob("calibration/spike-hub.pbtxt")
+    text = written.read_text(encoding="utf-8")
+    assert 'device_identity: "ble:F0:AA:00:00:00:01"' in text
+    (low, high), *_ = re.findall(r"range_min: (\d+)\s+range_max: (\d+)", text)
+    assert abs(int(low) - 910) < 30  # the hand goes 100 degrees to both sides
+    assert abs(int(high) - 3186) < 30
+    checked = joshua_run("calibrate", "--config", PRESET, "--emulate", "--check")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
 def test_a_killed_run_leaves_motors_without_torque_by_the_hubs_own_switch(joshua_run: JoshuaProgram) -> None:
     with EmulatedHub(("A", "B"), name="Pybricks Hub") as hub:
         adapter = f"robot.actions[0].spike_motor_config.comm.ble.adapter={hub.adapter}"
