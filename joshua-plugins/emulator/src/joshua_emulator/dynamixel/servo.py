@@ -69,7 +69,7 @@ class Servo(EmulatedServo):
         self._time_s: float | None = None
         self._energised = False
         self._turn = 0  # shaft angle from which positions count
-        self.restore_factory_settings()
+        self._take_factory_settings()  # not to be told on: what is kept of this servo is not to be replaced
         if eeprom is not None:
             self.memory[EEPROM_START:EEPROM_END] = eeprom[: EEPROM_END - EEPROM_START]
         self.power_on()
@@ -179,11 +179,14 @@ class Servo(EmulatedServo):
     def restore_factory_settings(self, *, keep: int = 0) -> None:
         """Takes factory settings into the EEPROM, except the first ``keep`` of id and baud rate."""
         kept = bytes(self.memory[EEPROM_START : EEPROM_START + keep])
+        self._take_factory_settings()
+        self.memory[EEPROM_START : EEPROM_START + keep] = kept
+        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+
+    def _take_factory_settings(self) -> None:
         for register in TABLE:
             self.put(register.name, self.model.defaults.get(register.name, register.default))
         self.put("model_number", self.model.number)
-        self.memory[EEPROM_START : EEPROM_START + keep] = kept
-        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
 
     def clear_turns(self, now_s: float) -> ProtocolError:
         """Counts positions from the present turn again; refused while torque is on."""
