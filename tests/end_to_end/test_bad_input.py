@@ -152,13 +152,25 @@ def test_validation_needs_no_heavy_library(good):
         "import sys\n"
         "from joshua.cli.main import main\n"
         f"code = main(['--config', {str(good)!r}, '--validate-only'])\n"
-        "heavy = {'numpy', 'rosbags', 'zenoh', 'cyclonedds', 'rich', 'torch', 'cv2', 'mujoco', 'pandas'}\n"
+        "heavy = {'numpy', 'rosbags', 'zenoh', 'cyclonedds', 'rich', 'torch', 'cv2', 'mujoco', 'pandas',\n"
+        "         'jax', 'serial', 'importlib.metadata', 'subprocess', 'asyncio'}\n"
         "print(sorted(heavy & set(sys.modules)))\n"
         "sys.exit(code)\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
+def test_a_verdict_that_cannot_be_written_is_no_success(good):
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "joshua.cli.main", "--config", str(good), "--validate-only"]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (result.returncode, result.stderr) == (
+        1,
+        "joshua: the output cannot be written: No space left on device\n",
+    )
 
 
 def test_the_plan_is_shown_and_nothing_is_started(good):

@@ -6,12 +6,18 @@ camera; nothing of the emulator is imported by drivers, and it imports nothing o
 either shows.
 """
 
-from joshua_emulator.camera.process import EmulatedCamera
-from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
-from joshua_emulator.encoder.process import EmulatedEncoder
-from joshua_emulator.gamepad.process import EmulatedGamepad
-from joshua_emulator.lidar.process import EmulatedLidar
-from joshua_emulator.process import EmulatedBus
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from joshua_emulator.camera.process import EmulatedCamera
+    from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
+    from joshua_emulator.encoder.process import EmulatedEncoder
+    from joshua_emulator.gamepad.process import EmulatedGamepad
+    from joshua_emulator.lidar.process import EmulatedLidar
+    from joshua_emulator.process import EmulatedBus
 
 __all__ = [
     "EmulatedBus",
@@ -22,3 +28,20 @@ __all__ = [
     "EmulatorError",
     "EmulatorProcess",
 ]
+
+# Loaded at first use: checking a file asks this package only what it provides.
+_MODULE_OF = {
+    "EmulatedBus": "joshua_emulator.process",
+    "EmulatedCamera": "joshua_emulator.camera.process",
+    "EmulatedEncoder": "joshua_emulator.encoder.process",
+    "EmulatedGamepad": "joshua_emulator.gamepad.process",
+    "EmulatedLidar": "joshua_emulator.lidar.process",
+    "EmulatorError": "joshua_emulator.emulator_process",
+    "EmulatorProcess": "joshua_emulator.emulator_process",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)
