@@ -10,20 +10,31 @@ from joshua.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Mapping
     from contextlib import ExitStack
 
     from joshua.generator.emulation import EmulatedRig
     from joshua.generator.examination import Checked
+    from joshua.plugins.emulator import PhysicsLink
 
 
-def start_rig(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> EmulatedRig | int:
-    """Starts the emulators; ``stack`` ends them. Returns an exit code where something is refused."""
+def start_rig(
+    checked: Checked,
+    arguments: argparse.Namespace,
+    stack: ExitStack,
+    physics: Mapping[str, PhysicsLink] | None = None,
+) -> EmulatedRig | int:
+    """Starts the emulators; ``stack`` ends them. Returns an exit code where something is refused.
+
+    Args:
+        physics: by node name, what moves the joints of an emulated actuator.
+    """
     from joshua.cli.report import show_findings
     from joshua.generator.emulation import EmulatedRig, EmulationError, parse_faults
 
     try:
         faults = parse_faults(arguments.faults)
-        rig = stack.enter_context(EmulatedRig(checked.loaded.config, checked.registry, faults))
+        rig = stack.enter_context(EmulatedRig(checked.loaded.config, checked.registry, faults, physics))
         problems = rig.problems(checked.loaded.positions)
         if problems:
             found = replace(checked.examination, diagnostics=[*checked.diagnostics, *problems])

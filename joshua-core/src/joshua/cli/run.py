@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from joshua.generator.examination import Checked, Examination
     from joshua.generator.fork_server import ForkServer
     from joshua.plan import Plan, RunReport
+    from joshua.plugins.emulator import PhysicsLink
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,13 +33,15 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.generator.examination import finish
 
         checked = check(arguments)
+        links: dict[str, PhysicsLink] = {}
         if arguments.sim and not checked.examination.errors:
-            refusal = simulate(checked, arguments)
-            if refusal is not None:
-                return refusal
+            simulated = simulate(checked, arguments, stack)
+            if isinstance(simulated, int):
+                return simulated
+            checked, links = simulated
         rig = None
         if arguments.emulate and not checked.examination.errors:
-            started = emulate(checked, arguments, stack)
+            started = emulate(checked, arguments, stack, links)
             if isinstance(started, int):
                 return started
             rig = started
@@ -60,18 +63,22 @@ def check(arguments: argparse.Namespace) -> Checked:
     return check_file(request_of(arguments, Purpose.LAUNCH))
 
 
-def emulate(checked: Checked, arguments: argparse.Namespace, stack: ExitStack) -> EmulatedRig | int:
+def emulate(
+    checked: Checked, arguments: argparse.Namespace, stack: ExitStack, physics: dict[str, PhysicsLink]
+) -> EmulatedRig | int:
     """Puts emulators in place of the devices; returns an exit code where that is refused."""
     from joshua.cli.emulation import start_rig
 
-    return start_rig(checked, arguments, stack)
+    return start_rig(checked, arguments, stack, physics)
 
 
-def simulate(checked: Checked, arguments: argparse.Namespace) -> int | None:
+def simulate(
+    checked: Checked, arguments: argparse.Namespace, stack: ExitStack
+) -> tuple[Checked, dict[str, PhysicsLink]] | int:
     """Puts the simulation in place of actuators and cameras; returns an exit code where that is refused."""
     from joshua.cli.simulation import start_simulation
 
-    return start_simulation(checked, arguments)
+    return start_simulation(checked, stack, emulated=arguments.emulate)
 
 
 def is_calibration(checked: Checked) -> bool:

@@ -16,7 +16,7 @@ from joshua.generator.devices import Wanted, unpack, wanted_nodes
 from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
-from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice, EmulationError
+from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice, EmulationError, PhysicsLink
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
@@ -33,12 +33,20 @@ class EmulatedRig:
         config: the loaded file; ``start`` puts the emulators' endpoints into it.
         registry: installed plugins.
         faults: by node name, in the emulators' own words.
+        physics: by node name, what moves the joints of an emulated actuator.
     """
 
-    def __init__(self, config: pb.Config, registry: Registry, faults: Mapping[str, Sequence[str]]) -> None:
+    def __init__(
+        self,
+        config: pb.Config,
+        registry: Registry,
+        faults: Mapping[str, Sequence[str]],
+        physics: Mapping[str, PhysicsLink] | None = None,
+    ) -> None:
         self._config = config
         self._registry = registry
         self._faults = faults
+        self._physics = physics or {}
         share = mode_share(config)
         wanted = wanted_nodes(config, devices=share.devices, models=False)
         self._wanted = [want for want in wanted if not self._is_virtual(want)]
@@ -109,7 +117,9 @@ class EmulatedRig:
         except TargetError as error:
             raise EmulationError(f"{name}: the emulator is broken: {error}") from error
         folder = state_folder(self._config.general.id) / name
-        device = EmulatedDevice(name, want.enum_value, want.block, folder, tuple(self._faults.get(name, ())))
+        faults = tuple(self._faults.get(name, ()))
+        link = self._physics.get(name)
+        device = EmulatedDevice(name, want.enum_value, want.block, folder, faults, link)
         emulator: DeviceEmulator = emulator_type(device)
         self._stack.callback(emulator.close)
         emulator.start()

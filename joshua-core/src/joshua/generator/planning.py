@@ -45,7 +45,7 @@ class Planning:
     def resolve(self) -> None:
         """Finds the implementations and checks the settings, which is all that validation needs."""
         config, share = self._config, mode_share(self._config)
-        self._services = resolve_services(config, self._registry, share, self._findings, self._request.path)
+        self._services = resolve_services(config, self._registry, share, self._findings, self._request)
         wanted = wanted_nodes(config, devices=share.devices, models=share.models)
         self._nodes = self._resolver.resolve(wanted, physics_of(self._services))
         self._refuse_shared_terminal()

@@ -31,6 +31,7 @@ class Request:
         allow_uncalibrated: energise actuators that have no calibration.
         dry_run: do everything with torque off.
         emulate: emulators stand for the devices, with calibrations of their own.
+        physics_socket: where the simulation answers emulated buses; "" where none is coupled.
     """
 
     path: str
@@ -42,6 +43,7 @@ class Request:
     allow_uncalibrated: bool = False
     dry_run: bool = False
     emulate: bool = False
+    physics_socket: str = ""
 
     @property
     def launch(self) -> bool:

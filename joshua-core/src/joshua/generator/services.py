@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from joshua.generator.findings import Findings
+from joshua.generator.request import Request
 from joshua.modes.share import ModeShare, Need
 from joshua.plugins import Provision, ProvisionKind, Registry
 from joshua.schema import config_pb2 as pb
@@ -54,13 +55,14 @@ class ResolvedService:
 
 
 def resolve_services(
-    config: pb.Config, registry: Registry, share: ModeShare, findings: Findings, source: str
+    config: pb.Config, registry: Registry, share: ModeShare, findings: Findings, request: Request
 ) -> list[ResolvedService]:
     """Finds what runs the service blocks of a mode, and checks their settings; problems become findings.
 
     Args:
-        source: the configuration file, at whose folder relative paths start.
+        request: names the configuration file, at whose folder relative paths start.
     """
+    source = request.path
     resolved = []
     for service in _present(config, share):
         provision = registry.find(service.kind, service.name, service.enum_value)
@@ -71,6 +73,8 @@ def resolve_services(
             )
         else:
             context: dict[str, Any] = {"folder": _folder(service, findings, source)}
+            if request.physics_socket and service.kind is ProvisionKind.SIMULATOR:
+                context["physics_socket"] = request.physics_socket
             if service.kind is ProvisionKind.SIMULATOR and config.ai.HasField("data_store"):
                 context["data_store"] = _data_store(config.ai.data_store, source)
             settings = _settings(service, provision, context, findings)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 from joshua.generator.devices import Wanted, joints_of, wanted_nodes
 from joshua.modes.share import mode_share
 from joshua.plugins import ProvisionKind, Registry
-from joshua.plugins.stand_in import RealDevice, StandInError
+from joshua.plugins.stand_in import CoupledArm, RealDevice, StandInError
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
-__all__ = ["NoSimulatorError", "StandInError", "stand_in"]
+__all__ = ["NoSimulatorError", "Simulated", "StandInError", "stand_in"]
 
 #: Block of a real camera; other sensors have no place in the simulation.
 _CAMERA = "camera_config"
@@ -19,15 +22,25 @@ class NoSimulatorError(StandInError):
     """No simulator is installed."""
 
 
-def stand_in(config: pb.Config, registry: Registry) -> list[str]:
+@dataclass(frozen=True)
+class Simulated:
+    """What became part of the simulation.
+
+    Attributes:
+        names: nodes whose devices are simulated; arms: those whose buses are emulated, by node name.
+    """
+
+    names: tuple[str, ...]
+    arms: Mapping[str, CoupledArm]
+
+
+def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -> Simulated:
     """Puts simulated devices in place of the real ones.
 
     Args:
         config: the loaded file, which is changed.
         registry: installed plugins.
-
-    Returns:
-        Names of the nodes whose devices are simulated now.
+        emulated: buses of actuators are emulated, and the simulation only moves their joints.
 
     Raises:
         StandInError: no simulator is installed, or it cannot stand for a device.
@@ -41,10 +54,12 @@ def stand_in(config: pb.Config, registry: Registry) -> list[str]:
             "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
         )
     try:
-        load_target(provision.stand_in)(config, devices)
+        arms = load_target(provision.stand_in)(config, devices, emulated)
     except TargetError as error:
         raise StandInError(f"the simulator is broken: {error}") from error
-    return [device.node_name for device in devices]
+    cameras = [device.node_name for device in devices if not device.joints]
+    names = [*arms, *cameras] if emulated else [device.node_name for device in devices]
+    return Simulated(tuple(names), arms)
 
 
 def _replaceable(config: pb.Config, registry: Registry) -> list[Wanted]:

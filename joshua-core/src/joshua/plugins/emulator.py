@@ -16,6 +16,21 @@ class EmulationError(Exception):
 
 
 @dataclass(frozen=True)
+class PhysicsLink:
+    """Where the physics answers that moves the joints of an emulated actuator (``--emulate --sim``).
+
+    Attributes:
+        socket: path of a UNIX socket (SOCK_SEQPACKET), there once the simulation runs.
+        actuators: of the model, in joint order; start_rad: where its joints are at first, about the middle
+            of their ranges.
+    """
+
+    socket: Path
+    actuators: tuple[str, ...]
+    start_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class EmulatedDevice:
     """The device that an emulator stands for.
 
@@ -24,6 +39,7 @@ class EmulatedDevice:
         block: its configuration block.
         state_folder: where what a real device would remember is kept from run to run.
         faults: faults to bring about, each in the emulator's own words, such as ``drop=0.01``.
+        physics: what moves the joints; None leaves that to the emulator.
     """
 
     node_name: str
@@ -31,6 +47,7 @@ class EmulatedDevice:
     block: Message
     state_folder: Path
     faults: tuple[str, ...] = ()
+    physics: PhysicsLink | None = None
 
 
 class DeviceEmulator(ABC):

@@ -44,8 +44,10 @@ class Provision:
             find-port`, `joshua motors` and `joshua doctor` work outside a run; "" where there is no such bus.
         packaged_files: import string of a light function that takes a name, such as a ``model_path``, and
             returns the path of the file of that name which ships with the plugin, or None; "" if none.
-        stand_in: import string of what ``--sim`` asks of a simulator: a function that takes the configuration
-            and the ``RealDevice``s of it, and puts blocks of simulated devices in their place; "" if none.
+        stand_in: import string of what ``--sim`` asks of a simulator: a function that takes the
+            configuration, its ``RealDevice``s and whether their buses are emulated. It puts blocks of
+            simulated devices in their place, and returns the ``CoupledArm`` of each emulated bus by node
+            name; "" if none.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
         terminal: the node reads the terminal that the run was started from; one node of a run may.
     """

@@ -27,3 +27,16 @@ class RealDevice:
     owner: Any
     block_name: str
     joints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CoupledArm:
+    """An arm whose bus is emulated and whose joints the simulation moves.
+
+    Attributes:
+        actuators: of the model, in joint order; start_rad: where its joints are at first, about the middle
+            of their ranges.
+    """
+
+    actuators: tuple[str, ...]
+    start_rad: tuple[float, ...]

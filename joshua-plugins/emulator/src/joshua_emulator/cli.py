@@ -174,6 +174,9 @@ def _spec(options: argparse.Namespace, root: Path) -> BusSpec:
         seed=options.seed,
         echo=options.echo,
         burst_window_s=options.burst_window_s,
+        physics=options.physics,
+        physics_actuators=options.physics_actuators,
+        physics_start_rad=options.physics_start_rad,
     )
 
 
@@ -218,6 +221,11 @@ def _add_bus(protocols: Any, name: str, summary: str, baudrates: Iterable[int], 
     bus.add_argument(
         "--burst-window-s", type=float, default=0.0005, help="replies this close are handed over together"
     )
+    bus.add_argument("--physics", type=Path, help="socket of a simulation that moves the joints")
+    bus.add_argument("--physics-actuators", type=_names, default=(), help="of its model, in cable order")
+    bus.add_argument(
+        "--physics-start-rad", type=_floats, default=(), help="where they are at first, about their middles"
+    )
     bus.add_argument("--motion", help="motion of the user's hand: sine, sweep, file,file=PATH")
     bus.add_argument("--fault", action="append", default=[], help="drop=0.01, silent=3, unplug,at_s=5, …")
     bus.add_argument(
@@ -227,6 +235,10 @@ def _add_bus(protocols: Any, name: str, summary: str, baudrates: Iterable[int], 
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(text.split(","))
+
+
+def _floats(text: str) -> tuple[float, ...]:
+    return tuple(float(part) for part in text.split(","))
 
 
 def _ids(text: str) -> tuple[int, ...]:

@@ -71,7 +71,19 @@ class ServoBusEmulator(ProcessEmulator):
             motion=LEADER_MOTION if self.device.role == "ACTION_LEADER" else None,
             fault=list(self.device.faults),
             **self.family_options(block),
+            **self.physics_options(),
         )
+
+    def physics_options(self) -> dict[str, Any]:
+        """Options of the command line for joints that a simulation moves."""
+        link = self.device.physics
+        if link is None:
+            return {}
+        return {
+            "physics": link.socket,
+            "physics_actuators": link.actuators,
+            "physics_start_rad": link.start_rad,
+        }
 
     def family_options(self, block: Any) -> dict[str, Any]:
         """Further options of the command line."""

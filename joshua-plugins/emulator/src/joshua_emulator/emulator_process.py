@@ -178,7 +178,7 @@ def _arguments(options: Mapping[str, Any]) -> list[str]:
             for item in value:
                 arguments += [flag, str(item)]
         elif isinstance(value, (list, tuple)):
-            arguments += [flag, ",".join(str(item) for item in value)]
+            arguments.append(f"{flag}={','.join(str(item) for item in value)}")  # it may begin with a minus
         elif value is not None and value is not False:
             arguments += [flag, str(value)]
     return arguments

@@ -15,6 +15,7 @@ from joshua.plan import TopicSpec
 
 from joshua_mujoco_sim.clock import ClockPublisher
 from joshua_mujoco_sim.control_topics import ControlTopics
+from joshua_mujoco_sim.coupling import BusServer
 from joshua_mujoco_sim.joint_commands import Commands
 from joshua_mujoco_sim.mirror import Mirror
 from joshua_mujoco_sim.model_file import ModelError
@@ -56,6 +57,7 @@ class SimulatorNode(NodeBehaviour):
         self._window: Window | None = None
         self._commands: Commands | None = None
         self._clock: ClockPublisher | None = None
+        self._buses: BusServer | None = None
         self._reported = 0
 
     def configure(self) -> None:
@@ -73,6 +75,8 @@ class SimulatorNode(NodeBehaviour):
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
         self._clock = ClockPublisher(world, self.context)
+        if path := spec.context.get("physics_socket"):
+            self._buses = BusServer(world, Path(path), self.context.log)
         ControlTopics(world, self.context)
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
@@ -104,7 +108,7 @@ class SimulatorNode(NodeBehaviour):
         """Ends the physics, unless devices of this process still use it."""
         if self._window is not None:
             self._window.close()
-        for part in (self._clock, self._commands):
+        for part in (self._clock, self._commands, self._buses):
             if part is not None:
                 part.close()
         if self._replay is not None:

@@ -177,6 +177,12 @@ class ActuatorGroup:
         return len(self.names)
 
     @property
+    def middle_rad(self) -> FloatArray:
+        """Middles of the joints' ranges, shape (N,); 0 for a joint without limits."""
+        middle = (self.range_min_rad + self.range_max_rad) / 2
+        return np.where(np.isfinite(middle), middle, 0.0)
+
+    @property
     def position_rad(self) -> FloatArray:
         """Positions of the joints, shape (N,), a copy."""
         return np.asarray(self._data.qpos[self._qpos])

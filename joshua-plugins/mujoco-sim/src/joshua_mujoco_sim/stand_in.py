@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from joshua.plugins.stand_in import RealDevice, StandInError
+import mujoco
+from joshua.plugins.stand_in import CoupledArm, RealDevice, StandInError
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2 as sim
 
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
+from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.summary import actuated_joints, summarise
 
 SCENE = "so_arm100/scene.xml"
@@ -23,12 +25,27 @@ ARM = "so_arm100/so_arm100.xml"
 ARM_SPACING_M = 0.45
 
 
-def stand_in(config: Any, devices: Sequence[RealDevice]) -> None:
-    """Puts simulated devices in place of real ones. Raises StandInError."""
+def stand_in(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict[str, CoupledArm]:
+    """Puts simulated devices in place of real ones.
+
+    Args:
+        config: the file, which is changed; devices: those to stand for.
+        emulated: buses are emulated, and the physics moves the joints of every arm but the leaders, which a
+            hand moves.
+
+    Returns:
+        The arms of the emulated buses by node name.
+
+    Raises:
+        StandInError: the model does not fit.
+    """
     if not config.HasField("simulation"):
         config.simulation.mode = sim.OFFSCREEN
         config.simulation.model_path = SCENE
     arms = [device for device in devices if device.joints]
+    if emulated:
+        arms = [device for device in arms if device.role != "ACTION_LEADER"]
+    coupled = {}
     free = _facts(config.simulation)["actuators"]
     # followers first, so that the arm in the middle of the scene is one that does something
     for device in sorted(arms, key=lambda arm: arm.role == "ACTION_LEADER"):
@@ -38,11 +55,24 @@ def stand_in(config: Any, devices: Sequence[RealDevice]) -> None:
             free = [name for name in _facts(config.simulation)["actuators"] if name.startswith(prefix)]
         chosen = _actuators(device, free, prefix)
         free = [name for name in free if name not in chosen] if not prefix else []
-        _replace_arm(device, chosen)
+        if emulated:
+            coupled[device.node_name] = chosen
+        else:
+            _replace_arm(device, chosen)
     cameras = [name for name in _facts(config.simulation)["cameras"] if "/" not in name]
     for device in devices:
         if not device.joints:
             _replace_camera(device, cameras)
+    return {
+        name: CoupledArm(tuple(chosen), _start_rad(config.simulation, chosen))
+        for name, chosen in coupled.items()
+    }
+
+
+def _start_rad(simulation: Any, actuators: Sequence[str]) -> tuple[float, ...]:
+    """Where the joints are at first, about the middle of their ranges."""
+    group = Physics(_model(simulation), keyframe=simulation.keyframe).group(actuators)
+    return tuple(float(value) for value in group.position_rad - group.middle_rad)
 
 
 def _attach_arm(simulation: Any, device: RealDevice) -> str:
@@ -100,12 +130,16 @@ def _replace_camera(device: RealDevice, cameras: Sequence[str]) -> None:
 
 
 def _facts(simulation: Any) -> dict[str, Any]:
+    model = _model(simulation)
+    return {"actuators": list(actuated_joints(model)), "cameras": summarise(model)["cameras"]}
+
+
+def _model(simulation: Any) -> mujoco.MjModel:
     attached = tuple(
         Attachment(model.model_path, model.prefix, tuple(model.position_m), model.yaw_rad)
         for model in simulation.attached
     )
     try:
-        model = load_model(simulation.model_path, None, attached)
+        return load_model(simulation.model_path, None, attached)
     except ModelError as error:
         raise StandInError(str(error)) from error
-    return {"actuators": list(actuated_joints(model)), "cameras": summarise(model)["cameras"]}

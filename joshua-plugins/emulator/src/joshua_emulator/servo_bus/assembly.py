@@ -16,6 +16,7 @@ from joshua_emulator.event_log import EventLog
 from joshua_emulator.faults import Faults
 from joshua_emulator.joint import Joint
 from joshua_emulator.motion import MIDDLE
+from joshua_emulator.physics_link import PERIOD_S, CoupledJoint, PhysicsLink
 from joshua_emulator.pty_line import PtyLine
 from joshua_emulator.servo_bus.bus import EmulatedServoBus, ServoT
 from joshua_emulator.servo_bus.operations import Operations
@@ -44,6 +45,9 @@ class BusSpec:
         baudrate: line speed of the servos; return_delay_s: of each servo, in steps of 2 µs.
         models: model of each servo in cable order; the family says how a model is named.
         volts: of the supply, None for what the servos are made for.
+        physics: socket of a simulation that moves the joints, None for the emulator's own motion;
+            physics_actuators: of its model in cable order; physics_start_rad: where they are at first, about
+            the middle of their ranges.
         seed: of the line faults; echo: the adapter returns what the host sends.
     """
 
@@ -62,6 +66,9 @@ class BusSpec:
     seed: int = 0
     echo: bool = False
     burst_window_s: float = 0.0005
+    physics: Path | None = None
+    physics_actuators: tuple[str, ...] = ()
+    physics_start_rad: tuple[float, ...] = ()
 
 
 class BusAssembly(ABC, Generic[ServoT]):
@@ -72,6 +79,7 @@ class BusAssembly(ABC, Generic[ServoT]):
         self.log = EventLog()
         self._store = EepromStore(spec.eeprom, spec.identity)
         self._store.load()
+        self._coupled: list[CoupledJoint] = []
         servos = [self._place(slot, servo_id) for slot, servo_id in enumerate(spec.ids)]
         faults = Faults(spec.seed)
         bus = self.make_bus(servos, faults)
@@ -82,6 +90,8 @@ class BusAssembly(ABC, Generic[ServoT]):
         control = ControlServer(spec.control, self.operations.handle)
         self.station = Station(bus, line, self.log, control, burst_window_s=spec.burst_window_s)
         self.operations.station = self.station
+        if spec.physics is not None:
+            self._couple(spec.physics, servos)
 
     @abstractmethod
     def make_bus(self, servos: Sequence[ServoT], faults: Faults) -> EmulatedServoBus[ServoT]:
@@ -132,11 +142,32 @@ class BusAssembly(ABC, Generic[ServoT]):
         middle = mounted_middle(self.spec.identity, slot) if arm else MIDDLE
         key = self.slot_key(slot)
         stored = self._store.image(key)
-        joint = Joint(float(middle), middle - half, middle + half)
+        joint = self._make_joint(slot, float(middle), half)
         servo = self.make_servo(slot, joint, stored, lambda image: self._store.save(key, image))
         if stored is None:
             self._store.save(key, self.set_up(servo, servo_id, middle, half))
         return servo
+
+    def _make_joint(self, slot: int, middle: float, half: float) -> Joint:
+        if self.spec.physics is None:
+            return Joint(middle, middle - half, middle + half)
+        starts = self.spec.physics_start_rad
+        start_rad = starts[slot] if slot < len(starts) else 0.0
+        joint = CoupledJoint(middle, middle - half, middle + half, start_rad)
+        self._coupled.append(joint)
+        return joint
+
+    def _couple(self, path: Path, servos: Sequence[ServoT]) -> None:
+        link = PhysicsLink(path, self.spec.physics_actuators, self._coupled)
+
+        def turn() -> None:
+            self.station.at(PERIOD_S, turn)
+            now_s = time.monotonic()
+            for servo in servos:  # so that the joints know what a silent bus was told last
+                servo.advance(now_s)
+            link.exchange()
+
+        self.station.at(0.0, turn)
 
     def _extra_servo(self, bus: EmulatedServoBus[ServoT], servo_id: int) -> ServoT:
         """A stranger on the cable: another position and temperature than the servo whose id it shares."""

@@ -1,0 +1,128 @@
+"""Joints that a simulation moves: the emulated servos say what they want, the physics says where they are.
+
+The other side and its packets are described in ``joshua_mujoco_sim.coupling``; any simulator may speak them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import socket
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+from joshua_emulator.arms import TICKS_PER_RADIAN
+from joshua_emulator.joint import Drive, Joint
+
+#: How often the servos and the physics talk.
+PERIOD_S = 0.002
+
+#: How long the introduction may take.
+HELLO_TIMEOUT_S = 2.0
+
+
+class CoupledJoint(Joint):
+    """A joint whose motion comes from elsewhere; drive, temperature and stops stay those of the servo.
+
+    Args:
+        middle: shaft angle in ticks at the middle of the range; low, high: its stops.
+        start_rad: where it is at first, about the middle.
+
+    Attributes:
+        wanted: what the servo asks of its motor.
+    """
+
+    def __init__(self, middle: float, low: float, high: float, start_rad: float = 0.0) -> None:
+        super().__init__(middle + start_rad * TICKS_PER_RADIAN, low, high)
+        self.middle = middle
+        self.wanted = Drive()
+
+    def advance(self, now_s: float, drive: Drive) -> None:
+        """Takes what the servo wants, and lets the motor warm up; moves nothing."""
+        self.wanted = drive
+        last_s = now_s if self._time_s is None else self._time_s
+        if now_s > last_s:
+            self._heat(now_s - last_s)
+        self._time_s = max(now_s, last_s)
+
+
+class PhysicsLink:
+    """The connection of one bus to the physics; made as soon as the simulation runs.
+
+    Args:
+        path: of the simulation's socket; actuators: of its model, in cable order.
+        joints: of the servos, in the same order.
+    """
+
+    def __init__(self, path: Path, actuators: Sequence[str], joints: Sequence[CoupledJoint]) -> None:
+        self._path = path
+        self._actuators = list(actuators)
+        self._joints = list(joints)
+        self._middle_rad = [0.0] * len(self._joints)
+        self._link: socket.socket | None = None
+        self._format = struct.Struct(f"{3 * len(self._joints)}d")
+
+    def exchange(self) -> None:
+        """Says what the servos want, takes what the joints did; connects where that is possible by now."""
+        if self._link is None:
+            self._connect()
+            return
+        try:
+            while packet := self._link.recv(self._format.size):
+                self._take(packet)
+        except BlockingIOError:
+            with contextlib.suppress(BlockingIOError):
+                self._say(self._link)
+        except OSError:
+            self._close()
+        else:
+            self._close()  # the simulation has gone
+
+    def _close(self) -> None:
+        """Ends the connection; the joints stay where they are."""
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+        for joint in self._joints:
+            joint.velocity = joint.load = 0.0
+
+    def _connect(self) -> None:
+        if not self._path.exists():
+            return
+        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        link.settimeout(HELLO_TIMEOUT_S)
+        try:
+            link.connect(str(self._path))
+            link.send(json.dumps({"actuators": self._actuators}).encode())
+            answer = json.loads(link.recv(4096))
+            self._middle_rad = [float(value) for value in answer["middle_rad"]]
+        except (OSError, ValueError, KeyError):
+            link.close()  # the simulation is about to start or to end; the next turn tries again
+            return
+        link.setblocking(False)
+        self._link = link
+        self._say(link)
+
+    def _say(self, link: socket.socket) -> None:
+        values: list[float] = []
+        for joint, middle_rad in zip(self._joints, self._middle_rad, strict=True):
+            drive = joint.wanted
+            target = drive.target if drive.mode == "position" else joint.angle
+            on = drive.mode != "off" and not joint.blocked
+            values += (
+                middle_rad + (target - joint.middle) / TICKS_PER_RADIAN,
+                drive.torque_limit if on else 0.0,
+                drive.speed_limit / TICKS_PER_RADIAN,
+            )
+        if all(map(math.isfinite, values)):
+            link.send(self._format.pack(*values))
+
+    def _take(self, packet: bytes) -> None:
+        values = self._format.unpack(packet)
+        for index, (joint, middle_rad) in enumerate(zip(self._joints, self._middle_rad, strict=True)):
+            position_rad, velocity_rad_s, load = values[3 * index : 3 * index + 3]
+            joint.angle = joint.middle + (position_rad - middle_rad) * TICKS_PER_RADIAN
+            joint.velocity = velocity_rad_s * TICKS_PER_RADIAN
+            joint.load = load

@@ -1,0 +1,149 @@
+"""``--emulate --sim``: the driver speaks to an emulated bus, and physics moves the joints."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joshua_emulator import EmulatedBus
+from joshua_mujoco_sim.coupling import BusServer, ServoDrives
+from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.world import World, WorldSettings
+from joshua_sts3215.actuator import Sts3215Actuator
+from joshua_sts3215.settings import Sts3215Settings
+
+JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
+
+
+def wait(condition: Callable[[], bool], seconds: float = 20) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    made = World(WorldSettings("so_arm100/scene.xml"))
+    made.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def group(world: World) -> ActuatorGroup:
+    return world.physics.group(JOINTS)
+
+
+def positions(world: World, group: ActuatorGroup) -> np.ndarray:
+    with world.lock:
+        return group.position_rad
+
+
+@pytest.fixture
+def bus(world: World, group: ActuatorGroup, tmp_path: Path) -> Iterator[EmulatedBus]:
+    server = BusServer(world, tmp_path / "bus.sock", logging.getLogger("test"))
+    start = positions(world, group) - group.middle_rad
+    with EmulatedBus(
+        arm="so_arm100",
+        identity="ARM1",
+        calibrated=True,
+        physics=tmp_path / "bus.sock",
+        physics_actuators=JOINTS,
+        physics_start_rad=start.tolist(),
+    ) as emulated:
+        yield emulated
+    server.close()
+
+
+@pytest.fixture
+def arm(bus: EmulatedBus) -> Iterator[Sts3215Actuator]:
+    settings = Sts3215Settings.model_validate(
+        {
+            "serial_number": "ARM1",
+            "device_root": str(bus.root),
+            "motor_ids": [1, 2, 3, 4, 5, 6],
+            "calibration": bus.calibration(),
+        }
+    )
+    actuator = Sts3215Actuator(settings)
+    actuator.connect()
+    yield actuator
+    actuator.disconnect()
+
+
+def test_driver_reads_where_the_physics_has_the_joints(world, group, arm) -> None:
+    """The middle of each range is zero for a calibrated servo."""
+    expected = positions(world, group) - group.middle_rad
+    assert arm.read().position_rad == pytest.approx(expected, abs=0.02)
+
+
+def test_command_travels_by_bus_and_physics(world, group, arm) -> None:
+    arm.enable()
+    goal = arm.read().position_rad
+    goal[0] += 0.5
+    goal[5] += 0.4
+    end = time.monotonic() + 10
+    while np.abs(positions(world, group) - group.middle_rad - goal).max() > 0.05:
+        arm.write(goal)
+        time.sleep(0.02)
+        assert time.monotonic() < end
+    assert arm.read().position_rad == pytest.approx(goal, abs=0.1)
+
+
+def test_released_arm_sinks_by_gravity(world, group, arm) -> None:
+    arm.enable()
+    held = positions(world, group)
+    time.sleep(0.5)
+    assert positions(world, group) == pytest.approx(held, abs=0.05)
+    arm.release()
+    wait(lambda: bool(np.abs(positions(world, group) - held).max() > 0.1))
+
+
+def test_obstacle_in_the_model_shows_as_load(world, group, arm) -> None:
+    """The arm is told to go through the table; the servos say how hard they push."""
+    arm.enable()
+    goal = arm.read().position_rad
+    goal[1] += 1.2
+    end = time.monotonic() + 15
+    while np.abs(arm.read().effort).max() < 0.5:
+        arm.write(goal)
+        time.sleep(0.02)
+        assert time.monotonic() < end
+
+
+def test_bus_outlives_the_simulation_and_joins_the_next(bus, world, arm, tmp_path) -> None:
+    before = arm.read().position_rad
+    for link in list((tmp_path / "bus.sock").parent.glob("bus.sock")):
+        link.unlink()
+    assert arm.read().position_rad == pytest.approx(before, abs=0.05)
+
+
+def test_unknown_actuator_is_refused_with_the_reason(world, tmp_path, caplog) -> None:
+    server = BusServer(world, tmp_path / "s.sock", logging.getLogger("joshua.test"))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link:
+        link.connect(str(tmp_path / "s.sock"))
+        link.send(b'{"actuators": ["elbow"]}')
+        assert b"did you mean elbow_flex" in link.recv(4096)
+    server.close()
+    assert "cannot join the simulation" in caplog.text
+
+
+def test_drives_limit_speed_and_torque() -> None:
+    physics = Physics(load_model("so_arm100/scene.xml"))
+    drives = ServoDrives(physics, ["gripper"])
+    start = physics.group(("gripper",)).position_rad[0]
+    drives.want(np.array([start + 1.0, 0.4, 0.5]))
+    for _ in range(500):  # one second
+        drives.drive(physics)
+        physics.step()
+    assert physics.data.ctrl[5] == pytest.approx(start + 0.5, abs=0.01)
+    assert physics.model.actuator_forcerange[5] == pytest.approx((-1.34, 1.34))
+    with pytest.raises(ValueError, match="3 values for 1 joints, or one that is not finite"):
+        drives.want(np.array([np.nan, 1, 1]))
