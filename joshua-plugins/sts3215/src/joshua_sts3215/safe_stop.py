@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 from joshua.devices.servo import safe_stop
@@ -20,15 +19,3 @@ def run(request: SafeStopRequest) -> SafeStopReport:
 def stop(values: dict[str, Any]) -> dict[str, Any]:
     """Runs a request of plain values, as a guardian does. Raises ValueError and TypeError."""
     return safe_stop.stop(values, STS3215, Bus)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Runs the request given as one argument of JSON; prints the report; 0 where it is complete."""
-    (text,) = sys.argv[1:] if arguments is None else arguments
-    report = run(SafeStopRequest.from_json(text))
-    print(report.to_json())  # noqa: T201 - the result of this program
-    return 0 if report.complete else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,23 +1,26 @@
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from joshua.devices.servo.safe_stop import SafeStopRequest
+from joshua.devices.servo.safe_stop import SafeStopRequest, stop
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.safe_stop import main, run
+from servo_families import Kind
 
+SUPPORT = Path(__file__).parents[3] / "support"
 DRIVER = """
 import sys, json, numpy as np
-from joshua_sts3215.actuator import Sts3215Actuator
-from joshua_sts3215.settings import Sts3215Settings
-arm = Sts3215Actuator(Sts3215Settings.model_validate_json(sys.argv[1]))
+from servo_families import KINDS
+(kind,) = [kind for kind in KINDS if kind.protocol == sys.argv[2]]
+arm = kind.actuator(kind.settings_type.model_validate_json(sys.argv[1]))
 arm.connect()
 arm.enable()
 print("driving", flush=True)
@@ -27,16 +30,6 @@ while True:
     arm.read()
     arm.write(goal)
 """
-
-
-def settings_of(emulator: EmulatedBus, **values: Any) -> dict[str, Any]:
-    return {
-        "port": emulator.port,
-        "device_root": str(emulator.root),
-        "motor_ids": [1, 2, 3, 4, 5, 6],
-        "calibration": emulator.calibration(),
-        **values,
-    }
 
 
 def request_for(emulator: EmulatedBus, action: str, **values: Any) -> SafeStopRequest:
@@ -50,10 +43,13 @@ def request_for(emulator: EmulatedBus, action: str, **values: Any) -> SafeStopRe
 
 
 @contextmanager
-def driver_on(emulator: EmulatedBus) -> Iterator[subprocess.Popen[str]]:
+def driver_on(kind: Kind, emulator: EmulatedBus) -> Iterator[subprocess.Popen[str]]:
     """A driver process that moves the arm without end."""
     process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER, json.dumps(settings_of(emulator))], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", DRIVER, json.dumps(kind.settings_of(emulator)), kind.protocol],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(SUPPORT)},
     )
     assert process.stdout is not None
     try:
@@ -70,27 +66,27 @@ def energised(emulator: EmulatedBus) -> set[bool]:
 
 
 @pytest.fixture
-def moving_arm(arm_emulator: EmulatedBus, make_arm: Any) -> EmulatedBus:
+def moving_arm(kind: Kind, arm_emulator: EmulatedBus) -> EmulatedBus:
     """An arm with torque on that moves towards far goals, and no driver any more."""
-    arm = make_arm(arm_emulator, velocity_ticks_s=200)
+    arm = kind.driver(arm_emulator, **kind.slow)
     arm.connect()
     arm.enable()
     for _ in range(20):
-        arm.write(np.full(6, 0.8))
+        arm.write(np.full(6, 0.5))
     arm.disconnect()
     return arm_emulator
 
 
-def test_release_takes_the_torque_off_and_reads_it_back(moving_arm: EmulatedBus) -> None:
-    report = run(request_for(moving_arm, "RELEASE"))
+def test_release_takes_the_torque_off_and_reads_it_back(kind: Kind, moving_arm: EmulatedBus) -> None:
+    report = kind.stop(request_for(moving_arm, "RELEASE"))
     assert report.complete
     assert set(report.joints.values()) == {"released"}
     assert report.detail == ""
     assert energised(moving_arm) == {False}
 
 
-def test_hold_stops_where_the_arm_is(moving_arm: EmulatedBus) -> None:
-    report = run(request_for(moving_arm, "HOLD"))
+def test_hold_stops_where_the_arm_is(kind: Kind, moving_arm: EmulatedBus) -> None:
+    report = kind.stop(request_for(moving_arm, "HOLD"))
     assert set(report.joints.values()) == {"held"}
     assert energised(moving_arm) == {True}
     goals = [servo["goal_position"] for servo in moving_arm.servos()]
@@ -99,99 +95,98 @@ def test_hold_stops_where_the_arm_is(moving_arm: EmulatedBus) -> None:
         assert time.monotonic() < deadline_s
 
 
-def test_hold_does_not_energise_what_is_off(arm_emulator: EmulatedBus) -> None:
-    report = run(request_for(arm_emulator, "HOLD"))
+def test_hold_does_not_energise_what_is_off(kind: Kind, arm_emulator: EmulatedBus) -> None:
+    report = kind.stop(request_for(arm_emulator, "HOLD"))
     assert report.complete
     assert set(report.joints.values()) == {"was off"}
     assert energised(arm_emulator) == {False}
 
 
-def test_park_goes_to_the_pose_and_lets_go(moving_arm: EmulatedBus) -> None:
+def test_park_goes_to_the_pose_and_lets_go(kind: Kind, moving_arm: EmulatedBus) -> None:
     pose = dict.fromkeys(range(1, 7), 2100)
-    report = run(request_for(moving_arm, "PARK_THEN_RELEASE", park_ticks=pose))
+    report = kind.stop(request_for(moving_arm, "PARK_THEN_RELEASE", park_ticks=pose))
     assert set(report.joints.values()) == {"released"}
     assert report.detail == ""
     assert energised(moving_arm) == {False}
     assert all(abs(servo["present_position"] - 2100) <= 60 for servo in moving_arm.servos())
 
 
-def test_parking_that_takes_too_long_ends_in_a_release(moving_arm: EmulatedBus) -> None:
+def test_parking_that_takes_too_long_ends_in_a_release(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.ask("set", id=2, blocked=True)
     request = request_for(moving_arm, "PARK_THEN_RELEASE", park_ticks={2: 1500}, timeout_s=0.5)
-    report = run(request)
+    report = kind.stop(request)
     assert report.complete
     assert report.detail == "released before ids 2 reached the park pose"
     assert energised(moving_arm) == {False}
 
 
-def test_a_silent_servo_is_reported_honestly(moving_arm: EmulatedBus) -> None:
+def test_a_silent_servo_is_reported_honestly(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.fault("silent", 5)
-    report = run(request_for(moving_arm, "RELEASE", timeout_s=0.3))
+    report = kind.stop(request_for(moving_arm, "RELEASE", timeout_s=0.3))
     assert not report.complete
     assert report.joints[5] == "not verified"
     assert report.joints[1] == "released"
     assert report.detail == "ids 5 did not confirm; cut the arm's supply by hand if it holds"
 
 
-def test_lost_packets_do_not_stop_it(moving_arm: EmulatedBus) -> None:
-    for kind in ("drop", "drop_request", "corrupt"):
-        moving_arm.fault(kind, 0.2)
-    report = run(request_for(moving_arm, "RELEASE"))
+def test_lost_packets_do_not_stop_it(kind: Kind, moving_arm: EmulatedBus) -> None:
+    for fault in ("drop", "drop_request", "corrupt"):
+        moving_arm.fault(fault, 0.2)
+    report = kind.stop(request_for(moving_arm, "RELEASE"))
     assert report.complete
     moving_arm.ask("clear_faults")
     assert energised(moving_arm) == {False}
 
 
-def test_an_absent_port_is_reported_in_time(moving_arm: EmulatedBus) -> None:
+def test_an_absent_port_is_reported_in_time(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.fault("unplug")
     moving_arm.wait_for(["unplug"])
-    report = run(request_for(moving_arm, "RELEASE", timeout_s=0.2))
+    report = kind.stop(request_for(moving_arm, "RELEASE", timeout_s=0.2))
     assert not report.complete
     assert "no such serial port" in report.detail
 
 
-def test_an_adapter_that_comes_back_is_waited_for(moving_arm: EmulatedBus) -> None:
+def test_an_adapter_that_comes_back_is_waited_for(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.fault("unplug", replug_after_s=0.2, name="ttyACM7")
     request = SafeStopRequest(
         "RELEASE", (1, 2, 3, 4, 5, 6), serial_number="ARM1", device_root=str(moving_arm.root), timeout_s=10.0
     )
-    assert run(request).complete
+    assert kind.stop(request).complete
     assert energised(moving_arm) == {False}
 
 
-def test_a_killed_driver_leaves_a_moving_arm_that_is_then_released(arm_emulator: EmulatedBus) -> None:
-    with driver_on(arm_emulator) as driver:
+def test_a_killed_driver_leaves_a_moving_arm_that_is_then_released(
+    kind: Kind, arm_emulator: EmulatedBus
+) -> None:
+    with driver_on(kind, arm_emulator) as driver:
         assert energised(arm_emulator) == {True}
         driver.send_signal(signal.SIGKILL)
-        report = run(request_for(arm_emulator, "RELEASE"))
+        report = kind.stop(request_for(arm_emulator, "RELEASE"))
     assert report.complete
     assert energised(arm_emulator) == {False}
 
 
-def test_a_stopped_driver_holds_the_port_until_it_is_killed(arm_emulator: EmulatedBus) -> None:
-    with driver_on(arm_emulator) as driver:
+def test_a_stopped_driver_holds_the_port_until_it_is_killed(kind: Kind, arm_emulator: EmulatedBus) -> None:
+    with driver_on(kind, arm_emulator) as driver:
         driver.send_signal(signal.SIGSTOP)
-        report = run(request_for(arm_emulator, "RELEASE", timeout_s=0.2))
+        report = kind.stop(request_for(arm_emulator, "RELEASE", timeout_s=0.2))
         assert not report.complete
         assert f"(process {driver.pid})" in report.detail
         driver.send_signal(signal.SIGKILL)
-        assert run(request_for(arm_emulator, "RELEASE")).complete
+        assert kind.stop(request_for(arm_emulator, "RELEASE")).complete
     assert energised(arm_emulator) == {False}
 
 
-def test_a_request_survives_json_and_the_command_line(
-    moving_arm: EmulatedBus, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_request_survives_json(kind: Kind, moving_arm: EmulatedBus) -> None:
     request = request_for(moving_arm, "RELEASE", park_ticks={1: 5})
     assert SafeStopRequest.from_json(request.to_json()) == request
-    assert main([request.to_json()]) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = stop(vars(request), kind.family, kind.bus)
     assert report["complete"] is True
     assert report["joints"]["1"] == "released"
 
 
-def test_the_driver_prepares_the_request(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
+def test_the_driver_prepares_the_request(kind: Kind, arm_emulator: EmulatedBus) -> None:
+    arm = kind.driver(arm_emulator)
     arm.connect()
     request = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=[0.0] * 6)
     assert request.park_ticks == dict.fromkeys(range(1, 7), 2048)
@@ -201,12 +196,12 @@ def test_the_driver_prepares_the_request(arm_emulator: EmulatedBus, make_arm: An
     ):
         arm.safe_stop_request("STOP")
     arm.disconnect()
-    assert run(request).complete
+    assert kind.stop(request).complete
 
 
-def test_it_imports_nothing_heavy() -> None:
+def test_it_imports_nothing_heavy(kind: Kind) -> None:
     program = (
-        "import sys, joshua_sts3215.safe_stop\n"
+        f"import sys, {kind.package}.safe_stop\n"
         "print(sorted({'numpy', 'pydantic', 'google.protobuf', 'zenoh', 'rich'} & set(sys.modules)))\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
