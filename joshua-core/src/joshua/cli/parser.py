@@ -84,9 +84,12 @@ class CommandParser(Parser):
             self.set_defaults(run=module.run)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Populates the parser, then parses."""
+        """Populates the parser, then parses; what it does not know nobody knows."""
         self.populate()
-        return super().parse_known_args(args, namespace)
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return found, unknown
 
 
 def build_parser(*, populate: bool = False, further: Sequence[Command] = ()) -> Parser:

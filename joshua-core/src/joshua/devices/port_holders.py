@@ -36,7 +36,15 @@ def describe_process(process: int, proc: Path = Path("/proc")) -> str:
         if process == os.getpid():
             return f"{name} (process {process}, this one)"
         words = (folder / "cmdline").read_bytes().decode(errors="replace").split("\0")
-        if any(Path(word).name == "joshua" or word == "joshua.cli.main" for word in words):
+        if _is_run(words):
             return f"{name} (process {process}) of a run that `joshua stop` ends"
         return f"{name} (process {process})"
     return f"process {process}"
+
+
+def _is_run(words: list[str]) -> bool:
+    """Whether a command line starts nodes: options and no command stand behind the program's name."""
+    for index, word in enumerate(words[:-1]):
+        if Path(word).name == "joshua" or word == "joshua.cli.main":
+            return words[index + 1].startswith("-")
+    return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,16 +58,27 @@ def access_problem(entry: PortEntry) -> str:
 
 
 def _scan(entry: PortEntry, families: Families, device_root: str) -> PortSurvey:
-    motors: list[tuple[str, FoundMotor]] = []
-    for block, tools_type in families.items():
-        port = SerialPort(Endpoint(entry.path, device_root=device_root), tools_type.baudrates[0])
-        try:
-            port.open()
-            motors += [(block, motor) for motor in tools_type(port).scan()]
-        except PortBusy as error:
-            return PortSurvey(entry, node_that_holds(holders(entry.path)) or str(error))
-        except DeviceError as error:
-            return PortSurvey(entry, str(error))
-        finally:
-            port.close()
-    return PortSurvey(entry, is_scanned=True, motors=tuple(motors))
+    usual = next(iter(families.values())).baudrates[0]
+    port = SerialPort(Endpoint(entry.path, device_root=device_root), usual)
+    try:
+        port.open()
+        if sys.stderr.isatty():
+            sys.stderr.write(f"{entry.path}: looking for motors\n")
+        return PortSurvey(entry, is_scanned=True, motors=tuple(_motors(port, families)))
+    except PortBusy as error:
+        return PortSurvey(entry, node_that_holds(holders(entry.path)) or str(error))
+    except DeviceError as error:
+        return PortSurvey(entry, str(error))
+    finally:
+        port.close()
+
+
+def _motors(port: SerialPort, families: Families) -> Iterator[tuple[str, FoundMotor]]:
+    """Looks at the usual line speeds first: a bus of one family need not be searched for the others."""
+    tools = {block: family(port) for block, family in families.items()}
+    found = {block: list(item.scan(item.baudrates[:1])) for block, item in tools.items()}
+    present = [block for block, motors in found.items() if motors]
+    for block in present or tools:
+        item = tools[block]
+        yield from ((block, motor) for motor in found[block])
+        yield from ((block, motor) for motor in item.scan(item.baudrates[1:]))

@@ -199,7 +199,8 @@ class ServoBusTools(BusTools):
         bus.reply_margin_s, usual_s = SWEEP_MARGIN_S, bus.reply_margin_s
         heard = {servo_id for servo_id in self.ids if bus.ping(servo_id)}
         bus.reply_margin_s = usual_s
-        heard |= {servo_id for servo_id in LIKELY_IDS if servo_id not in heard and bus.ping(servo_id)}
+        for _ in range(ATTEMPTS - 1):
+            heard |= {servo_id for servo_id in LIKELY_IDS if servo_id not in heard and bus.ping(servo_id)}
         return sorted(heard)
 
     def _describe(self, bus: ServoBus, servo_id: int) -> FoundMotor | None:
