@@ -30,7 +30,7 @@ DIVERGENCE_RESET: DivergencePolicy
 DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz", "use_sim_time", "attached")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz", "use_sim_time", "renders", "attached")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
@@ -42,6 +42,7 @@ class SimulationConfig(_message.Message):
     ON_DIVERGENCE_FIELD_NUMBER: _ClassVar[int]
     JOINT_STATE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     USE_SIM_TIME_FIELD_NUMBER: _ClassVar[int]
+    RENDERS_FIELD_NUMBER: _ClassVar[int]
     ATTACHED_FIELD_NUMBER: _ClassVar[int]
     mode: SimulationMode
     model_path: str
@@ -54,8 +55,23 @@ class SimulationConfig(_message.Message):
     on_divergence: DivergencePolicy
     joint_state_rate_hz: float
     use_sim_time: bool
+    renders: _containers.RepeatedCompositeFieldContainer[RenderOutput]
     attached: _containers.RepeatedCompositeFieldContainer[AttachedModel]
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ...) -> None: ...
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ...) -> None: ...
+
+class RenderOutput(_message.Message):
+    __slots__ = ("camera", "width", "height", "fps", "output")
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    FPS_FIELD_NUMBER: _ClassVar[int]
+    OUTPUT_FIELD_NUMBER: _ClassVar[int]
+    camera: str
+    width: int
+    height: int
+    fps: int
+    output: str
+    def __init__(self, camera: _Optional[str] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., output: _Optional[str] = ...) -> None: ...
 
 class AttachedModel(_message.Message):
     __slots__ = ("model_path", "prefix", "position_m", "yaw_rad")

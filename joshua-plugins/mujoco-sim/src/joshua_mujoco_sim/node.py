@@ -20,6 +20,8 @@ from joshua_mujoco_sim.joint_commands import Commands
 from joshua_mujoco_sim.mirror import Mirror
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup
+from joshua_mujoco_sim.render_files import RenderFile
+from joshua_mujoco_sim.rendering import RenderingError
 from joshua_mujoco_sim.replay import Replay
 from joshua_mujoco_sim.settings import SimulationSettings
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
@@ -58,6 +60,7 @@ class SimulatorNode(NodeBehaviour):
         self._commands: Commands | None = None
         self._clock: ClockPublisher | None = None
         self._buses: BusServer | None = None
+        self._files: list[RenderFile] = []
         self._reported = 0
 
     def configure(self) -> None:
@@ -78,6 +81,10 @@ class SimulatorNode(NodeBehaviour):
         if path := spec.context.get("physics_socket"):
             self._buses = BusServer(world, Path(path), self.context.log)
         ControlTopics(world, self.context)
+        try:
+            self._files = [RenderFile(world, render) for render in settings.renders]
+        except (RenderingError, OSError) as error:
+            raise DeviceError(str(error)) from error
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
             self._mirror.subscribe()
@@ -118,6 +125,12 @@ class SimulatorNode(NodeBehaviour):
             self._mirror.close()
         world, self._world = self._world, None
         if world is not None:
+            world.pause()
+            for file in self._files:
+                with world.lock:
+                    file.close()
+                self.context.log.info("%d pictures in %s", file.count, file.output)
+            self._files = []
             if self._replay is None:
                 self.context.log.info("real-time factor %.3f", world.real_time_factor)
             leave_world(world)
@@ -196,8 +209,9 @@ class SimulatorNode(NodeBehaviour):
         for text in world.divergences[self._reported :]:
             self.context.log.error("%s; the model was put back to its start", text)
         self._reported = len(world.divergences)
-        if world.failure:
-            self.context.fail(world.failure)
+        broken = [file.error for file in self._files if file.error]
+        if world.failure or broken:
+            self.context.fail(world.failure or broken[0])
 
     def _running(self) -> tuple[World, Any]:
         if self._world is None or self._settings is None:

@@ -47,6 +47,18 @@ class TopicMapping(BaseModel):
     joint: str
 
 
+class Render(BaseModel):
+    """Pictures of one camera that go into files; ``output`` is absolute."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    camera: str
+    width: int
+    height: int
+    fps: int
+    output: str
+
+
 class AttachedModel(BaseModel):
     """A further model in the scene, see ``model_file.Attachment``."""
 
@@ -69,7 +81,7 @@ class SimulationSettings(BlockSettings):
         keyframe: where it starts; "" for ``home``.
         on_divergence: what happens when it diverges.
         joint_state_rate_hz: of ``~/joint_states``.
-        attached: further models in the scene.
+        attached: further models in the scene; renders: pictures that go into files.
         trajectory_path: recording that PASSIVE replays, absolute; episodes: of a data set, () for all.
         replay_speed: how many times faster than recorded; 0 for as fast as possible.
     """
@@ -83,6 +95,7 @@ class SimulationSettings(BlockSettings):
     on_divergence: Literal["DIVERGENCE_RESET", "DIVERGENCE_STOP_RUN"]
     joint_state_rate_hz: float
     attached: tuple[AttachedModel, ...] = ()
+    renders: tuple[Render, ...] = ()
     trajectory_path: str
     replay_speed: float
     episodes: tuple[int, ...] = ()
@@ -93,6 +106,11 @@ class SimulationSettings(BlockSettings):
     ) -> dict[str, Any]:
         """Adds the folder of the configuration, and the data set where no recording is named."""
         result = super().si_values(values, node, context) | {"folder": context.get("folder", "")}
+        folder = Path(result["folder"])
+        result["renders"] = [
+            render | {"output": str(folder / Path(render["output"]).expanduser())}
+            for render in result.get("renders", ())
+        ]
         path, stored = result["trajectory_path"], context.get("data_store", {})
         if path:
             result["trajectory_path"] = str(Path(result["folder"]) / Path(path).expanduser())
@@ -108,6 +126,15 @@ class SimulationSettings(BlockSettings):
         for index, mapping in enumerate(self.mirror_topic_mappings):
             field = f"mirror_topic_mappings[{index}].mujoco_actuator"
             _known(field, "actuator", mapping.mujoco_actuator, facts.actuators)
+        for index, render in enumerate(self.renders):
+            _known(f"renders[{index}].camera", "camera", render.camera, facts.cameras)
+            _check_output(index, render.output)
+        if self.renders and self.mode != "OFFSCREEN":
+            raise FieldError(
+                "renders",
+                f"renders have an effect only with mode: OFFSCREEN, and the mode is {self.mode}",
+                remedy="set mode: OFFSCREEN, or remove them",
+            )
         return self
 
     def world(self) -> WorldSettings:
@@ -207,6 +234,30 @@ class SimCameraSettings(BlockSettings):
         if self.cameras:
             _known("camera", "camera", self.camera, self.cameras)
         return self
+
+
+def _check_output(index: int, output: str) -> None:
+    """Refuses a file name that no writer takes. Raises FieldError."""
+    field, path = f"renders[{index}].output", Path(output)
+    if path.suffix == ".png":
+        try:
+            numbered = (path.name % 1) != (path.name % 2)
+        except (TypeError, ValueError):
+            numbered = False
+        if not numbered:
+            raise FieldError(
+                field,
+                f"{path.name} is one file, and every picture needs its own",
+                allowed=(f"{path.stem}_%05d.png",),
+                remedy="put the number of the picture into the name, such as %05d",
+            )
+    elif path.suffix != ".mp4":
+        raise FieldError(
+            field,
+            f"{path.suffix or 'no ending'} is no known form of pictures",
+            allowed=(".mp4", "_%05d.png"),
+            remedy="name a .mp4 file, or PNG files by a pattern",
+        )
 
 
 def attachments(attached: Sequence[AttachedModel]) -> tuple[Attachment, ...]:

@@ -140,7 +140,7 @@ class World:
             due = self._due()
             if due:
                 with self.lock:
-                    self._steps(due)
+                    self.advance(due)
                 if self.settings.real_time_factor <= 0:
                     time.sleep(0)  # lets others take the lock
                 continue
@@ -153,7 +153,8 @@ class World:
             due, self._steps_left = self._steps_left, 0
         return due
 
-    def _steps(self, count: int) -> None:
+    def advance(self, count: int) -> None:
+        """Does some steps at once, with all hooks; the caller holds ``lock``."""
         physics = self.physics
         try:
             if not self._before and not self._after:

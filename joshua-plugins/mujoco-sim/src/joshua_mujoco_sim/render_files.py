@@ -1,0 +1,124 @@
+"""Pictures in files, drawn at exact simulated times, so that the same run gives the same files."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Any
+
+from joshua.devices.png import encode_png
+
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.rendering import CameraRenderer, Picture, RenderingError
+from joshua_mujoco_sim.settings import Render
+from joshua_mujoco_sim.world import World
+
+
+class PictureWriter(ABC):
+    """Takes pictures of one camera, in order."""
+
+    @abstractmethod
+    def write(self, picture: Picture) -> None:
+        """Writes one picture of shape (H, W, 3), RGB. Raises OSError."""
+
+    def close(self) -> None:
+        """Completes the file."""
+
+
+class PngWriter(PictureWriter):
+    """One PNG file for each picture, numbered from 0."""
+
+    def __init__(self, pattern: Path) -> None:
+        self._pattern = pattern
+        self._number = 0
+
+    def write(self, picture: Picture) -> None:
+        """Writes one file."""
+        name = self._pattern.name % self._number
+        self._pattern.with_name(name).write_bytes(encode_png(picture))
+        self._number += 1
+
+
+class VideoWriter(PictureWriter):
+    """H.264 in an MP4 file, which every player shows.
+
+    Raises:
+        RenderingError: the library for videos is not installed.
+    """
+
+    def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
+        try:
+            import av
+        except ImportError as error:
+            raise RenderingError(
+                f"{path.name}: a video needs an extra: pip install 'joshua-mujoco-sim[video]'; "
+                "or name PNG files"
+            ) from error
+        self._frame: Any = av.VideoFrame
+        self._container: Any = av.open(str(path), "w")
+        self._stream: Any = self._container.add_stream("libx264", rate=fps)
+        self._stream.width, self._stream.height = width - width % 2, height - height % 2
+        self._stream.pix_fmt = "yuv420p"
+        # one thread, so that the same pictures give the same bytes
+        self._stream.options = {"preset": "veryfast", "crf": "20", "threads": "1"}
+
+    def write(self, picture: Picture) -> None:
+        """Encodes one picture."""
+        even = picture[: self._stream.height, : self._stream.width]
+        for packet in self._stream.encode(self._frame.from_ndarray(even, format="rgb24")):
+            self._container.mux(packet)
+
+    def close(self) -> None:
+        """Writes what is left, and the index."""
+        for packet in self._stream.encode():
+            self._container.mux(packet)
+        self._container.close()
+
+
+class RenderFile:
+    """Draws one camera into a file. The physics waits for each picture, so that none is late or left out.
+
+    Args:
+        world: what is drawn; render: camera, size, rate and file.
+
+    Raises:
+        RenderingError: a library is missing; OSError: the folder cannot be made.
+    """
+
+    def __init__(self, world: World, render: Render) -> None:
+        path = Path(render.output)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._render = render
+        self._model = world.physics.model
+        self._writer: PictureWriter = (
+            PngWriter(path)
+            if path.suffix == ".png"
+            else VideoWriter(path, render.width, render.height, render.fps)
+        )
+        self._renderer: CameraRenderer | None = None
+        self.error = ""
+        self.count = 0
+        self._unhook = world.before_step(self._draw)
+
+    @property
+    def output(self) -> str:
+        """The file, or the pattern of its names."""
+        return self._render.output
+
+    def close(self) -> None:
+        """Completes the file; after the physics has stopped."""
+        self._unhook()
+        self._writer.close()
+
+    def _draw(self, physics: Physics) -> None:
+        if self.error or physics.time_s < self.count / self._render.fps - 1e-9:
+            return
+        try:
+            if self._renderer is None:  # on the thread of the physics, to which OpenGL binds it
+                size = self._render
+                self._renderer = CameraRenderer(self._model, size.camera, size.width, size.height)
+            self._renderer.look(physics.data)
+            self._writer.write(self._renderer.draw())
+            self.count += 1
+        except (RenderingError, OSError) as error:
+            self.error = f"{self._render.output}: {error}"

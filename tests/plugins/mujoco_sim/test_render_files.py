@@ -1,0 +1,97 @@
+"""Pictures in files: the right number, at the right times, the same every time."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import pytest
+from joshua.generator.examination import examine
+from joshua.generator.request import Purpose, Request
+from joshua.testing.domain import reserved_domain
+from joshua_mujoco_sim.render_files import RenderFile
+from joshua_mujoco_sim.rendering import RenderingError, choose_gl
+from joshua_mujoco_sim.settings import Render
+from joshua_mujoco_sim.world import World, WorldSettings
+from sim_configs import simulation_file
+
+
+@pytest.fixture(autouse=True)
+def rendering() -> None:
+    try:
+        choose_gl()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be drawn here: {error}")
+
+
+def record(folder: Path, name: str, steps: int = 100) -> list[Path]:
+    """A fifth of a second of the arm on its way, at 20 pictures a second."""
+    world = World(WorldSettings("so_arm100/scene.xml", real_time_factor=0))
+    render = Render(camera="top", width=96, height=64, fps=20, output=str(folder / "out" / name))
+    file = RenderFile(world, render)
+    with world.lock:
+        world.physics.group(()).set_command(world.physics.group(()).range_max_rad)
+        world.advance(steps)
+    assert not file.error
+    file.close()
+    return sorted((folder / "out").iterdir())
+
+
+def test_png_files_are_numbered_and_the_same_every_time(tmp_path: Path) -> None:
+    first, second = (record(tmp_path / run, "top_%03d.png") for run in ("a", "b"))
+    assert [path.name for path in first] == [f"top_{n:03d}.png" for n in range(4)]
+    digests = [[hashlib.sha256(p.read_bytes()).hexdigest() for p in paths] for paths in (first, second)]
+    assert digests[0] == digests[1]
+    assert len(set(digests[0])) > 1  # the arm moves
+
+
+def test_video_has_every_picture(tmp_path: Path) -> None:
+    (path,) = record(tmp_path, "top.mp4", steps=500)
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert stream.average_rate == 20
+    assert len(frames) == 20
+    assert frames[0].shape == (64, 96, 3)
+    assert frames[0].std() > 10
+
+
+def test_whole_run_writes_its_files(tmp_path: Path) -> None:
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(
+        simulation_file(
+            simulation='renders { camera: "front" width: 64 height: 48 fps: 10 output: "out/f_%04d.png" }'
+        )
+    )
+    with reserved_domain() as domain:
+        ended = subprocess.run(
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(path), "--duration", "2"],
+            env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+    assert ended.returncode == 0, ended.stderr
+    count = len(list((tmp_path / "out").glob("f_*.png")))
+    assert count >= 10
+    assert f"{count} pictures in {tmp_path}/out/f_%04d.png" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("render", "field", "text"),
+    [
+        ('camera: "tip" output: "a.mp4"', "renders[0].camera", "no camera named 'tip'"),
+        ('camera: "top" output: "a.png"', "renders[0].output", "every picture needs its own"),
+        ('camera: "top" output: "a.gif"', "renders[0].output", ".gif is no known form"),
+    ],
+)
+def test_bad_outputs_are_found_before_the_start(tmp_path: Path, render: str, field: str, text: str) -> None:
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(simulation_file(simulation=f"renders {{ width: 64 height: 48 fps: 10 {render} }}"))
+    (error,) = examine(Request(str(path), purpose=Purpose.VALIDATE)).errors
+    assert error.field_path == f"simulation.{field}"
+    assert text in error.message
