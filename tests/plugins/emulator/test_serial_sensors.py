@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import os
+import random
 import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
 from joshua.plugins.emulator import EmulatedDevice
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedEncoder, EmulatedLidar, EmulatorError
@@ -135,3 +138,19 @@ def test_the_encoders_that_stand_for_a_block(tmp_path: Path) -> None:
         assert abs(state["angle_rad"]) < 3 * math.tau
     finally:
         emulator.close()
+
+
+@pytest.mark.parametrize("model", ["rplidar_a1", "rplidar_c1", "ydlidar_x4", "lds01"])
+def test_noise_from_the_host_does_not_end_a_scanner(model: str) -> None:
+    draw = random.Random(1)
+    with EmulatedLidar(model) as scanner:
+        port = SerialPort(Endpoint(scanner.port), scanner.state()["baudrate"])
+        port.open()
+        for _ in range(200):
+            port.send(draw.randbytes(draw.randrange(1, 60)))
+        port.send(b"b" if model == "lds01" else b"\x00" * 300 + b"\xa5\x60" + b"\xa5\x20")
+        deadline_s = time.monotonic() + 5
+        while not scanner.state()["scanning"] and time.monotonic() < deadline_s:
+            time.sleep(0.02)
+        assert scanner.state()["scanning"]
+        port.close()

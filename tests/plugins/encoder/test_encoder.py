@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.sensor import Reading
+from joshua.devices.serial_errors import PortDisconnected
 from joshua_emulator import EmulatedEncoder
 from joshua_encoder.encoder import JOINT_STATE, SerialEncoder
 
@@ -142,3 +143,27 @@ def test_the_state_for_diagnostics(emulator_of: Start, encoder_at: Make) -> None
     link = encoder.diagnostics()[0]
     assert link.level == 1
     assert link.message == "the line damages what comes: check cable and ground"
+
+
+@pytest.mark.parametrize(("kind", "baudrate"), [("as5600", 115_200), ("amt21", 2_000_000)])
+def test_turns_are_kept_over_a_lost_connection(
+    emulator_of: Start, encoder_at: Make, kind: str, baudrate: int
+) -> None:
+    emulator = emulator_of(kind, baudrate=baudrate)
+    encoder = encoder_at(emulator.by_id, kind, baudrate)
+    encoder.connect()
+    end_s = time.monotonic() + 20
+    while abs(encoder.read(0.2).data.ticks[0]) < 1.1 * 4096:  # more than a turn away from its first angle
+        assert time.monotonic() < end_s
+    emulator.fault("stall")
+    time.sleep(0.2)
+    last = readings(encoder, 0.3)[-1].data.position_rad[0]
+    emulator.fault("unplug")
+    with pytest.raises(PortDisconnected):
+        readings(encoder, 5)
+    encoder.disconnect()
+    emulator.fault("replug")
+    encoder.connect()
+    first = next(reading for reading in iter(lambda: encoder.read(0.2), object()) if reading is not None)
+    assert first.data.position_rad[0] == pytest.approx(last, abs=0.01)
+    assert first.data.velocity_rad_s[0] == 0.0

@@ -95,10 +95,7 @@ class SerialEncoder(Sensor):
         except BaseException:
             self._port.close()
             raise
-        modulus = settings.counter_range if settings.protocol == LINE else settings.resolution
-        self._trackers = [
-            Tracker(settings.resolution, modulus, inverted=settings.inverted) for _ in settings.joint_names
-        ]
+        self._trackers = self._trackers_from_now_on()
         self._sequence = 0
         self._ready.clear()
         self._source = source
@@ -162,6 +159,19 @@ class SerialEncoder(Sensor):
         self._source = None
         self._port.close()
         self._ready.clear()
+
+    def _trackers_from_now_on(self) -> list[Tracker]:
+        """Those so far, where the encoders know their angle; a microcontroller may count from 0 again."""
+        settings = self.settings
+        counts_turns_itself = settings.protocol == LINE
+        if self._trackers and not counts_turns_itself:
+            for tracker in self._trackers:
+                tracker.resume()
+            return self._trackers
+        modulus = settings.counter_range if counts_turns_itself else settings.resolution
+        return [
+            Tracker(settings.resolution, modulus, inverted=settings.inverted) for _ in settings.joint_names
+        ]
 
     def _follow(self, counts: Counts) -> None:
         for tracker, count in zip(self._trackers, counts.counts, strict=True):

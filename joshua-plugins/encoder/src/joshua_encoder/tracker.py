@@ -40,6 +40,10 @@ class Tracker:
         (first_ns, first), (last_ns, last) = self._recent[0], self._recent[-1]
         return (last - first) * self._rad * _NS_PER_S / (last_ns - first_ns)
 
+    def resume(self) -> None:
+        """Begins a new stretch of time after a pause; the turns so far stay."""
+        self._recent.clear()
+
     def add(self, count: int, time_ns: int) -> None:
         """Takes a count and its time, of any clock that goes on.
 
