@@ -1,7 +1,9 @@
 """From the end of a driver or a supervisor to the released arm, measured at the emulator.
 
-Each round runs the teleoperation preset on two emulated arms, ends one process by a signal, and takes the
-emulator's own record of the last motor that lost its torque. All processes share the monotonic clock.
+Each round runs the teleoperation preset on two emulated arms, ends one process by a signal (or latches an
+e-stop while all is well), and takes the emulator's own record of the last motor that lost its torque. All
+processes share the monotonic clock. The baseline is the safe stop of an arm that nobody drives: what the port
+and the wire take.
 Run: PYTHONPATH=tests/support python tests/benchmarks/guardian.py [ROUNDS]
 """
 
@@ -10,16 +12,89 @@ from __future__ import annotations
 import os
 import signal
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 from emulated_teleop import teleoperation
+from joshua.devices.calibration import ArmCalibration
+from joshua.devices.servo.safe_stop import SafeStopRequest
+from joshua.generator.control_server import ask
+from joshua.generator.run_directory import SOCKET_NAME, all_systems
+from joshua.guardian.latch import LatchFolder
 from joshua_emulator import EmulatedBus
+from joshua_sts3215 import safe_stop
+from joshua_sts3215.actuator import Sts3215Actuator
+from joshua_sts3215.settings import Sts3215Settings
 from processes import descendants_of, is_guardian, parent_of
 
-LIMITS_S = {"driver SIGKILL": 0.150, "supervisor SIGKILL": 0.300, "driver SIGSTOP": 0.350}
+#: The hang limit is 0.2 s of silence.
+LIMITS_S = {"driver SIGKILL": 0.150, "supervisor SIGKILL": 0.300, "driver SIGSTOP": 0.200 + 0.150}
+
+
+def baseline_s() -> float:
+    """Seconds from the request to the last motor without torque, where no process has to end first."""
+    with EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM") as arm:
+        ids = tuple(servo["id"] for servo in arm.servos())
+        before = arm.log()[-1]["sequence"]
+        driver = Sts3215Actuator(
+            Sts3215Settings(
+                port=arm.port,
+                device_root=str(arm.root),
+                motor_ids=ids,
+                calibration=ArmCalibration.model_validate(arm.calibration()),
+            )
+        )
+        driver.connect()
+        driver.enable()
+        driver.disconnect()
+        begun_ns = time.monotonic_ns()
+        report = safe_stop.run(SafeStopRequest("RELEASE", ids, path=arm.port, device_root=str(arm.root)))
+        if not report.complete:
+            raise RuntimeError(report.detail)
+        ended_ns = max(entry["t_ns"] for entry in arm.log("torque", since=before))
+        return float(ended_ns - begun_ns) / 1e9
+
+
+def estops_s(rounds: int, domain_id: int) -> list[float]:
+    """Seconds from each latch to the last motor without torque, in one run that is resumed each time."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER") as leader,
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
+        teleoperation(leader, follower, Path(folder), domain_id) as process,
+    ):
+        await_torque(process, follower)
+        base = Path(folder) / "run" / "joshua"
+        ((path, info),) = all_systems(base)
+        latches = LatchFolder(base / "estop")
+        times = []
+        for index in range(rounds):
+            time.sleep(0.3 + 0.05 * index / rounds)  # at every place of the drivers' own rhythm
+            before = follower.log()[-1]["sequence"]
+            begun_ns = time.monotonic_ns()
+            latch = latches.set(info.robot, info.source, info.domain_id, info.actuators)
+            while {servo["energised"] for servo in follower.servos()} != {False}:
+                time.sleep(0.01)
+            ended_ns = max(entry["t_ns"] for entry in follower.log("torque", since=before))
+            times.append(float(ended_ns - begun_ns) / 1e9)
+            latches.clear(latch)
+            while not ask(path / SOCKET_NAME, {"request": "resume", "node": "/follower_arm"}, 10.0)[
+                "resumed"
+            ]:
+                time.sleep(0.05)
+            await_torque(process, follower)
+        return times
+
+
+def await_torque(process: subprocess.Popen[str], follower: EmulatedBus) -> None:
+    """Waits until the follower has torque."""
+    while {servo["energised"] for servo in follower.servos()} != {True}:
+        if process.poll() is not None:
+            raise RuntimeError(process.communicate()[0])
+        time.sleep(0.02)
 
 
 def one_round(case: str, domain_id: int) -> float:
@@ -32,13 +107,10 @@ def one_round(case: str, domain_id: int) -> float:
             leader, follower, Path(folder), domain_id, overrides=("robot.actions[1].safe_state=RELEASE",)
         ) as process,
     ):
-        while {servo["energised"] for servo in follower.servos()} != {True}:
-            if process.poll() is not None:
-                raise RuntimeError(process.communicate()[0])
-            time.sleep(0.02)
+        await_torque(process, follower)
         (guardian,) = [number for number in descendants_of(process.pid) if is_guardian(number)]
         driver = parent_of(guardian)
-        time.sleep(1.0)  # let it drive
+        time.sleep(0.4)  # let it drive
         before = follower.log()[-1]["sequence"]
         target = process.pid if case.startswith("supervisor") else driver
         number = signal.SIGSTOP if case.endswith("SIGSTOP") else signal.SIGKILL
@@ -53,13 +125,25 @@ def one_round(case: str, domain_id: int) -> float:
 
 
 def main() -> None:
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    """Prints the figures of each case."""
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 10
+    bare_s = statistics.median(baseline_s() for _ in range(rounds))
+    print(
+        f"{'baseline':20} median {bare_s * 1e3:6.1f} ms: a safe stop with nobody on the bus ({rounds} rounds)"
+    )
     for case, limit_s in LIMITS_S.items():
-        times = [one_round(case, 40 + index) for index in range(rounds)]
-        print(
-            f"{case:20} median {statistics.median(times) * 1e3:6.1f} ms  max {max(times) * 1e3:6.1f} ms  "
-            f"limit {limit_s * 1e3:.0f} ms"
-        )
+        show(case, [one_round(case, 110 + index) for index in range(rounds)], bare_s, limit_s)
+    show("e-stop latched", estops_s(rounds, 109), bare_s, None)
+
+
+def show(case: str, times_s: list[float], bare_s: float, limit_s: float | None) -> None:
+    """Prints one line."""
+    median_s = statistics.median(times_s)
+    limit = f"limit {limit_s * 1e3:.0f} ms, used {max(times_s) / limit_s:.0%}" if limit_s else "no limit set"
+    print(
+        f"{case:20} median {median_s * 1e3:6.1f} ms ({median_s / bare_s:5.1f} × baseline)  "
+        f"max {max(times_s) * 1e3:6.1f} ms  {limit}"
+    )
 
 
 if __name__ == "__main__":
