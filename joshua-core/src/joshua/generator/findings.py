@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
+from joshua.config.nearest import nearest_first
 from joshua.plan import Diagnostic, Position, Related, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
 
@@ -125,8 +125,3 @@ class Findings:
             allowed=tuple(hosts),
             remedy=f"add --host {hosts[0]}",
         )
-
-
-def nearest_first(word: str, names: list[str]) -> list[str]:
-    """Sorts names by their likeness to a word."""
-    return sorted(names, key=lambda name: -SequenceMatcher(None, word, name).ratio())

@@ -262,7 +262,7 @@ class Supervisor:
         if self._phase is Phase.STARTING and failed:
             names: dict[str, list[str]] = {}
             for record in failed:
-                names.setdefault(record.reason, []).append(record.spec.full_name)
+                names.setdefault(record.reason.rstrip("."), []).append(record.spec.full_name)
             reasons = "; ".join(f"{', '.join(group)}: {reason}" for reason, group in names.items())
             self._stop(f"the start failed: {reasons}", failed[0].exit_code)
 

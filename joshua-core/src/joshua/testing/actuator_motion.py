@@ -210,12 +210,7 @@ class MotionClauses:
         why = "a robot has two arms of the same kind in one process"
         cause = "state stands on the class or in the module in place of the instance"
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
-            require(first is not second, "the factory made the same object twice", why=why, cause=cause)
-            first.connect()
-            require(not second.connected, "opening one opened the other", why=why, cause=cause)
-            try:
-                second.connect()
-            except DeviceError:
+            if not lifecycle.both_open(first, second, why=why, cause=cause):
                 return  # one device cannot be opened twice; separate objects are all there is to check
             first.enable()
             still = second.read().position_rad

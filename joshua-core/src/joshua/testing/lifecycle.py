@@ -51,6 +51,18 @@ def opened(factory: Callable[[], D]) -> Iterator[D]:
         yield device
 
 
+def both_open(first: Device, second: Device, *, why: str, cause: str) -> bool:
+    """Opens two devices of one kind, which share nothing; False where only one can be open at a time."""
+    require(first is not second, "the factory made the same object twice", why=why, cause=cause)
+    first.connect()
+    require(not second.connected, "opening one opened the other", why=why, cause=cause)
+    try:
+        second.connect()
+    except DeviceError:
+        return False
+    return True
+
+
 def check_constructor(factory: Callable[[], Device], base: type) -> None:
     """The constructor does no I/O and makes an object of the right class."""
     before = resources.take()

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import encode, known_types
 from joshua.messages.make import stamp_ns
@@ -242,12 +241,7 @@ class _SensorClauses:
         why = "a robot has two sensors of the same kind in one process"
         cause = "state stands on the class or in the module in place of the instance"
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
-            require(first is not second, "the factory made the same object twice", why=why, cause=cause)
-            first.connect()
-            require(not second.connected, "opening one opened the other", why=why, cause=cause)
-            try:
-                second.connect()
-            except DeviceError:
+            if not lifecycle.both_open(first, second, why=why, cause=cause):
                 return  # one device cannot be opened twice; separate objects are all there is to check
             self._next(first)
             second.disconnect()
