@@ -148,6 +148,20 @@ def test_an_arm_without_supply_is_told_from_a_wrong_speed(
     assert "no servo answers, at no line speed: check the supply, and the cable to the first servo" in text
 
 
+def test_an_arm_without_calibration_gets_no_torque(
+    leader: EmulatedBus, follower: EmulatedBus, tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with teleoperation(
+        leader, follower, tmp_path, joshua_domain_id, overrides=("calibration={}",)
+    ) as process:
+        code, output = Watched(process).end()
+    assert code == 4, output
+    assert "is not calibrated" in output
+    assert "--allow-uncalibrated" in output
+    for arm in (leader, follower):
+        assert not any(entry["on"] for entry in arm.log("torque"))
+
+
 def test_a_dry_run_teleoperates_with_torque_off(
     leader: EmulatedBus, follower: EmulatedBus, tmp_path: Path, joshua_domain_id: int
 ) -> None:

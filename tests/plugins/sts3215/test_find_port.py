@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from joshua.cli.commands import find_port
@@ -62,3 +66,83 @@ def test_a_port_that_another_program_has_is_named(
     finally:
         port.close()
     assert "the port is in use by " in capsys.readouterr().out
+
+
+@pytest.fixture
+def two_arms(tmp_path: Path) -> Iterator[tuple[EmulatedBus, EmulatedBus]]:
+    """Two adapters of one machine."""
+    with (
+        EmulatedBus(ids=(1,), root=tmp_path, identity="LEFT", control=tmp_path / "left.sock") as left,
+        EmulatedBus(
+            ids=(2,), root=tmp_path, identity="RIGHT", name="ttyACM1", control=tmp_path / "right.sock"
+        ) as right,
+    ):
+        yield left, right
+
+
+def later(delay_s: float, *actions: Callable[[], None]) -> threading.Thread:
+    """Does things on a thread, each after a pause."""
+
+    def work() -> None:
+        for action in actions:
+            time.sleep(delay_s)
+            action()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    return thread
+
+
+def test_an_adapter_is_found_by_pulling_its_plug(
+    two_arms: tuple[EmulatedBus, EmulatedBus], capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = two_arms
+    hand = later(1.0, lambda: right.fault("unplug"), lambda: right.fault("replug", name="ttyACM5"))
+    assert run(left, "--unplug") == 0
+    hand.join()
+    out, err = capsys.readouterr()
+    assert "pull the plug of one adapter out (2 are plugged in)" in err
+    assert "ttyACM1 (serial_number RIGHT, vid_pid 1a86:55d3); put the plug in again" in err
+    assert f"{left.root}/dev/ttyACM5\n" in out
+    assert 'serial_number: "RIGHT"' in out
+    assert "STS3215 servos at 1000000 bit/s: id 2" in out
+    assert "LEFT" not in out
+
+
+def test_an_adapter_that_was_pulled_is_written_for_its_node(
+    two_arms: tuple[EmulatedBus, EmulatedBus], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = two_arms
+    config = tmp_path / "robot.pbtxt"
+    config.write_text("""robot { actions {
+  node { node_name: "arm" node_id: 1 node_type: PYTHON }
+  action_type: ACTION_FOLLOWER
+  sts3215_config { comm { serial { port: "/dev/ttyACM9" baudrate: 1000000 } } motor_ids: [2] }
+} }
+""")
+    hand = later(1.0, lambda: right.fault("unplug"), lambda: right.fault("replug"))
+    assert run(left, "--unplug", "--write", str(config), "--node", "arm") == 0
+    hand.join()
+    assert f'port: "{right.port}" serial_number: "RIGHT" baudrate' in config.read_text()
+
+
+def test_pulling_nothing_or_everything_is_said(
+    two_arms: tuple[EmulatedBus, EmulatedBus],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left, right = two_arms
+    monkeypatch.setattr("joshua.cli.ports.unplug.find_by_unplugging.__defaults__", (0.5,))
+    assert run(left, "--unplug") == 4
+    assert "no plug was pulled within 0.5 s" in capsys.readouterr().err
+
+    def pull_the_hub() -> None:
+        left.fault("unplug")
+        right.fault("unplug")
+
+    hand = later(0.2, pull_the_hub)
+    assert run(left, "--unplug") == 4
+    hand.join()
+    assert "went away at once: pull one plug, not that of a hub" in capsys.readouterr().err
+    assert run(left, "--unplug") == 4
+    assert "no USB serial adapter is plugged in" in capsys.readouterr().err

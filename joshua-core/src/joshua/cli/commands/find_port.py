@@ -35,6 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="send nothing: adapters of devices that are no servos are left in peace",
     )
     parser.add_argument(
+        "--unplug",
+        action="store_true",
+        help="find the adapter of one arm by pulling its plug and putting it back",
+    )
+    parser.add_argument(
         "--write",
         dest="write_to",
         metavar="CONFIG",
@@ -58,6 +63,14 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
     """
     from joshua.cli.ports.survey import chosen_ports
 
+    if arguments.unplug:
+        from joshua.cli.ports.unplug import NothingHappened, find_by_unplugging
+
+        try:
+            arguments.ports = [find_by_unplugging(device_root).path]
+        except NothingHappened as error:
+            sys.stderr.write(f"joshua find-port: {error}\n")
+            return ExitCode.HARDWARE
     entries = chosen_ports(arguments.ports, device_root)
     if arguments.write_to:
         from joshua.cli.ports.write_command import write
