@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from joshua_emulator.dynamixel.bus import DynamixelBus
 from joshua_emulator.dynamixel.models import MODELS, Model
-from joshua_emulator.dynamixel.registers import BAUDRATES, EEPROM_END, EEPROM_START, OperatingMode
+from joshua_emulator.dynamixel.registers import BAUDRATES, OperatingMode
 from joshua_emulator.dynamixel.servo import Servo
 from joshua_emulator.faults import Faults
 from joshua_emulator.joint import Joint
@@ -48,7 +48,7 @@ class DynamixelAssembly(BusAssembly[Servo]):
             servo.put("min_position_limit", max(0, round(MIDDLE - half)))
             servo.put("max_position_limit", min(4095, round(MIDDLE + half)))
         servo.power_on()
-        return bytes(servo.memory[EEPROM_START:EEPROM_END])
+        return servo.eeprom
 
     def slot_key(self, slot: int) -> str:
         """Place and model: a servo of another model in the same place has an EEPROM of its own."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from joshua_emulator.dynamixel.control import make_drive, written_registers
@@ -20,11 +19,10 @@ from joshua_emulator.dynamixel.registers import (
     OperatingMode,
 )
 from joshua_emulator.dynamixel.units import VELOCITY_TICKS_S
-from joshua_emulator.joint import TICKS_PER_TURN, Drive, Joint
+from joshua_emulator.joint import TICKS_PER_TURN, Joint
 from joshua_emulator.servo_bus.registers import Area
-from joshua_emulator.servo_bus.servo import EmulatedServo, Supply
+from joshua_emulator.servo_bus.servo import EmulatedServo, OnEeprom, OnTorque, Supply
 
-RETURN_DELAY_UNIT_S = 2e-6
 BOOT_TIME_S = 0.05  # a servo is silent for this long after power-on
 OVERLOAD_SHARE = 0.8  # of stall torque
 OVERLOAD_TIME_S = 1.0
@@ -48,6 +46,9 @@ class Servo(EmulatedServo):
         "present_position", "goal_position", "present_speed", "present_load", "present_voltage",
         "present_temperature", "torque_enable", "hardware_error", "homing_offset", "operating_mode",
     )  # fmt: skip
+    id_address = 7
+    baudrates = BAUDRATES
+    eeprom_span = (EEPROM_START, EEPROM_END)
 
     def __init__(
         self,
@@ -55,49 +56,23 @@ class Servo(EmulatedServo):
         joint: Joint,
         supply: Supply,
         eeprom: bytes | None = None,
-        on_eeprom: Callable[[bytes], None] = lambda _: None,
-        on_torque: Callable[[Servo, bool, float], None] = lambda *_: None,
+        on_eeprom: OnEeprom = lambda _: None,
+        on_torque: OnTorque = lambda *_: None,
     ) -> None:
-        super().__init__(joint, supply, bytearray(MEMORY_SIZE))
+        super().__init__(joint, supply, bytearray(MEMORY_SIZE), on_eeprom, on_torque)
         self.model = model
-        self.pending: tuple[int, bytes] | None = None
-        self._on_eeprom = on_eeprom
-        self._on_torque = on_torque
-        self._drive = Drive()
         self._latched = 0  # hardware errors that stay until a reboot
         self._overload_s = 0.0
-        self._time_s: float | None = None
-        self._energised = False
         self._turn = 0  # shaft angle from which positions count
         self._take_factory_settings()  # not to be told on: what is kept of this servo is not to be replaced
         if eeprom is not None:
-            self.memory[EEPROM_START:EEPROM_END] = eeprom[: EEPROM_END - EEPROM_START]
+            self.eeprom = eeprom
         self.power_on()
 
     @property
     def low_volts(self) -> float:
         """Supply voltage that the servo is too weak at."""
         return self.get("min_voltage") / 10 - 1.0
-
-    @property
-    def servo_id(self) -> int:
-        """Id on the bus."""
-        return self.memory[7]
-
-    @property
-    def baudrate(self) -> int:
-        """Line speed that the servo listens at, bit/s."""
-        return BAUDRATES[self.memory[8]]
-
-    @property
-    def return_delay_s(self) -> float:
-        """Time between the end of a request and the start of the reply."""
-        return self.memory[9] * RETURN_DELAY_UNIT_S
-
-    @property
-    def energised(self) -> bool:
-        """Whether the motor has power."""
-        return self._energised
 
     @property
     def status(self) -> int:
@@ -126,16 +101,6 @@ class Servo(EmulatedServo):
         """Shaft angle nearest to the present one that shows as a position in ticks."""
         return self.joint.angle + self.direction * (position - self.present())
 
-    def advance(self, now_s: float) -> None:
-        """Brings joint, protections and feedback registers to a time of the monotonic clock."""
-        if self._time_s is None:
-            self._time_s = now_s
-        elapsed_s = max(0.0, now_s - self._time_s)
-        self._time_s = max(self._time_s, now_s)
-        self.joint.advance(now_s, self._drive)
-        self._protect(elapsed_s)
-        self._measure()
-
     def read(self, address: int, length: int, now_s: float) -> tuple[ProtocolError, bytes]:
         """Reads memory; a read that touches an address without a register is refused as a whole."""
         if not length or not DEFINED.issuperset(range(address, address + length)):
@@ -150,11 +115,11 @@ class Servo(EmulatedServo):
         error, written = written_registers(self, address, data)
         if error:
             return error
-        eeprom = bytes(self.memory[EEPROM_START:EEPROM_END])
+        eeprom = self.eeprom
         for register, value in written.items():
             self.put(register.name, value)
         self._react({register.name for register in written})
-        changed = bytes(self.memory[EEPROM_START:EEPROM_END])
+        changed = self.eeprom
         if changed != eeprom:
             self._on_eeprom(changed)
         self._update_drive(now_s)
@@ -181,7 +146,7 @@ class Servo(EmulatedServo):
         kept = bytes(self.memory[EEPROM_START : EEPROM_START + keep])
         self._take_factory_settings()
         self.memory[EEPROM_START : EEPROM_START + keep] = kept
-        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+        self._on_eeprom(self.eeprom)
 
     def _take_factory_settings(self) -> None:
         for register in TABLE:
@@ -279,8 +244,4 @@ class Servo(EmulatedServo):
         self.put("pending_write", int(self.pending is not None))
 
     def _update_drive(self, now_s: float) -> None:
-        energised = bool(self.memory[64])
-        self._drive = make_drive(self) if energised else Drive()
-        if energised != self._energised:
-            self._energised = energised
-            self._on_torque(self, energised, now_s)
+        self._set_drive(make_drive(self) if self.memory[64] else None, now_s)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from joshua_emulator.faults import Faults
 from joshua_emulator.feetech.bus import FeetechBus
-from joshua_emulator.feetech.registers import BAUDRATES, EEPROM_END, EEPROM_START
+from joshua_emulator.feetech.registers import BAUDRATES
 from joshua_emulator.feetech.servo import MIDDLE, Servo
 from joshua_emulator.joint import Joint
 from joshua_emulator.servo_bus.assembly import BusAssembly, BusSpec
@@ -47,4 +47,4 @@ class FeetechAssembly(BusAssembly[Servo]):
             servo.put("min_position_limit", max(0, round(MIDDLE - half)))
             servo.put("max_position_limit", min(4095, round(MIDDLE + half)))
         servo.power_on()
-        return bytes(servo.memory[EEPROM_START:EEPROM_END])
+        return servo.eeprom

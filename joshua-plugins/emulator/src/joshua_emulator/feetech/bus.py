@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from joshua_emulator.event_log import EventLog
-from joshua_emulator.faults import Faults
 from joshua_emulator.feetech.packets import (
     BROADCAST_ID,
     Instruction,
@@ -26,25 +24,9 @@ _NAMES = {instruction.value: instruction.name.lower() for instruction in Instruc
 class FeetechBus(EmulatedServoBus[Servo]):
     """Servos on one cable, nearest to the adapter first."""
 
-    def __init__(self, servos: Sequence[Servo], log: EventLog, faults: Faults, *, echo: bool = False) -> None:
-        super().__init__(servos, log, faults, echo=echo)
-        self._parser = InstructionParser()
-
-    def reset_line(self) -> None:
-        """Forgets an unfinished packet, as a fresh connection does."""
-        self._parser.clear()
-
-    def hear(
-        self, data: bytes, listening: list[Servo], line_speed: int, now_s: float
-    ) -> Iterable[TimedReply]:
-        """Takes bytes that some servos hear; returns what these answer and when."""
-        for packet in self._parser.feed(data):
-            end_s = self._wire.request(packet.size, line_speed, now_s)
-            name = _NAMES.get(packet.instruction, f"0x{packet.instruction:02x}")
-            is_read = packet.instruction in _READS
-            self._record(name, packet.servo_id, packet.parameters, now_s, end_s, read=is_read)
-            if not self._faults.loses_request():
-                yield from self._answer(packet, listening, line_speed, end_s)
+    make_parser = InstructionParser
+    names = _NAMES
+    reads = _READS
 
     def _answer(
         self, packet: InstructionPacket, listening: list[Servo], line_speed: int, end_s: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Any
 
 from joshua_emulator.feetech.registers import (
@@ -18,12 +18,11 @@ from joshua_emulator.feetech.registers import (
 )
 from joshua_emulator.joint import TICKS_PER_TURN, Drive, Joint
 from joshua_emulator.servo_bus.registers import Area, Register
-from joshua_emulator.servo_bus.servo import EmulatedServo, Supply
+from joshua_emulator.servo_bus.servo import EmulatedServo, OnEeprom, OnTorque, Supply
 
 MIDDLE = 2048
 CALIBRATE_MIDDLE = 128  # value of torque_enable
 CURRENT_UNIT_A = 0.0065
-RETURN_DELAY_UNIT_S = 2e-6
 BOOT_TIME_S = 0.05  # a servo is silent for this long after power-on
 PROTECTION_UNIT_S = 0.01
 
@@ -56,48 +55,25 @@ class Servo(EmulatedServo):
         "present_position", "goal_position", "present_speed", "present_load", "present_voltage",
         "present_temperature", "present_current", "torque_enable", "lock", "status", "homing_offset",
     )  # fmt: skip
+    id_address = 5
+    baudrates = BAUDRATES
+    eeprom_span = (EEPROM_START, EEPROM_END)
 
     def __init__(
         self,
         joint: Joint,
         supply: Supply,
         eeprom: bytes | None = None,
-        on_eeprom: Callable[[bytes], None] = lambda _: None,
-        on_torque: Callable[[Servo, bool, float], None] = lambda *_: None,
+        on_eeprom: OnEeprom = lambda _: None,
+        on_torque: OnTorque = lambda *_: None,
     ) -> None:
-        super().__init__(joint, supply, factory_memory())
-        self.pending: tuple[int, bytes] | None = None
-        self._on_eeprom = on_eeprom
-        self._on_torque = on_torque
-        self._drive = Drive()
+        super().__init__(joint, supply, factory_memory(), on_eeprom, on_torque)
         self._faults = 0  # latched status bits
         self._overload_s = 0.0
-        self._time_s: float | None = None
-        self._energised = False
         self._target = joint.angle  # shaft angle, or relative to it in the other modes
         if eeprom is not None:
-            self.memory[EEPROM_START:EEPROM_END] = eeprom[: EEPROM_END - EEPROM_START]
+            self.eeprom = eeprom
         self.power_on()
-
-    @property
-    def servo_id(self) -> int:
-        """Id on the bus."""
-        return self.memory[5]
-
-    @property
-    def baudrate(self) -> int:
-        """Line speed that the servo listens at, bit/s."""
-        return BAUDRATES[self.memory[6]]
-
-    @property
-    def return_delay_s(self) -> float:
-        """Time between the end of a request and the start of the reply."""
-        return self.memory[7] * RETURN_DELAY_UNIT_S
-
-    @property
-    def energised(self) -> bool:
-        """Whether the motor has power; a tripped protection takes it off while torque_enable stays 1."""
-        return self._energised
 
     @property
     def status(self) -> int:
@@ -113,16 +89,6 @@ class Servo(EmulatedServo):
         """Present position in ticks, 0 to 4095, homing offset applied."""
         return (round(self.joint.angle) - self.get("homing_offset")) % TICKS_PER_TURN
 
-    def advance(self, now_s: float) -> None:
-        """Brings joint, protections and feedback registers to a time of the monotonic clock."""
-        if self._time_s is None:
-            self._time_s = now_s
-        elapsed_s = max(0.0, now_s - self._time_s)
-        self._time_s = max(self._time_s, now_s)
-        self.joint.advance(now_s, self._drive)
-        self._protect(elapsed_s)
-        self._measure()
-
     def read(self, address: int, length: int, now_s: float) -> bytes:
         """Reads memory; bytes beyond the table are 0."""
         if address < _FEEDBACK_END and address + length > _FEEDBACK_START:
@@ -133,7 +99,7 @@ class Servo(EmulatedServo):
         """Writes registers as a host does: drops read-only ones, locked ones and values out of range."""
         self.advance(now_s)
         end = min(address + len(data), MEMORY_SIZE)
-        eeprom = bytes(self.memory[EEPROM_START:EEPROM_END])
+        eeprom = self.eeprom
         written = []
         at = address
         while at < end:
@@ -149,7 +115,7 @@ class Servo(EmulatedServo):
         self._react(written, now_s)
         if not _MOVES_TARGET.isdisjoint(written):
             self._retarget(written)
-        changed = bytes(self.memory[EEPROM_START:EEPROM_END])
+        changed = self.eeprom
         if changed != eeprom:
             self._on_eeprom(changed)
         self._update_drive(now_s)
@@ -179,7 +145,7 @@ class Servo(EmulatedServo):
         servo_id = self.servo_id
         self.memory[EEPROM_START:EEPROM_END] = factory_memory()[EEPROM_START:EEPROM_END]
         self.memory[5] = servo_id
-        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+        self._on_eeprom(self.eeprom)
         self.power_on(now_s)
 
     def calibrate(self, position: int, now_s: float) -> None:
@@ -194,7 +160,7 @@ class Servo(EmulatedServo):
         self.put("homing_offset", max(-2047, min(2047, offset)))
         self.put("goal_position", self.present())
         self._retarget(())
-        self._on_eeprom(bytes(self.memory[EEPROM_START:EEPROM_END]))
+        self._on_eeprom(self.eeprom)
         self._update_drive(now_s)
 
     def trip(self, bits: int, now_s: float) -> None:
@@ -282,10 +248,7 @@ class Servo(EmulatedServo):
         enabled = self.get("torque_enable") == 1
         unloading = self.memory[65] & self.get("unload_condition") & ~Status.OVERLOAD
         energised = enabled and not unloading
-        self._drive = self._make_drive() if energised else Drive()
-        if energised != self._energised:
-            self._energised = energised
-            self._on_torque(self, energised, now_s)
+        self._set_drive(self._make_drive() if energised else None, now_s)
 
     def _make_drive(self) -> Drive:
         limit = self.get("torque_limit") / 1000

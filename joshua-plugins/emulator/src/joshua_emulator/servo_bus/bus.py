@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from typing import Generic, TypeVar
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from joshua_emulator.event_log import EventLog
 from joshua_emulator.faults import Faults
@@ -17,14 +17,51 @@ SPEED_TOLERANCE = 0.03  # a UART still reads bytes whose speed is off by this sh
 ServoT = TypeVar("ServoT", bound=EmulatedServo)
 
 
+class Packet(Protocol):
+    """An instruction; ``size`` counts the bytes on the line that led up to its end, noise included."""
+
+    @property
+    def servo_id(self) -> int:
+        """Whom it is for."""
+
+    @property
+    def instruction(self) -> int:
+        """Its number."""
+
+    @property
+    def parameters(self) -> bytes:
+        """What it carries."""
+
+    @property
+    def size(self) -> int:
+        """Bytes on the line."""
+
+
+class Parser(Protocol):
+    """Finds instructions in the bytes that the host sends."""
+
+    def feed(self, data: bytes) -> Iterator[Packet]:
+        """Adds bytes; yields each packet that they complete."""
+
+    def clear(self) -> None:
+        """Forgets an unfinished packet."""
+
+
 class EmulatedServoBus(ABC, Generic[ServoT]):
     """Servos on one cable, nearest to the adapter first; a protocol says what bytes mean."""
+
+    #: Finds the packets of the protocol in what the host sends.
+    make_parser: ClassVar[type[Parser]]
+    #: Instructions by their number, for the log, and those that read only.
+    names: ClassVar[Mapping[int, str]]
+    reads: ClassVar[Collection[int]]
 
     def __init__(
         self, servos: Sequence[ServoT], log: EventLog, faults: Faults, *, echo: bool = False
     ) -> None:
         self.servos = list(servos)
         self.connected = len(self.servos)  # servos before the place where the cable is broken
+        self.parser = self.make_parser()
         self._log = log
         self._faults = faults
         self._echo = echo
@@ -39,14 +76,14 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
             self.connected += 1
 
     @abstractmethod
+    def _answer(
+        self, packet: Any, listening: list[ServoT], line_speed: int, end_s: float
+    ) -> Iterable[TimedReply]:
+        """Carries out an instruction that ``listening`` hear at ``end_s``; returns their replies."""
+
     def reset_line(self) -> None:
         """Forgets an unfinished packet, as a fresh connection does."""
-
-    @abstractmethod
-    def hear(
-        self, data: bytes, listening: list[ServoT], line_speed: int, now_s: float
-    ) -> Iterable[TimedReply]:
-        """Takes bytes that some servos hear; returns what these answer and when."""
+        self.parser.clear()
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
         """Takes bytes of the host, sent at ``line_speed`` bit/s; returns what the bus answers and when."""
@@ -57,7 +94,11 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
         if not listening:
             self.reset_line()
             return replies
-        replies += self.hear(data, listening, line_speed, now_s)
+        for packet in self.parser.feed(data):
+            end_s = self._wire.request(packet.size, line_speed, now_s)
+            self._record(packet, now_s, end_s)
+            if not self._faults.loses_request():
+                replies += self._answer(packet, listening, line_speed, end_s)
         return replies
 
     def _hears(self, servo: ServoT, line_speed: int, now_s: float) -> bool:
@@ -86,11 +127,15 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
     def _timed(self, data: bytes, due_s: float) -> TimedReply:
         return TimedReply(due_s, next(self._sequence), data)
 
-    def _record(
-        self, name: str, servo_id: int, parameters: bytes, now_s: float, end_s: float, *, read: bool
-    ) -> None:
+    def _record(self, packet: Packet, now_s: float, end_s: float) -> None:
         """Logs an instruction; reads are only counted."""
-        if read:
+        if packet.instruction in self.reads:
             self._log.reads += 1
             return
-        self._log.add(name, now_s, wire_end_ns=round(end_s * 1e9), id=servo_id, parameters=parameters.hex())
+        self._log.add(
+            self.names.get(packet.instruction, f"0x{packet.instruction:02x}"),
+            now_s,
+            wire_end_ns=round(end_s * 1e9),
+            id=packet.servo_id,
+            parameters=packet.parameters.hex(),
+        )
