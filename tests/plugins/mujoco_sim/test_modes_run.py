@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
-import shutil
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
+import virtual_screen
 from joshua.testing.domain import reserved_domain
 from sim_configs import simulation_file
 
@@ -75,36 +78,26 @@ def test_interactive_with_a_screen_that_is_not_there() -> None:
 
 @pytest.fixture
 def screen(tmp_path: Path):
-    """A virtual screen; its number."""
-    if shutil.which("Xvfb") is None:
+    """What DISPLAY must say for a virtual screen."""
+    if not virtual_screen.available():
         pytest.skip("no virtual screen here: sudo apt install xvfb")
-    read, write = os.pipe()
-    arguments = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1024x768x24", "-fbdir", str(tmp_path)]
-    server = subprocess.Popen(arguments, pass_fds=(write,), stderr=subprocess.DEVNULL)
-    os.close(write)
-    with os.fdopen(read) as pipe:
-        number = pipe.readline().strip()
-    yield f":{number}"
-    server.terminate()
-    server.wait()
+    with virtual_screen.virtual_screen(tmp_path) as display:
+        yield display
 
 
-def test_interactive_shows_the_model_in_a_window(screen: str, tmp_path: Path) -> None:
-    def colours() -> int:
-        raw = (tmp_path / "Xvfb_screen0").read_bytes()
-        return len(np.unique(np.frombuffer(raw[-1024 * 768 * 4 :], np.uint32)))
-
+@pytest.mark.parametrize("preset", ["sim_interactive", "sim_lekoch"])
+def test_interactive_shows_the_model_in_a_window(preset: str, screen: str, tmp_path: Path) -> None:
     with reserved_domain() as domain:
         program = subprocess.Popen(
-            [sys.executable, "-m", "joshua.cli.main", "--config", str(CONFIGS / "sim_interactive.pbtxt")],
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(CONFIGS / f"{preset}.pbtxt")],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain), "DISPLAY": screen},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
         )
         try:
-            end = time.monotonic() + 40
-            while colours() < 100:  # an empty screen is black
+            end = time.monotonic() + 60
+            while virtual_screen.colours(tmp_path) < 100:
                 assert program.poll() is None, program.communicate()[0]
                 assert time.monotonic() < end, "nothing was drawn"
                 time.sleep(0.3)
@@ -112,3 +105,40 @@ def test_interactive_shows_the_model_in_a_window(screen: str, tmp_path: Path) ->
             program.terminate()
             text, _ = program.communicate(timeout=30)
     assert "real-time factor" in text
+
+
+def test_mirror_preset_waits_for_its_robot() -> None:
+    ended = run(CONFIGS / "sim_mirror.pbtxt", "--duration", "2")
+    assert ended.returncode == 0, ended.stderr
+    assert "mirror: no message came; start the robot's own file" in ended.stderr
+
+
+def test_offscreen_preset_runs() -> None:
+    ended = run(CONFIGS / "sim_offscreen.pbtxt", "--duration", "3")
+    assert ended.returncode == 0, ended.stderr
+    assert "/camera/top/image_raw" in ended.stdout
+
+
+def test_passive_preset_replays_its_data_set(tmp_path: Path) -> None:
+    path = tmp_path / "sim_passive.pbtxt"
+    path.write_text((CONFIGS / "sim_passive.pbtxt").read_text())
+    missing = run(path)
+    assert missing.returncode == 2
+    assert "so_arm100_demos" in missing.stdout + missing.stderr
+    root = tmp_path / "datasets" / "so_arm100_demos"
+    (root / "meta").mkdir(parents=True)
+    (root / "data" / "chunk-000").mkdir(parents=True)
+    names = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
+    features = {"observation.state": {"dtype": "float32", "shape": [6], "names": names}}
+    info = {"codebase_version": "v3.0", "fps": 30, "features": features}
+    (root / "meta" / "info.json").write_text(json.dumps(info))
+    states = [[0.01 * n, -1.57, 1.57, 1.57, -1.57, 0.0] for n in range(30)]
+    columns = {
+        "observation.state": states,
+        "timestamp": [n / 30 for n in range(30)],
+        "episode_index": [0] * 30,
+    }
+    pyarrow.parquet.write_table(pyarrow.table(columns), root / "data" / "chunk-000" / "file-000.parquet")
+    ended = run(path)
+    assert ended.returncode == 0, ended.stderr
+    assert "replayed 30 samples of 1 recording(s): within the limits, without a collision" in ended.stderr
