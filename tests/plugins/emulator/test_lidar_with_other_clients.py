@@ -1,4 +1,4 @@
-"""Clients that others wrote find a scanner in the emulator: rplidar-roboticia and pyrplidar."""
+"""Clients that others wrote find a scanner in the emulator: rplidar-roboticia, pyrplidar and lds2d."""
 
 from __future__ import annotations
 
@@ -61,3 +61,25 @@ def test_pyrplidar_drives_the_c1() -> None:
         assert sum(m.start_flag for m in measures) >= 2
         client.stop()
         client.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        ("rplidar_a1", "RPLIDAR-A1"),
+        ("rplidar_c1", "RPLIDAR-C1"),
+        ("ld06", "LDROBOT-LD06"),
+        ("ld19", "LDROBOT-LD19"),
+        ("ydlidar_x2", "YDLIDAR-X2"),
+        ("ydlidar_x4", "YDLIDAR-X4"),
+    ],
+)
+def test_lds2d_reads_the_same_room(model: str, name: str) -> None:
+    lds2d = pytest.importorskip("lds2d")
+    with EmulatedLidar(model) as emulator:
+        with lds2d.Lidar.open(name, port=emulator.port, baud=emulator.state()["baudrate"]) as client:
+            client.start()
+            points = [point for point in itertools.islice(client.points(), 1500) if point.valid]
+            client.stop()
+        assert len(points) > 1400
+        assert disagreement_m([p.angle_deg for p in points], [p.dist_mm for p in points]) < 0.02
