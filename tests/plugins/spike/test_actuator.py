@@ -78,9 +78,11 @@ def test_the_hub_stops_its_motors_when_nothing_comes(
     far = actuator.read().position_rad + 2.5
     actuator.write(far)
     hub.fault("out_of_range")
-    wait_until(lambda: powered(hub) == [holds, holds] and hub.motor("A")["speed_deg_s"] == 0)
+    time.sleep(DEAD_MAN_S + 0.1)
+    wait_until(lambda: powered(hub) == [holds, holds])
+    assert hub.motor("A")["speed_deg_s"] == 0
     with pytest.raises(LinkLost, match="out of range"):
-        actuator.read()
+        read_on(actuator)
 
 
 def test_a_caller_that_hangs_stops_the_motors_though_the_link_stands(
@@ -216,8 +218,11 @@ def test_two_hubs_are_driven_side_by_side(hub: EmulatedHub, make_actuator: MakeA
         second = make_actuator(device_name="Second Hub", adapter=other.adapter, port_names=["C"])
         for actuator in (first, second):
             actuator.connect()
-            actuator.enable()
+        second.enable()
         drive(second, np.radians([70.0]))
-        first.write(first.read().position_rad)
+        with pytest.raises(NotEnabled):
+            first.write(first.read().position_rad)
+        first.enable()
+        drive(first, np.radians([-20.0, 0.0]))
         assert other.motor("C")["absolute_deg"] == pytest.approx(70, abs=1.5)
-        assert hub.motor("A")["absolute_deg"] == pytest.approx(12, abs=1.5)
+        assert hub.motor("A")["absolute_deg"] == pytest.approx(-20, abs=1.5)
