@@ -134,6 +134,21 @@ def test_every_system_is_stopped_and_each_latch_is_released_by_itself(shell: She
     assert "the e-stop of shelf is latched since" in refused.stderr
 
 
+def test_two_users_at_once_are_both_told_the_truth(shell: Shell) -> None:
+    shell.start("desk")
+    command = [sys.executable, "-m", "joshua.cli.main", "estop"]
+    options = {"env": shell.environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    users = [subprocess.Popen(command, **options) for _ in range(3)]  # type: ignore[call-overload]
+    for user in users:
+        output, errors = user.communicate(timeout=60)
+        assert user.returncode == 0, output + errors
+        assert "/desk_arm  off     read back from 2 joints by its driver" in output
+    assert shell.latches.all()
+    released = shell.joshua("estop", "--release")
+    assert released.returncode == 0, released.stderr
+    assert shell.latches.all() == []
+
+
 def test_one_of_several_is_stopped(shell: Shell) -> None:
     shell.start("desk")
     shell.start("shelf")
@@ -143,6 +158,7 @@ def test_one_of_several_is_stopped(shell: Shell) -> None:
     assert "shelf.pbtxt" in unknown.stderr
     result = shell.joshua("estop", "--config", "shelf.pbtxt")
     assert result.returncode == 0, result.stderr
+    assert "the e-stop of shelf is latched since" in shell.joshua("status").stdout
     states = shell.states()
     assert (states["/desk_arm"], states["/shelf_arm"]) == ("ready", "fault")
 

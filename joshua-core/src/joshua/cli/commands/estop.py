@@ -58,6 +58,9 @@ def run(args: argparse.Namespace) -> int:
         if args.release:
             return release(base, latches, word)
         return stop(prepare(base), latches, word, args)
+    except KeyboardInterrupt:
+        sys.stderr.write("joshua estop: interrupted: the latch stands; what it has reached is not known\n")
+        raise
     except (OSError, RunDirectoryError) as error:
         sys.stderr.write(f"joshua estop: {error}; cut the supply of the robot by hand\n")
         return ExitCode.HARDWARE
@@ -84,7 +87,7 @@ def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) 
     good = True
     for system, latch in latched:
         silence = system.notify()
-        reports = system.wait(latch, args.timeout)
+        reports = system.wait(latch, latches, args.timeout)
         good &= _show(f"{system.info.source} (process {system.info.process_id})", reports)
         if silence:
             sys.stderr.write(
@@ -127,12 +130,13 @@ def release(base: Path, latches: LatchFolder, word: str) -> int:
         return ExitCode.OK
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
     chosen = [item for item in standing if not word or word == item.robot or path == item.source]
-    if len(chosen) != 1:
+    if len({(item.robot, item.source, item.domain_id) for item in chosen}) != 1:
         problem = f"no e-stop of {word!r} is latched" if word and not chosen else "name one of these"
         sys.stderr.write(f"joshua estop --release: {problem}:\n")
         sys.stderr.writelines(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
         return ExitCode.INVALID
-    latches.clear(chosen[0])
+    for latch in chosen:  # several, where two users have latched one robot at the same moment
+        latches.clear(latch)
     for system in _systems(base, ""):
         if system.info.robot == chosen[0].robot:
             system.notify(released=True)
@@ -161,7 +165,7 @@ def _show(title: str, reports: list[EstopReport]) -> bool:
 
     sys.stdout.write(f"e-stop latched: {title}\n")
     if not reports:
-        sys.stdout.write("  it has no actuators\n")
+        sys.stdout.write("  none of its nodes gives torque\n")
     else:
         sys.stdout.write("\n".join(lines(reports)) + "\n")
     return all(report.complete for report in reports)

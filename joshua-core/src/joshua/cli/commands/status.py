@@ -19,8 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Asks every running system for its status and prints it; exit code 0, 1 if one does not answer."""
     from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, base_directory, running_systems
+    from joshua.generator.run_directory import SOCKET_NAME, base_directory, latch_folder, running_systems
+    from joshua.guardian.latch import LatchFolder
 
+    latches = LatchFolder(latch_folder(base_directory(os.environ))).all()
     answers: list[dict[str, Any]] = []
     failed = False
     for path, info in running_systems(base_directory(os.environ)):
@@ -38,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
         sys.stdout.write("\n".join(_lines(answers)) + "\n")
     elif not failed:
         sys.stdout.write("nothing runs\n")
+    if args.format == "text":
+        sys.stdout.writelines(f"{text}\n" for text in dict.fromkeys(latch.text for latch in latches))
     return 1 if failed else 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from joshua.guardian.estop_files import FOLDER_NAME, EstopFiles, EstopReport
 
 if TYPE_CHECKING:
     from joshua.generator.run_directory import RunInfo
-    from joshua.guardian.latch import Latch
+    from joshua.guardian.latch import Latch, LatchFolder
 
 #: After this time a device whose driver and guardian have not answered is opened here.
 DIRECT_AFTER_S = 1.5
@@ -51,12 +52,17 @@ class RunningSystem:
             return str(error) or type(error).__name__
         return ""
 
-    def wait(self, latch: Latch, timeout_s: float) -> list[EstopReport]:
-        """Waits until every actuator has confirmed; returns what became of each, in the run's order."""
+    def wait(self, latch: Latch, latches: LatchFolder, timeout_s: float) -> list[EstopReport]:
+        """Waits until every actuator has confirmed; returns what became of each, in the run's order.
+
+        Args:
+            latches: where a later e-stop of the same run may have taken the place of this one.
+        """
         began_s = time.monotonic()
         nodes = self.info.actuators
         while True:
-            reports = {node: self._report(node, latch) for node in nodes}
+            later = [item.identifier for item in latches.all() if item.source == latch.source]
+            reports = {node: self._report(node, [latch.identifier, *later]) for node in nodes}
             waiting = [node for node, report in reports.items() if report is None or not report.complete]
             elapsed_s = time.monotonic() - began_s
             if not waiting or elapsed_s > timeout_s:
@@ -66,9 +72,10 @@ class RunningSystem:
                     self._reach(node, latch)
             time.sleep(_POLL_S)
 
-    def _report(self, node: str, latch: Latch) -> EstopReport | None:
+    def _report(self, node: str, latches: Sequence[str]) -> EstopReport | None:
         """What is known of an actuator; what this program has reached counts where it is more."""
-        report, own = self._files.read_report(node, latch.identifier), self._reached.get(node)
+        found = [self._files.read_report(node, latch) for latch in latches]
+        report, own = next((item for item in found if item is not None), None), self._reached.get(node)
         return own if own is not None and (own.complete or report is None) else report
 
     def _reach(self, node: str, latch: Latch) -> None:
