@@ -232,6 +232,26 @@ def test_the_motor_check_names_models_and_the_break(emulator: EmulatedBus, make_
     assert "found: 1 (xl330-m077, firmware 46)" in str(caught.value)
 
 
+def test_two_motors_with_one_id(emulator: EmulatedBus, make_arm: Any) -> None:
+    emulator.fault("duplicate", 2)
+    with pytest.raises(MotorCheckFailed, match=r"two motors share the id 2: connect one alone") as caught:
+        make_arm(emulator, calibrated=False, models=MIXED, motor_ids=[1, 2, 3]).connect()
+    assert "missing" not in str(caught.value)
+
+
+def test_an_unplug_while_the_arm_moves_ends_the_write(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, velocity=20)
+    arm.connect()
+    arm.enable()
+    arm.write(POSE)
+    arm_emulator.fault("unplug")
+    arm_emulator.wait_for(["unplug"])
+    with pytest.raises(DeviceDisconnected, match=r"the adapter is gone.*found again by its identity"):
+        arm.write(POSE)
+    arm.disconnect()
+    arm.release()  # stop-first: works in every state
+
+
 def test_another_line_speed_is_found(make_arm: Any) -> None:
     with (
         EmulatedBus("dynamixel", ids=(1, 2), baudrate=57_600) as emulator,
