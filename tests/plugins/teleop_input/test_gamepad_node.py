@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable
 
@@ -13,6 +14,7 @@ from joshua.messages.make import joint_state
 from joshua.testing.recording_context import RecordingContext
 from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input.gamepad_node import GamepadNode
+from joshua_teleop_input.input_node import READER_LIMIT_S
 
 Start = Callable[..., tuple[GamepadNode, RecordingContext]]
 DEAD_MAN = 'dead_man_button: "left_bumper" ' + STICK
@@ -121,6 +123,44 @@ def test_a_silent_gamepad_stops(start: Start, pad: EmulatedGamepad, caplog: pyte
     time.sleep(0.1)
     assert not node.drive.gate.active
     assert "everything counts as released" in caplog.text
+
+
+def test_a_sender_that_is_too_slow_moves_nothing(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    press_and_wait(node, pad, left_bumper=1, left_x=1.0)
+    wait_until(lambda: sent(context))
+    pad.fault("rate", 1)
+    wait_until(lambda: not node.drive.gate.active, "the stop")
+    assert node.drive.moving == {}
+
+
+def test_a_reader_that_hangs_stops_everything(
+    start: Start, pad: EmulatedGamepad, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    press_and_wait(node, pad, left_bumper=1, left_x=1.0)
+    wait_until(lambda: sent(context))
+    release = threading.Event()
+    monkeypatch.setattr(node.gamepad, "read", lambda _: release.wait(10) and None)
+    time.sleep(READER_LIMIT_S + 0.3)
+    hear(context)
+    context.tick("commands")
+    assert not node.drive.gate.active
+    assert "nothing reads the device any more" in caplog.text
+    release.set()
+
+
+def test_diagnostics_say_whether_the_gamepad_is_there(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN)
+    context.tick("diagnostics")
+    pad.fault("unplug")
+    wait_until(lambda: not node.gamepad.connected)
+    time.sleep(0.1)
+    context.tick("diagnostics")
+    good, bad = (message.status[0] for message in context.publishers["/diagnostics"].messages)
+    assert (good.level, good.message, good.name) == (0, "in order", "gamepad")
+    assert (bad.level, bad.message) == (2, "the gamepad is lost")
+    assert bad.values[0].value == "off: no input device"
 
 
 def test_without_a_state_of_the_arm_nothing_is_sent(start: Start, pad: EmulatedGamepad) -> None:

@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gamepads import STICK, gamepad_settings
 from joshua.devices.errors import DeviceDisconnected
 from joshua_teleop_input import discovery, kernel_device
 from joshua_teleop_input.codes import AXES, BUTTONS
 from joshua_teleop_input.discovery import Found, find_by_name, find_devices, open_gamepad
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.events import AxisRange, Capabilities
+from joshua_teleop_input.gamepad import Gamepad
 
 PROGRAM = """
 #include <linux/input.h>
@@ -134,6 +136,14 @@ def test_no_gamepad_at_all(tmp_path: Path) -> None:
         find_by_name("", tmp_path)
     with pytest.raises(InputDeviceError, match="no gamepad whose name contains 'Xbox' is connected"):
         find_by_name("Xbox", tmp_path)
+
+
+def test_a_gamepad_in_use_is_not_tried_by_sdl(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SDL would open it and hear nothing: the message about the other program must come through."""
+    answer_queries(monkeypatch, errno.EBUSY)
+    monkeypatch.setattr(discovery, "find_by_name", lambda wanted, folder: "/dev/null")
+    with pytest.raises(InputDeviceError, match="is in use"):
+        Gamepad(gamepad_settings(STICK)).connect()
 
 
 def test_devices_that_nobody_may_look_at(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from joshua.generator.examination import examine
 from joshua.generator.request import Request
 
@@ -92,3 +93,31 @@ def test_the_plan_says_who_reads_the_terminal_and_what_it_reaches(tmp_path: Path
     assert keyboard.context["terminal"] is True
     assert [joint["name"] for joint in keyboard.context["joints"]] == ["joint_1", "joint_2"]
     assert keyboard.settings["joints"] == ["joint_1", "joint_2"]
+
+
+JOY = """
+general { mode: MODE_TEST id: "bench" }
+robot {
+  perceptions {
+    node {
+      node_name: "gamepad" node_id: 1
+      publishers { data_type: JOY topic_name: "/joy" publish_rate_hz: 20 }
+    }
+    perception_type: PERCEPTION_GAMEPAD
+    gamepad_config { CONTROLS }
+  }
+}
+"""
+STICK = 'controls { positive: "left_x" joint: "pan" speed_rad_s: 1 }'
+
+
+@pytest.mark.parametrize(("controls", "found"), [("", []), (STICK, ["field-unused"])])
+def test_a_joy_alone_needs_no_controls(tmp_path: Path, controls: str, found: list[str]) -> None:
+    (tmp_path / "robot.pbtxt").write_text(JOY.replace("CONTROLS", controls))
+    examination = examine(Request(str(tmp_path / "robot.pbtxt")))
+    codes = [
+        item.code
+        for item in examination.diagnostics
+        if "controls" in item.field_path or "joint" in item.message
+    ]
+    assert codes == found

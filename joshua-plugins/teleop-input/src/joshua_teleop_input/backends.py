@@ -6,7 +6,7 @@ import importlib.util
 import sys
 from typing import TYPE_CHECKING
 
-from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.errors import InputDeviceError, NoGamepadError
 from joshua_teleop_input.settings import GamepadSettings
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ def prefers_sdl(device: str) -> bool:
     return sys.platform != "linux" and "/" not in device
 
 
-def sdl_instead(settings: GamepadSettings, reason: InputDeviceError) -> tuple[SdlPad, str]:
+def sdl_instead(settings: GamepadSettings, reason: NoGamepadError) -> tuple[SdlPad, str]:
     """Tries SDL where the kernel's devices cannot be used.
 
     Returns:
@@ -27,7 +27,7 @@ def sdl_instead(settings: GamepadSettings, reason: InputDeviceError) -> tuple[Sd
     Raises:
         InputDeviceError: the reason, or what SDL says where that is installed.
     """
-    if "/" in settings.device or importlib.util.find_spec("pygame") is None:
+    if importlib.util.find_spec("pygame") is None:
         raise reason
     from joshua_teleop_input.sdl_pad import SdlPad
 

@@ -12,7 +12,7 @@ from joshua.config.nearest import nearest_first
 from joshua.devices.errors import DeviceDisconnected
 
 from joshua_teleop_input.codes import AXES, BUTTONS
-from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.errors import InputDeviceError, NoGamepadError
 from joshua_teleop_input.events import Capabilities, InputEvent
 from joshua_teleop_input.kernel_device import KernelDevice
 from joshua_teleop_input.remote_device import RemoteDevice
@@ -106,7 +106,7 @@ def _open_path(path: str) -> EventDevice:
 
 
 def find_by_name(wanted: str, folder: Path) -> str:
-    """Path of the gamepad with a name. Raises InputDeviceError."""
+    """Path of the gamepad with a name. Raises InputDeviceError; NoGamepadError where there is none at all."""
     found = find_devices(folder)
     pads = [device for device in found if device.is_gamepad]
     fitting = [pad for pad in pads if pad.capabilities and wanted.lower() in pad.capabilities.name.lower()]
@@ -120,10 +120,10 @@ def find_by_name(wanted: str, folder: Path) -> str:
             f"{what} is connected; there is {', '.join(names)}: correct device, or leave it out"
         )
     if refused:
-        raise InputDeviceError(
+        raise NoGamepadError(
             f"{what} can be seen, and {len(refused)} input devices such as {refused[0].path} may not be read "
             "by this user: add the user to the group input (sudo usermod -aG input $USER, then log in again)"
         )
-    raise InputDeviceError(
+    raise NoGamepadError(
         f"{what} is connected: plug it in or switch it on; joshua find-gamepads lists those that are seen"
     )

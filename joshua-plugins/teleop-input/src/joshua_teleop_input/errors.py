@@ -7,3 +7,7 @@ from joshua.devices.errors import DeviceError
 
 class InputDeviceError(DeviceError):
     """A gamepad or the terminal cannot be used; the message names it and the remedy."""
+
+
+class NoGamepadError(InputDeviceError):
+    """The kernel shows no gamepad at all, or nothing that this user may read."""

@@ -13,7 +13,7 @@ from joshua.messages import message_class
 from joshua.messages.make import header
 
 from joshua_teleop_input.discovery import DEVICE_FOLDER, open_gamepad
-from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.errors import InputDeviceError, NoGamepadError
 from joshua_teleop_input.event_pad import EventPad
 from joshua_teleop_input.pad_state import PadState, joy_values
 from joshua_teleop_input.settings import GamepadSettings
@@ -118,7 +118,7 @@ class Gamepad(Sensor):
         if not prefers_sdl(settings.device):
             try:
                 return EventPad(open_gamepad(settings.device, DEVICE_FOLDER), settings)
-            except InputDeviceError as error:
+            except NoGamepadError as error:
                 pad, self.note = sdl_instead(settings, error)
                 return pad
         from joshua_teleop_input.sdl_pad import SdlPad

@@ -95,6 +95,7 @@ class GamepadNode(InputNode):
 
     def _read(self) -> None:
         while not self.context.stopping:
+            self.reads()
             try:
                 reading = self.gamepad.read(READ_TIMEOUT_S)
             except DeviceDisconnected as error:
@@ -131,6 +132,7 @@ class GamepadNode(InputNode):
         wait_s = RECONNECT_FIRST_S
         said = ""
         while not self.context.stopping:
+            self.reads("the gamepad is lost")
             self.gamepad.disconnect()
             if self._stopped_within(wait_s):
                 return

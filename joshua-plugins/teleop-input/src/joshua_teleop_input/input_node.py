@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from joshua.config.nearest import nearest_first
+from joshua.devices.diagnostics import ERROR, OK, DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
@@ -19,6 +20,9 @@ from joshua_teleop_input.jog import Jog
 from joshua_teleop_input.settings import JOINT_STATE, InputSettings
 
 JOY = "sensor_msgs/msg/Joy"
+
+#: Silence of the thread that reads the device after which everything counts as released.
+READER_LIMIT_S = 0.5
 
 #: Rate of goals where a node publishes none, for the state that people see.
 _IDLE_RATE_HZ = 20.0
@@ -40,6 +44,9 @@ class InputNode(NodeBehaviour):
         self._shown = ""
         self._waiting_since_s: float | None = None
         self._commanded = 0
+        self._read_s = float("inf")
+        self._trouble = ""
+        self._diagnostics: DiagnosticsPublisher | None = None
 
     @property
     def drive(self) -> Drive:
@@ -65,7 +72,15 @@ class InputNode(NodeBehaviour):
         for publisher in self._joys:
             call = functools.partial(self.publish_joy, publisher)
             self.context.create_timer(1.0 / publisher.topic.rate_hz, call, name="joy")
-        self.context.create_timer(0.1, self._show, name="help")
+        if joints:
+            self.context.create_timer(0.1, self._show, name="help")
+        self._diagnostics = DiagnosticsPublisher(self.context, self._diagnostic_rows)
+        self._diagnostics.start()
+
+    def reads(self, trouble: str = "") -> None:
+        """Sign of life of the thread that reads the device, at each of its turns; ``trouble`` for people."""
+        self._read_s = time.monotonic()
+        self._trouble = trouble
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
         """Publishes the present state as a Joy."""
@@ -89,7 +104,18 @@ class InputNode(NodeBehaviour):
 
     def _tick(self) -> None:
         with self._lock:
+            if time.monotonic() - self._read_s > READER_LIMIT_S and self.drive.release():
+                self.context.log.warning("nothing reads the device any more: everything counts as released")
             self._command()
+
+    def _diagnostic_rows(self) -> list[DiagnosticStatus]:
+        """One row: whether the device is there, and whether somebody drives."""
+        spec = self.context.spec
+        values = {"driving": self.drive.gate.describe(), "commands": str(self._commanded)}
+        level = ERROR if self._trouble else OK
+        return [
+            DiagnosticStatus(level, "", self._trouble or "in order", f"{spec.plugin} {spec.block}", values)
+        ]
 
     def _command(self) -> None:
         """Sends the goals, where somebody drives; the lock is held."""

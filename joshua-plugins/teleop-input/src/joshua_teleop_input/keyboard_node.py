@@ -91,6 +91,7 @@ class KeyboardNode(InputNode):
     def _read(self) -> None:
         waits_since_s = time.monotonic()
         while not self.context.stopping:
+            self.reads()
             try:
                 data = self._terminal.read(READ_TIMEOUT_S)
             except DeviceDisconnected as error:

@@ -9,6 +9,7 @@ from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
@@ -89,7 +90,13 @@ def _model(context: Context, block: Block) -> Iterator[Diagnostic]:
 
 
 def _input_device(context: Context, block: Block) -> Iterator[Diagnostic]:
-    if not block.message.controls:
+    owner = next((entry for entry in context.entries if block.path.startswith(f"{entry.owner_path}.")), None)
+    sent = {publisher.data_type for publisher in owner.node.publishers} if owner else set()
+    if block.message.controls:
+        if types.JOINT_STATE not in sent and isinstance(block.message, pb.GamepadConfig):
+            remedy = "Add publishers { data_type: JOINT_STATE … } to the node, or remove controls"
+            yield _note(context, block, "controls", "the node publishes no JOINT_STATE", remedy)
+    elif sent != {types.JOY}:
         sample = next(facts for facts in block.facts if facts.name == "controls").sample()
         yield context.warning(
             "controls-missing",
