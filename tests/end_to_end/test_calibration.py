@@ -136,6 +136,33 @@ def test_a_signal_leaves_everything_as_it_was(
     assert not (tmp_path / "calibration").exists()
 
 
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_signal_after_all_the_work_writes_nothing(
+    arm: EmulatedBus, tmp_path: Path, env: dict[str, str], number: signal.Signals
+) -> None:
+    with CalibrationRun(["--config", str(robot(tmp_path, arm.port))], env) as run:
+        sweep_all(run, arm, lambda: run.press("\n"), seconds=0.6)
+        run.process.send_signal(number)
+        run.end()
+    assert is_untouched(arm)
+    assert not (tmp_path / "calibration").exists()
+
+
+def test_status_and_stop_reach_it(arm: EmulatedBus, tmp_path: Path, env: dict[str, str]) -> None:
+    config = str(robot(tmp_path, arm.port))
+    with CalibrationRun(["--config", config, "--open"], {**env, "DISPLAY": "", "WAYLAND_DISPLAY": ""}) as run:
+        run.wait_for("middle of its range")
+        assert "no browser can be opened here" in run.text
+        assert re.search(r"`ssh -L (\d+):127\.0\.0\.1:\1 HOST`", run.text)
+        shown = joshua(env, "status")
+        assert shown.returncode == 0, shown.stderr
+        assert re.search(r"/leader_arm +ready +\d+ +0 +calibration: active", shown.stdout)
+        stopped = joshua(env, "stop")
+        assert stopped.returncode == 0, stopped.stderr
+        assert run.end() == 0
+    assert "stopped; not calibrated: leader_arm." in run.text
+
+
 def test_the_duration_ends_it(arm: EmulatedBus, tmp_path: Path, env: dict[str, str]) -> None:
     with CalibrationRun(["--config", str(robot(tmp_path, arm.port)), "--duration", "1"], env) as run:
         assert run.end() == 0

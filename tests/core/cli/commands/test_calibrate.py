@@ -40,6 +40,16 @@ def test_it_needs_a_file(capsys: pytest.CaptureFixture[str]):
     assert "no file given: add --config PATH" in capsys.readouterr().err
 
 
+def test_a_misspelt_option_is_that_of_the_command(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit, match="2"):
+        main(["calibrate", "--chek"])
+    assert capsys.readouterr().err.splitlines() == [
+        "joshua calibrate: error: unrecognized arguments: --chek",
+        "  nearest: --check",
+        "  see: joshua calibrate --help",
+    ]
+
+
 def test_an_imported_calibration_is_exported_again(
     config: str, lerobot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import argparse
 
     from joshua.generator.emulation import EmulatedRig
-    from joshua.generator.run_directory import RunDirectory
 
 
 class Refused(Exception):
@@ -118,29 +117,6 @@ def _chosen(arms: list[Arm], left_out: list[str], only: Sequence[str]) -> list[A
     if left_out:
         sys.stdout.write(f"not started, for nothing is to be calibrated there: {', '.join(left_out)}\n")
     return [arm for arm in arms if not only or arm.node_name in only]
-
-
-def take_nodes(plan: Plan, arms: Sequence[Arm], stack: ExitStack) -> RunDirectory:
-    """Keeps runs of the same nodes away. Raises Refused."""
-    import os
-
-    from joshua.generator.run_directory import (
-        NodesInUseError,
-        RunDirectory,
-        RunDirectoryError,
-        base_directory,
-    )
-
-    names = {arm.node_name for arm in arms}
-    nodes = [spec.full_name for spec in plan.nodes if spec.name in names]
-    try:
-        directory = RunDirectory.create(
-            base_directory(os.environ), plan.source, plan.transport.domain_id, nodes
-        )
-    except (NodesInUseError, RunDirectoryError) as error:
-        raise Refused(str(error), ExitCode.HARDWARE) from error
-    stack.callback(directory.close)
-    return directory
 
 
 def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:

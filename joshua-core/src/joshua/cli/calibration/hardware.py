@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from joshua.calibration.comparison import compare, comparison_text
 from joshua.calibration.transaction import Recovery
-from joshua.cli.calibration.arms import Refused, find_arms, open_arms, plan_of, recover_arms, take_nodes
+from joshua.cli.calibration.arms import Refused, find_arms, open_arms, plan_of, recover_arms
+from joshua.cli.calibration.presence import Presence
 from joshua.cli.emulation import start_rig
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.report import exit_code_of, request_of, show_findings
@@ -52,7 +53,7 @@ def with_arms(arguments: argparse.Namespace) -> int:
 def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None, stack: ExitStack) -> int:
     plan, previous = plan_of(checked, arguments)
     arms = find_arms(plan, previous, rig=rig, only=arguments.nodes or ())
-    take_nodes(plan, arms, stack)
+    Presence(plan, arms, lambda: None, stack)
     open_arms(arms, stack, release=False)
     if arguments.recover:
         outcomes = recover_arms(arms)

@@ -14,8 +14,8 @@ from joshua.cli.calibration.arms import (
     open_arms,
     plan_of,
     recover_arms,
-    take_nodes,
 )
+from joshua.cli.calibration.presence import Presence
 from joshua.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: Emulat
             plan, previous = plan_of(checked, arguments)
             only = getattr(arguments, "nodes", None) or ()
             arms = find_arms(plan, previous, rig=rig, only=only)
-            take_nodes(plan, arms, stack)
             stop = Stop(plan.duration_s)
             stack.enter_context(stop)
+            stop.presence = Presence(plan, arms, stop.order, stack)
             open_arms(arms, stack)
             recover_arms(arms)
             display = checked.loaded.config.calibration_run.display or arguments.open
@@ -67,10 +67,13 @@ class Stop:
     def __init__(self, duration_s: float | None) -> None:
         self._end_s = None if duration_s is None else time.monotonic() + duration_s
         self._signalled = False
+        self.presence: Presence | None = None
         self._former: list[tuple[int, object]] = []
 
     def __call__(self) -> bool:
-        """Whether to end now."""
+        """Whether to end now; meanwhile answers other commands."""
+        if self.presence is not None:
+            self.presence.serve()
         return self._signalled or (self._end_s is not None and time.monotonic() >= self._end_s)
 
     def __enter__(self) -> Stop:
@@ -82,6 +85,10 @@ class Stop:
         while self._former:
             number, handler = self._former.pop()
             signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def order(self) -> None:
+        """Ends the run."""
+        self._signalled = True
 
     def _note(self, *_: object) -> None:
         # Never an exception: one in the midst of a write would leave the servos between two calibrations.
@@ -108,11 +115,16 @@ def _front_ends(stack: ExitStack, *, display: bool, open_page: bool) -> list[Fro
 
 
 def _open(address: str) -> None:
+    import os
     import webbrowser
 
-    if not webbrowser.open(address):
+    # Without a screen, what would open is a browser in this very terminal.
+    has_screen = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if not (has_screen and webbrowser.open(address)):
+        port = address.split(":")[2].partition("/")[0]
         sys.stdout.write(
-            "no browser could be opened here; open the address by hand, or use the table below\n"
+            "no browser can be opened here: open the address by hand, or use the table below. Over SSH, "
+            f"`ssh -L {port}:127.0.0.1:{port} HOST` on your own machine makes the address work there\n"
         )
         sys.stdout.flush()
 

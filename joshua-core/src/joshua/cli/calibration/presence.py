@@ -1,0 +1,91 @@
+"""A calibration among the running systems: its nodes are taken, and it answers status and stop."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+from joshua.calibration.front_end import ArmState
+from joshua.calibration.session import Arm
+from joshua.cli.calibration.arms import Refused
+from joshua.cli.exit_codes import ExitCode
+from joshua.generator.control_server import ControlServer
+from joshua.generator.reactor import Reactor
+from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError, base_directory
+from joshua.generator.status import NodeStatus, RunStatus
+from joshua.plan import Plan
+
+_STATES = {
+    ArmState.WAITING: "ready",
+    ArmState.ACTIVE: "ready",
+    ArmState.DONE: "stopped",
+    ArmState.STOPPED: "stopped",
+}
+
+
+class Presence:
+    """What other commands see of this run.
+
+    Args:
+        stop: called by ``joshua stop``.
+        stack: gives everything back.
+
+    Raises:
+        Refused: another run has the nodes, or the folder of running systems cannot be used.
+    """
+
+    def __init__(self, plan: Plan, arms: Sequence[Arm], stop: Callable[[], None], stack: ExitStack) -> None:
+        self._plan = plan
+        self._arms = arms
+        self._stop = stop
+        self._began_s = time.monotonic()
+        names = {arm.node_name for arm in arms}
+        self._nodes = {spec.name: spec.full_name for spec in plan.nodes if spec.name in names}
+        try:
+            directory = RunDirectory.create(
+                base_directory(os.environ),
+                plan.source,
+                plan.transport.domain_id,
+                list(self._nodes.values()),
+            )
+        except (NodesInUseError, RunDirectoryError) as error:
+            raise Refused(str(error), ExitCode.HARDWARE) from error
+        stack.callback(directory.close)
+        self._reactor = Reactor()
+        stack.callback(self._reactor.close)
+        try:
+            server = ControlServer(
+                self._reactor, directory.socket_path, {"status": self._status, "stop": self._end}
+            )
+        except OSError as error:
+            raise Refused(
+                f"{directory.socket_path}: {error}; set XDG_RUNTIME_DIR", ExitCode.HARDWARE
+            ) from error
+        stack.callback(server.close)
+
+    def serve(self) -> None:
+        """Answers what was asked since the last call; never waits."""
+        self._reactor.call_later(0.0, lambda: None)
+        self._reactor.turn()
+
+    def _status(self, _: object) -> dict[str, Any]:
+        nodes = tuple(
+            NodeStatus(
+                self._nodes[arm.node_name],
+                _STATES[arm.state],
+                os.getpid(),
+                0,
+                reason=f"calibration: {arm.state.value}",
+            )
+            for arm in self._arms
+        )
+        elapsed_s = time.monotonic() - self._began_s
+        status = RunStatus(self._plan.source, self._plan.mode, "running", elapsed_s, os.getpid(), nodes)
+        return {"status": status.as_dict()}
+
+    def _end(self, _: object) -> dict[str, Any]:
+        self._stop()
+        return {"stopping": True}
