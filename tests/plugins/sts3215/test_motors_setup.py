@@ -126,6 +126,16 @@ def test_two_motors_at_once_and_none_are_refused(new_motors: EmulatedBus) -> Non
     assert ids(new_motors) == [1, 7, 1]
 
 
+def test_two_motors_that_share_an_id_are_refused() -> None:
+    with EmulatedBus(ids=(1,)) as emulator:
+        emulator.fault("duplicate", 1)
+        with program("setup", "--port", emulator.port, "--ids", "4", "--yes", "--timeout", "1") as joshua:
+            code, text = joshua.end()
+        assert ids(emulator) == [1, 1]
+    assert code == 4
+    assert "several motors are connected, 1 (several motors) at 1000000 bit/s: connect only" in text
+
+
 def test_a_motor_of_another_model_is_refused() -> None:
     with EmulatedBus(ids=(1,), models=(2825,)) as emulator:
         with program("setup", "--port", emulator.port, "--ids", "4", "--yes", "--timeout", "1") as joshua:

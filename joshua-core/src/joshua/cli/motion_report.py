@@ -32,11 +32,12 @@ def draw_report(report: RunReport) -> Iterator[Path]:
 def draw_node(node: NodeReport) -> Picture:
     """One column of panels for each joint."""
     width = WIDE if len(node.traces) == 1 else NARROW
-    columns = [_column(node, trace, width) for trace in node.traces[:MOST_JOINTS]]
+    prefix = f"{node.full_name} " if len(node.traces) == 1 else ""
+    columns = [_column(trace, f"{prefix}{trace.joint}, rad", width) for trace in node.traces[:MOST_JOINTS]]
     return stack(list(zip(*columns, strict=True)))
 
 
-def _column(node: NodeReport, trace: JointTrace, width: int) -> list[Picture]:
+def _column(trace: JointTrace, title: str, width: int) -> list[Picture]:
     time_s = np.array(trace.time_s)
     goal = np.array([np.nan if value is None else value for value in trace.goal_rad])
     position = np.array(trace.position_rad)
@@ -45,7 +46,7 @@ def _column(node: NodeReport, trace: JointTrace, width: int) -> list[Picture]:
     x_range = (0.0, float(max(time_s[-1], 1e-3)))
     panels = [
         Panel(
-            f"{node.full_name} {trace.joint}, rad",
+            title,
             (Curve("goal", time_s, goal, ORANGE), Curve("position", time_s, position, BLUE)),
             0.05,
         ),

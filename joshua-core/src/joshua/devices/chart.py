@@ -54,14 +54,14 @@ def draw_panel(panel: Panel, width: int, height: int) -> Picture:
     area = (LEFT, TOP, width - RIGHT, height - BOTTOM)
     low, high = _y_range(panel)
     _draw_grid(picture, area, panel, low, high)
-    x = LEFT
+    x = LEFT // 4
     put_text(picture, x, 8, panel.title, INK)
-    x += (len(panel.title) + 3) * WIDTH * LETTER
+    x += (len(panel.title) + 2) * WIDTH * LETTER
     for curve in panel.curves:
         if curve.label:
             picture[14:18, x : x + 22] = curve.color
             put_text(picture, x + 28, 8, curve.label, INK)
-            x += 28 + (len(curve.label) + 3) * WIDTH * LETTER
+            x += 28 + (len(curve.label) + 1) * WIDTH * LETTER
         _draw_curve(picture, area, curve, panel.x_range, (low, high))
     return picture
 
