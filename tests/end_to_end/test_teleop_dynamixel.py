@@ -135,3 +135,40 @@ def test_an_arm_whose_driver_is_killed_is_released_by_its_guardian(
             line = process.stdout.readline()
         os.kill(int(line.split()[1]), signal.SIGKILL)
         wait(lambda: energised(koch) == {False}, process)
+
+
+def test_an_overloaded_servo_is_rebooted_when_a_person_resumes_the_arm(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with (
+        EmulatedBus("dynamixel", arm="koch", calibrated=True, identity="KOCH1") as koch,
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM1") as so_arm,
+        teleoperation(
+            so_arm, koch, tmp_path, joshua_domain_id,
+            text=exchanged(EXAMPLE.read_text()), blocks=BLOCKS[::-1],
+        ) as process,
+    ):  # fmt: skip
+        wait(lambda: energised(koch) == {True}, process)
+        koch.fault("overload", 3)
+        wait(lambda: energised(koch) == {False}, process)
+        assert koch.servo(3)["hardware_error"] != 0
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(joshua_domain_id),
+            "XDG_RUNTIME_DIR": str(tmp_path / "run"),
+        }
+        result = subprocess.run(
+            [str(JOSHUA), "resume", "follower_arm"],
+            capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL, env=environment,
+        )  # fmt: skip
+        assert result.returncode == 0, result.stdout + result.stderr
+        wait(lambda: energised(koch) == {True}, process)
+        assert [entry["id"] for entry in koch.log("reboot")] == [3]
+        assert koch.servo(3)["hardware_error"] == 0
+        stopped = subprocess.run(
+            [str(JOSHUA), "estop"],
+            capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL, env=environment,
+        )  # fmt: skip
+        assert stopped.returncode == 0, stopped.stdout + stopped.stderr
+        assert energised(koch) == {False}
+        assert "read back from 6 joints" in stopped.stdout
