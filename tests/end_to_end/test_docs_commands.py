@@ -134,7 +134,7 @@ def test_commands_stand_in_blocks_that_are_run():
     fences = re.compile(r"^ *```+ *(\S*)", re.MULTILINE)
     for page in PAGES:
         names = set(fences.findall(page.read_text(encoding="utf-8")))
-        assert names <= {"", "console", "bash", "text", "protobuf", "python", "toml", "json"}, page
+        assert names <= {"", "console", "bash", "text", "protobuf", "python", "toml", "json", "cpp"}, page
     assert shutil.which("bash")
 
 
