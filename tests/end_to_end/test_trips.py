@@ -103,6 +103,21 @@ def test_resume_is_refused_until_the_cause_is_gone(
         assert rig.energised() == {True}
 
 
+def test_a_held_arm_is_resumed_without_falling(tmp_path: Path, joshua_domain_id: int) -> None:
+    """Its driver was killed, its guardian holds it, its next driver takes it over."""
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        sequence = rig.follower.log()[-1]["sequence"]
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.gone(rig.guardian))
+        found = wait_for_state(rig, "fault")
+        assert "comes back after a failure and follows no command" in found["reason"]
+        assert rig.energised() == {True}
+        result = rig.joshua("resume", "follower_arm")
+        assert result.returncode == 0, result.stderr
+        assert wait_for_state(rig, "ready")["restarts"] == 1
+        assert not [entry for entry in rig.follower.log("torque", since=sequence) if not entry["on"]]
+
+
 def test_a_run_that_ends_in_fault_has_failed(tmp_path: Path, joshua_domain_id: int) -> None:
     with running(tmp_path, joshua_domain_id, HOLD) as rig:
         heat(rig)

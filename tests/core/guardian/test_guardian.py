@@ -7,11 +7,15 @@ import os
 import subprocess
 import sys
 import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from joshua.guardian.driver_process import DriverProcess
+from joshua.guardian.estop_files import EstopFiles
+from joshua.guardian.latch import LatchFolder
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import GuardianOrder
 from joshua.guardian.silence import TICK_S, SilenceWatch
@@ -23,6 +27,14 @@ def act(request):
     return {"complete": True, "joints": {"1": "released"}}
 def fail(request):
     raise RuntimeError("no port")
+def park(request):
+    import time
+    pathlib.Path(request["file"]).write_text(json.dumps(request))
+    time.sleep(0 if request.get("kind") == "release" else 60)
+    return {"complete": True, "joints": {"1": request.get("kind", "parked")}}
+def die(request):
+    import os
+    os._exit(3)
 """
 
 
@@ -104,6 +116,82 @@ def test_a_report_reaches_the_log_of_a_run_without_supervisor(order: Any, tmp_pa
     entry = json.loads(log.read_text())
     assert entry["text"] == "guardian: the driver ended without letting go; 1 released"
     assert entry["node"] == "/arm"
+
+
+def latched(order: GuardianOrder, tmp_path: Path) -> tuple[GuardianOrder, LatchFolder]:
+    """An order of a robot that can be stopped."""
+    release = {**order.request, "kind": "release"}
+    return replace(
+        order,
+        release_request=release,
+        robot="desk",
+        latch_folder=str(tmp_path / "estop"),
+        estop_files=str(tmp_path / "files"),
+    ), LatchFolder(tmp_path / "estop")
+
+
+def done(tmp_path: Path) -> dict[str, Any]:
+    values: dict[str, Any] = json.loads((tmp_path / "done").read_text())
+    return values
+
+
+def test_without_an_estop_the_safe_state_is_applied(order: Any, tmp_path: Path) -> None:
+    GuardianLink(latched(order(), tmp_path)[0]).execute()
+    assert "kind" not in done(tmp_path)
+
+
+def test_a_tripped_device_is_released_whatever_its_safe_state_is(order: Any, tmp_path: Path) -> None:
+    link = GuardianLink(latched(order(), tmp_path)[0])
+    link.release_only()
+    assert link.execute()["complete"]
+    assert done(tmp_path)["kind"] == "release"
+
+
+def test_an_estop_is_a_release_and_is_reported(order: Any, tmp_path: Path) -> None:
+    guarded, folder = latched(order(), tmp_path)
+    link = GuardianLink(guarded)
+    latch = folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
+    assert link.execute()["complete"]
+    assert done(tmp_path)["kind"] == "release"
+    report = EstopFiles(guarded.estop_files).read_report("/arm", latch.identifier)
+    assert report is not None
+    assert (report.by, report.complete, report.joints) == ("guardian", True, {"1": "released"})
+
+
+def test_an_estop_ends_a_parking(order: Any, tmp_path: Path) -> None:
+    guarded, folder = latched(order("a_device_action:park"), tmp_path)
+    link = GuardianLink(replace(guarded, timeout_s=50.0))
+    reports: list[dict[str, Any]] = []
+    thread = threading.Thread(target=lambda: reports.append(link.execute()))
+    thread.start()
+    while not (tmp_path / "done").exists():
+        time.sleep(0.01)
+    folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
+    thread.join(30.0)
+    assert reports[0]["joints"] == {"1": "release"}
+
+
+def test_an_estop_that_fails_is_reported_as_failed(order: Any, tmp_path: Path) -> None:
+    guarded, folder = latched(order("a_device_action:fail"), tmp_path)
+    link = GuardianLink(guarded)
+    latch = folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
+    assert not link.execute()["complete"]
+    report = EstopFiles(guarded.estop_files).read_report("/arm", latch.identifier)
+    assert report is not None
+    assert not report.complete
+    assert "no port" in report.detail
+
+
+@pytest.mark.parametrize(
+    ("action", "detail"),
+    [
+        ("a_device_action:park", "the safe-stop action did not return within 1.6 s"),
+        ("a_device_action:die", "the safe-stop action ended its process without a report"),
+    ],
+)
+def test_an_action_that_never_reports_is_ended(order: Any, action: str, detail: str) -> None:
+    report = GuardianLink(replace(order(action), timeout_s=0.1)).execute()
+    assert (report["complete"], report["detail"]) == (False, detail)
 
 
 class Driver(DriverProcess):
