@@ -116,8 +116,10 @@ def test_an_end_counts_once_the_joint_has_come_back_from_it(hand: Hand):
     assert (joint.low_found, joint.high_found) == (True, False)
     hand.procedure.confirm()
     assert "base: its high end is not certain yet" in message(hand)
+    assert hand.procedure.view().joints[0].note == "not accepted yet"
     hand.move({0: 5150})
     assert hand.procedure.view().ready
+    assert message(hand) == hand.procedure.view().joints[0].note == ""
 
 
 def test_starting_at_a_stop_is_no_end(hand: Hand):

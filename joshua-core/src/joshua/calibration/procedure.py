@@ -21,6 +21,7 @@ STEADY = 1 / 256  # of a turn: how far a joint that is held still may move
 TOGETHER = 1 / 18  # of a turn: how far the others may move while one is swept
 BEYOND = 1 / 120  # of a turn: how far a joint may later be seen beyond its range
 
+NOT_ACCEPTED = "not accepted yet"
 HOMING_TEXT = (
     "Hold the arm so that every joint is in the middle of its range, then confirm. "
     "Torque is off: the arm drops where you let it go."
@@ -185,6 +186,9 @@ class Procedure:
                 f"Readings were lost for {gap_s:.1f} s while {self.names[index]} moved. "
                 "Move it through its range once more."
             )
+        if self._notes[index] == NOT_ACCEPTED and self._refusal(index) is None:
+            self._notes[index] = ""  # what was missing has been made up for
+            self._say("")
         for other, track in enumerate(self._tracks):
             way = abs(track.position - self._baselines[other])
             if other == index or way <= self._ticks(other, TOGETHER):
@@ -261,7 +265,7 @@ class Procedure:
         refusal = self._refusal(index)
         if refusal is not None:
             self._refuse(f"{refusal}{self._swapped(index)}.")
-            self._notes[index] = "not accepted yet"
+            self._notes[index] = NOT_ACCEPTED
             return
         self._done[index] = True
         self._notes[index] = "smaller than usual" if self._sweeps[index].is_short else ""
