@@ -12,7 +12,7 @@ from joshua.generator.resolution import Resolved
 from joshua.generator.safety import safety_context
 from joshua.generator.services import PHYSICS_BLOCKS, PHYSICS_GROUP
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
-from joshua.plugins import ProvisionKind, Registry
+from joshua.plugins import Provision, ProvisionKind, Registry
 from joshua.plugins.targets import behaviour_of
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
@@ -77,6 +77,7 @@ class NodePlanner:
             context=resolved.context
             | self._shared_context(want)
             | safety_context(want, provision)
+            | _times(provision)
             | ({"terminal": True} if provision.terminal else {}),
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
@@ -139,3 +140,9 @@ class NodePlanner:
             and endpoint.topic in spoken
             and isinstance(endpoint.entry.owner, pb.SingleAction)
         ]
+
+
+def _times(provision: Provision) -> dict[str, float]:
+    """What the supervisor grants a device of this kind beyond the usual."""
+    times = {"hang_after_s": provision.hang_after_s, "ready_timeout_s": provision.ready_timeout_s}
+    return {name: value for name, value in times.items() if value}

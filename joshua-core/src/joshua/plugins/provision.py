@@ -49,6 +49,9 @@ class Provision:
             simulated devices in their place, and returns the ``CoupledArm`` of each emulated bus by node
             name; "" if none.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
+        hang_after_s: silence of the node's loop that counts as a hang, for a device that waits for a radio
+            and stops by itself when nothing comes; 0 takes the one of the kind.
+        ready_timeout_s: time that the node may take to open its device; 0 takes the one of the kind.
         terminal: the node reads the terminal that the run was started from; one node of a run may.
     """
 
@@ -67,4 +70,6 @@ class Provision:
     packaged_files: str = ""
     stand_in: str = ""
     virtual: bool = False
+    hang_after_s: float = 0.0
+    ready_timeout_s: float = 0.0
     terminal: bool = False
