@@ -104,6 +104,14 @@ def test_a_calibrated_arm_of_a_file_is_opened_and_left_without_torque(
     assert not arm_emulator.log("write")
 
 
+def test_a_file_can_be_checked_without_opening_its_devices(
+    arm_emulator: EmulatedBus, config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(arm_emulator, "--config", str(config), "--no-scan") == 0
+    assert "devices: " not in capsys.readouterr().out
+    assert arm_emulator.ask("state")["reads"] == 0
+
+
 def test_missing_motors_and_another_calibration_are_errors(
     arm_emulator: EmulatedBus, config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -252,3 +252,12 @@ def test_a_file_that_cannot_be_written_is_put_back(
 
     monkeypatch.setattr(write_command, "_check", refuse)
     assert "the file was put back: it reads back otherwise" in refused(tmp_path, config, capsys)
+
+
+def test_without_any_adapter_there_is_nothing_to_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "robot.pbtxt"
+    config.write_text(CONFIG)
+    error = refused(tmp_path, config, capsys, "--node", "leader_arm", code=4)
+    assert "leader_arm: PORT_L is not plugged in, nor is any other adapter: plug it in first" in error

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", dest="ports", metavar="PATH", action="append", default=[], help="look at this port only"
     )
-    parser.add_argument("--no-scan", action="store_true", help="send nothing to devices")
+    parser.add_argument("--no-scan", action="store_true", help="open no device and send nothing")
     parser.add_argument(
         "--udev",
         metavar="PATH",
@@ -82,7 +82,7 @@ def _of_configuration(arguments: argparse.Namespace) -> Iterator[Finding]:
     from joshua.generator.request import Purpose
 
     examination = examine(request_of(arguments, Purpose.SHOW))
-    yield from check_configuration(examination)
+    yield from check_configuration(examination, opens=not arguments.no_scan)
 
 
 def _of_ports(arguments: argparse.Namespace, host: Host) -> Iterator[Finding]:

@@ -23,8 +23,8 @@ NAME = "devices"
 WARN = 1  # of diagnostic_msgs/msg/DiagnosticStatus; above it are errors
 
 
-def check_configuration(examination: Examination) -> Iterator[Finding]:
-    """One finding for each error of the file; else one or more for each actuator."""
+def check_configuration(examination: Examination, *, opens: bool) -> Iterator[Finding]:
+    """One finding for each error of the file; else, where devices may be opened, some for each actuator."""
     for diagnostic in examination.errors:
         place = f"{diagnostic.position}: " if diagnostic.position else ""
         missing = diagnostic.code in ("plugin-missing", "extra-missing")
@@ -36,7 +36,7 @@ def check_configuration(examination: Examination) -> Iterator[Finding]:
             diagnostic.remedy,
             ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID,
         )
-    if examination.plan is None:
+    if examination.plan is None or not opens:
         return
     for spec in examination.plan.nodes:
         if spec.kind is NodeKind.ACTUATOR:

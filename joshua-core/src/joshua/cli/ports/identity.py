@@ -59,7 +59,11 @@ def adapter_of(
             return entry
     if is_named and len(ports) == 1:
         return ports[0]
-    listing = "".join(f"\n    {port}" for port in ports) or " none"
+    if not ports:
+        raise Ambiguous(
+            f"{node.node}: {endpoint} is not plugged in, nor is any other adapter: plug it in first"
+        )
+    listing = "".join(f"\n    {port}" for port in ports)
     raise Ambiguous(
         f"{node.node}: {endpoint} is not plugged in, and it cannot be told which adapter is meant. "
         f"Adapters here:{listing}\n  name one: --node {node.node} --port PATH"
