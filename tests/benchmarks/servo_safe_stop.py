@@ -4,17 +4,20 @@ A driver process moves an emulated arm; a second process waits at a pipe, as a g
 safe stop when the driver has been killed. Times are of the monotonic clock, which all processes share; the
 end is the emulator's own record of the last motor that lost its torque, or of the last goal that held it.
 The time that the second process needs to notice the death is part of the figure.
-Run: python tests/benchmarks/sts3215_safe_stop.py
+Both families of servo buses are measured.
+Run: python tests/benchmarks/servo_safe_stop.py
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import signal
 import statistics
 import subprocess
 import sys
 import time
+from typing import Any
 
 from joshua.devices.servo.safe_stop import SafeStopRequest
 from joshua_emulator import EmulatedBus
@@ -22,11 +25,23 @@ from joshua_emulator import EmulatedBus
 ROUNDS = 12
 IDS = (1, 2, 3, 4, 5, 6)
 
+# Options of the emulator, package and class names of the driver, and what its settings need besides.
+FAMILIES: dict[str, tuple[dict[str, Any], str, str, dict[str, Any]]] = {
+    "STS3215": ({"arm": "so_arm100"}, "joshua_sts3215", "Sts3215", {}),
+    "Dynamixel": (
+        {"protocol": "dynamixel", "arm": "koch"},
+        "joshua_dynamixel",
+        "Dynamixel",
+        {"models": ["xl330-m077"]},
+    ),
+}
+
 DRIVER = """
-import sys, json, numpy as np
-from joshua_sts3215.actuator import Sts3215Actuator
-from joshua_sts3215.settings import Sts3215Settings
-arm = Sts3215Actuator(Sts3215Settings.model_validate_json(sys.argv[1]))
+import importlib, sys, json, numpy as np
+package, name = sys.argv[2:]
+actuator = getattr(importlib.import_module(package + ".actuator"), name + "Actuator")
+settings = getattr(importlib.import_module(package + ".settings"), name + "Settings")
+arm = actuator(settings.model_validate_json(sys.argv[1]))
 arm.connect()
 arm.enable()
 print("driving", flush=True)
@@ -38,8 +53,9 @@ while True:
 """
 
 GUARDIAN = """
-import sys
-from joshua_sts3215.safe_stop import SafeStopRequest, run
+import importlib, sys
+from joshua.devices.servo.safe_stop import SafeStopRequest
+run = importlib.import_module(sys.argv[2] + ".safe_stop").run
 request = SafeStopRequest.from_json(sys.argv[1])
 print("watching", flush=True)
 sys.stdin.buffer.read()
@@ -47,21 +63,25 @@ print(run(request).to_json(), flush=True)
 """
 
 
-def one_round(action: str) -> tuple[float, float]:
+def one_round(family: str, action: str) -> tuple[float, float]:
     """Kills a driver once; returns seconds until the state was on the wire and until it was verified."""
-    with EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM1") as emulator:
+    options, package, name, further = FAMILIES[family]
+    with EmulatedBus(calibrated=True, identity="ARM1", **options) as emulator:
         settings = {
             "port": emulator.port,
             "device_root": str(emulator.root),
             "motor_ids": IDS,
             "calibration": emulator.calibration(),
+            **further,
         }
         request = SafeStopRequest(action, IDS, path=emulator.port, device_root=str(emulator.root))
         driver = subprocess.Popen(
-            [sys.executable, "-c", DRIVER, json.dumps(settings)], stdout=subprocess.PIPE, text=True
+            [sys.executable, "-c", DRIVER, json.dumps(settings), package, name],
+            stdout=subprocess.PIPE,
+            text=True,
         )
         guardian = subprocess.Popen(
-            [sys.executable, "-c", GUARDIAN, request.to_json()],
+            [sys.executable, "-c", GUARDIAN, request.to_json(), package],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -92,11 +112,11 @@ def one_round(action: str) -> tuple[float, float]:
 
 def main() -> None:
     """Prints the figures of each action."""
-    for action in ("RELEASE", "HOLD"):
-        rounds = [one_round(action) for _ in range(ROUNDS)]
+    for family, action in itertools.product(FAMILIES, ("RELEASE", "HOLD")):
+        rounds = [one_round(family, action) for _ in range(ROUNDS)]
         applied, verified = zip(*rounds, strict=True)
         print(
-            f"{action:<8} SIGKILL to the wire: median {statistics.median(applied) * 1e3:.1f} ms, "
+            f"{family:<10}{action:<8} SIGKILL to the wire: median {statistics.median(applied) * 1e3:.1f} ms, "
             f"max {max(applied) * 1e3:.1f} ms; verified by reading back: median "
             f"{statistics.median(verified) * 1e3:.1f} ms, max {max(verified) * 1e3:.1f} ms ({ROUNDS} rounds)"
         )
