@@ -36,12 +36,12 @@ class Ear:
         while True:  # the run hosts the router
             assert alive()
             assert time.monotonic() < deadline_s
-            self._transport = open_transport(spec)
-            if self._transport.connected:
+            self.transport = open_transport(spec)
+            if self.transport.connected:
                 break
-            self._transport.close()
+            self.transport.close()
             time.sleep(0.1)
-        self._transport.create_node("ear").create_subscription(topic, JOINT_STATE, QosProfile(), self._hear)
+        self.transport.create_node("ear").create_subscription(topic, JOINT_STATE, QosProfile(), self._hear)
 
     def _hear(self, sample: Any) -> None:
         message = decode(JOINT_STATE, sample.cdr)
@@ -57,7 +57,7 @@ class Ear:
         return self.positions[-1][joint]
 
     def close(self) -> None:
-        self._transport.close()
+        self.transport.close()
 
 
 @pytest.fixture
@@ -279,3 +279,61 @@ def test_a_person_takes_over_and_gives_back(
     assert run.returncode == 0, said
     assert said.count("/gamepad takes over") == 1
     assert said.count("/gamepad has been silent for 0.5 s: other commands count again") == 1
+
+
+KEYBOARD_JOY = """
+general { mode: MODE_TELEOPERATE id: "bench" }
+robot {
+  actions {
+    node {
+      node_name: "arm" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/command" }
+    }
+    action_type: ACTION_SINGLE
+    mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+  perceptions {
+    node {
+      node_name: "keyboard" node_id: 2
+      publishers { data_type: JOINT_STATE topic_name: "/command" publish_rate_hz: 50 }
+      publishers { data_type: JOY topic_name: "/joy" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" }
+    }
+    perception_type: PERCEPTION_KEYBOARD
+    keyboard_config {
+      controls { positive: "up" negative: "down" joint: "joint_1" speed_rad_s: 1 }
+      controls { positive: "x" joint: "joint_2" speed_rad_s: -1 }
+    }
+  }
+}
+"""
+
+
+def test_the_keys_as_a_joy_and_arrows_without_a_switch(
+    in_terminal: Callable[..., TerminalRun], joshua_run: JoshuaProgram, joshua_domain_id: int, tmp_path: Path
+) -> None:
+    (tmp_path / "robot.pbtxt").write_text(KEYBOARD_JOY)
+    run = in_terminal("--config", str(tmp_path / "robot.pbtxt"))
+    run.wait_for("all 2 nodes ready")
+    joys: list[tuple[list[float], list[int]]] = []
+
+    def hear(sample: Any) -> None:
+        message = decode("sensor_msgs/msg/Joy", sample.cdr)
+        joys.append((list(map(float, message.axes)), list(map(int, message.buttons))))
+
+    ear = Ear(joshua_run, joshua_domain_id, "/arm/joint_states", run.look)
+    try:
+        node = ear.transport.create_node("second_ear")
+        node.create_subscription("/joy", "sensor_msgs/msg/Joy", QosProfile(), hear)
+        run.wait(lambda: joys and ear.positions, "both topics")
+        assert joys[-1] == ([0.0, 0.0], [0, 0, 0])
+        run.wait(lambda: joys[-1] == ([-1.0, 0.0], [0, 1, 0]), "the arrow", keys="\x1b[B")
+        run.wait(lambda: ear.now("joint_1") < -0.1, "the motion", keys="\x1b[B")
+        run.wait(lambda: joys[-1] == ([0.0, 1.0], [0, 0, 1]), "the letter", keys="x")
+        run.wait(lambda: ear.now("joint_2") < -0.1, "the motion", keys="x")
+        run.wait(lambda: joys[-1] == ([0.0, 0.0], [0, 0, 0]), "the release")
+    finally:
+        ear.close()
+    run.type("\x03")
+    assert run.end() == 0, run.text

@@ -62,6 +62,14 @@ def test_a_joint_that_the_actuator_lacks_is_found_with_the_nearest(tmp_path: Pat
     assert set(found.allowed) == {"joint_1", "joint_2"}
 
 
+def test_every_wrong_name_is_found_in_one_run(tmp_path: Path) -> None:
+    path = Path(write(tmp_path, "joint_3"))
+    path.write_text(path.read_text().replace('positive: "d"', 'positive: "dd"'))
+    found = [item for item in examine(Request(str(path))).diagnostics if item.code == "invalid-setting"]
+    assert [item.field_path.rpartition(".")[2] for item in found] == ["positive", "joint"]
+    assert all(item.position is not None and item.remedy for item in found)
+
+
 def test_names_of_an_arm_without_calibration_are_not_judged(tmp_path: Path) -> None:
     text = Path(write(tmp_path, "shoulder_pan")).read_text()
     real = """sts3215_config { comm { serial { port: "/dev/ttyACM0" baudrate: 1000000 } } motor_ids: [1]

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 def refusal(error: ValidationError) -> FieldError:
     (detail,) = error.errors()
-    found = detail["ctx"]["error"]
+    (found,) = detail["ctx"]["error"].errors
     assert isinstance(found, FieldError)
     return found
 

@@ -53,14 +53,26 @@ class FieldError(ValueError):
         self.remedy = remedy
 
 
+class FieldErrors(ValueError):
+    """Several rules are broken; raised by a validator that has looked at everything before it complains.
+
+    Args:
+        errors: at least one.
+    """
+
+    def __init__(self, errors: Sequence[FieldError]) -> None:
+        super().__init__("; ".join(str(error) for error in errors))
+        self.errors = tuple(errors)
+
+
 class BlockSettings(BaseModel):
     """Base class of settings: frozen, JSON-able, SI units.
 
     Each setting takes the field of the same name from the block, or the one that ``FromField`` names,
     converted. Defaults and ranges are not repeated: an omitted field has the default of its ``FieldRule``,
     and ranges are checked from the rules before a settings model is made. Validators add rules across
-    fields and raise ``FieldError``. ``si_values`` is the place for values that more than one field,
-    the node or the plan's context decide.
+    fields and raise ``FieldError``, or ``FieldErrors`` for several. ``si_values`` is the place for values
+    that more than one field, the node or the plan's context decide.
 
     A settings module is imported while a file is validated: it imports no driver and nothing heavy.
     """
@@ -168,17 +180,17 @@ def settings_diagnostics(
 
     values = block_values(block)
     diagnostics = []
+    problems: list[FieldError] = []
     for detail in error.errors(include_url=False):
-        context = detail.get("ctx", {})
-        problem = context.get("error")
-        if isinstance(problem, FieldError):
-            inner, message = problem.field, str(problem)
-            allowed, remedy = problem.allowed, problem.remedy
+        problem = detail.get("ctx", {}).get("error")
+        if isinstance(problem, FieldErrors):
+            problems += problem.errors
+        elif isinstance(problem, FieldError):
+            problems.append(problem)
         else:
-            inner = _block_path(detail["loc"], settings_type)
-            message = f"{inner or block.DESCRIPTOR.name}: {detail['msg'].removeprefix('Value error, ')}"
-            allowed = tuple(f"{_BOUNDS[key]} {value}" for key, value in context.items() if key in _BOUNDS)
-            remedy = ""
+            problems.append(_field_error(detail, settings_type, block))
+    for problem in problems:
+        inner, message = problem.field, str(problem)
         path = ".".join(part for part in (field_path, inner) if part)
         found = _look_up(values, inner) if inner else None
         diagnostics.append(
@@ -189,9 +201,9 @@ def settings_diagnostics(
                 position=_nearest_position(positions, path),
                 field_path=path,
                 found="" if found is None else _as_text(found),
-                allowed=allowed,
+                allowed=problem.allowed,
                 remedy=as_instruction(
-                    remedy or "Change the value; joshua explain shows what the field means"
+                    problem.remedy or "Change the value; joshua explain shows what the field means"
                 ),
             )
         )
@@ -207,6 +219,16 @@ _BOUNDS = {
     "max_length": "a length of at most",
     "expected": "one of",
 }
+
+
+def _field_error(detail: Any, settings_type: type[BlockSettings], block: Message) -> FieldError:
+    """What pydantic itself has found, as a broken rule."""
+    inner = _block_path(detail["loc"], settings_type)
+    message = f"{inner or block.DESCRIPTOR.name}: {detail['msg'].removeprefix('Value error, ')}"
+    bounds = detail.get("ctx", {}).items()
+    return FieldError(
+        inner, message, allowed=[f"{_BOUNDS[key]} {value}" for key, value in bounds if key in _BOUNDS]
+    )
 
 
 def _source(name: str, field: FieldInfo) -> FromField:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from google.protobuf.message import Message
 from joshua.config.nearest import nearest_first
-from joshua.plugins.settings import BlockSettings, FieldError
+from joshua.plugins.settings import BlockSettings, FieldError, FieldErrors
 from joshua.schema.data_type_names import TYPE_NAMES
 from pydantic import BaseModel, ConfigDict, model_validator
+from typing_extensions import Self
 
 from joshua_teleop_input.codes import AXES, BUTTONS
 from joshua_teleop_input.keys import HELP_KEY, NAMED_KEYS, canonical_key
-from joshua_teleop_input.layout import AXIS_NAMES, STANDARD_NAMES
+from joshua_teleop_input.layout import STANDARD_NAMES, STICKS
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
@@ -68,10 +69,17 @@ class InputSettings(BlockSettings):
             "hears_state": JOINT_STATE in _types(getattr(node, "subscriptions", ())),
         }
 
-    def check_controls(self) -> None:
-        """Refuses joints that the actuator does not have, and commands without the joints' state."""
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        found = list(self.problems())
+        if found:
+            raise FieldErrors(found)
+        return self
+
+    def problems(self) -> Iterator[FieldError]:
+        """Joints that the actuator does not have, and commands without the joints' state."""
         if self.drives and self.controls and not self.hears_state:
-            raise FieldError(
+            yield FieldError(
                 "controls",
                 "a joint is moved from where it is, and the node does not hear where that is",
                 remedy="add subscriptions { data_type: JOINT_STATE topic_name: … } with the topic that the "
@@ -79,7 +87,7 @@ class InputSettings(BlockSettings):
             )
         for index, control in enumerate(self.controls):
             if self.joints and control.joint not in self.joints:
-                raise FieldError(
+                yield FieldError(
                     f"controls[{index}].joint",
                     f"the actuator has no joint named {control.joint!r}",
                     allowed=nearest_first(control.joint, self.joints),
@@ -104,44 +112,36 @@ class GamepadSettings(InputSettings):
     enable_button: str
     mapping: tuple[MappingSettings, ...] = ()
 
-    @model_validator(mode="after")
-    def _check(self) -> GamepadSettings:
+    def problems(self) -> Iterator[FieldError]:
+        """Names that no gamepad has, and what all input devices share."""
         for index, entry in enumerate(self.mapping):
-            self._check_mapping(index, entry)
+            yield from self._mapping_problems(index, entry)
         names = (*STANDARD_NAMES, *(entry.name for entry in self.mapping))
-        axes = (*AXIS_NAMES, *(entry.name for entry in self.mapping if entry.source in AXES))
         for index, control in enumerate(self.controls):
             for field, name in (("positive", control.positive), ("negative", control.negative)):
-                if name:
-                    _require(f"controls[{index}].{field}", name, names, "axis or button")
-        for field, name in (
-            ("dead_man_button", self.dead_man_button),
-            ("enable_button", self.enable_button),
-        ):
-            if name:
-                _require(field, name, [item for item in names if item not in axes[:4]], "button")
+                yield from _unknown(f"controls[{index}].{field}", name, names, "axis or button")
+        buttons = [name for name in names if name not in STICKS]
+        yield from _unknown("dead_man_button", self.dead_man_button, buttons, "button")
+        yield from _unknown("enable_button", self.enable_button, buttons, "button")
         if self.enable_button and self.enable_button == self.dead_man_button:
-            raise FieldError(
+            yield FieldError(
                 "enable_button",
                 "one button cannot be the dead-man button and the switch",
                 remedy="name another button, or remove one of the two fields",
             )
-        self.check_controls()
-        return self
+        yield from super().problems()
 
-    def _check_mapping(self, index: int, entry: MappingSettings) -> None:
+    def _mapping_problems(self, index: int, entry: MappingSettings) -> Iterator[FieldError]:
         if entry.source not in AXES and entry.source not in BUTTONS:
-            raise FieldError(
+            yield FieldError(
                 f"mapping[{index}].source",
                 f"the kernel has no axis or button of a gamepad named {entry.source!r}",
                 allowed=nearest_first(entry.source, (*AXES, *BUTTONS))[:12],
                 remedy="joshua find-gamepads --watch shows the name of what you press",
             )
         if [other.name for other in self.mapping].index(entry.name) != index:
-            raise FieldError(
-                f"mapping[{index}].name",
-                f"{entry.name} is mapped twice",
-                remedy="remove one of the entries",
+            yield FieldError(
+                f"mapping[{index}].name", f"{entry.name} is mapped twice", remedy="remove one of the entries"
             )
 
 
@@ -157,31 +157,27 @@ class KeyboardSettings(InputSettings):
     key_hold_s: float
     enable_key: str
 
-    @model_validator(mode="after")
-    def _check(self) -> KeyboardSettings:
+    def problems(self) -> Iterator[FieldError]:
+        """Names that are no keys, keys that stand twice, and what all input devices share."""
         used: dict[str, str] = {}
         for field, name in self._keys():
-            if canonical_key(name) is None:
-                raise FieldError(
+            key = canonical_key(name)
+            if key is None:
+                yield FieldError(
                     field,
                     f"{name!r} is no key",
                     allowed=("a single character", *nearest_first(name, NAMED_KEYS)),
                     remedy="write one character, or the name of a key",
                 )
-            key = str(canonical_key(name))
-            if key == HELP_KEY:
-                raise FieldError(
-                    field, f"{HELP_KEY} shows the help and cannot drive", remedy="take another key"
-                )
-            if key in used:
-                raise FieldError(
-                    field,
-                    f"the key {name} stands at {used[key]}, too",
-                    remedy="take another key for one of them",
-                )
-            used[key] = field
-        self.check_controls()
-        return self
+            elif key == HELP_KEY:
+                remedy = "take another key"
+                yield FieldError(field, f"{HELP_KEY} shows the help and cannot drive", remedy=remedy)
+            elif key in used:
+                remedy = "take another key for one of them"
+                yield FieldError(field, f"the key {name} stands at {used[key]}, too", remedy=remedy)
+            else:
+                used[key] = field
+        yield from super().problems()
 
     def _keys(self) -> list[tuple[str, str]]:
         keys = [
@@ -193,9 +189,9 @@ class KeyboardSettings(InputSettings):
         return [*keys, *([("enable_key", self.enable_key)] if self.enable_key else [])]
 
 
-def _require(field: str, name: str, allowed: Sequence[str], what: str) -> None:
-    if name not in allowed:
-        raise FieldError(
+def _unknown(field: str, name: str, allowed: Sequence[str], what: str) -> Iterator[FieldError]:
+    if name and name not in allowed:
+        yield FieldError(
             field,
             f"a gamepad has no {what} named {name!r}",
             allowed=nearest_first(name, allowed),
