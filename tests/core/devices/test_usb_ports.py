@@ -88,3 +88,5 @@ def test_an_adapter_that_moved_is_found_by_what_its_calibration_remembers(tmp_pa
     assert resolve(Endpoint(gone, device_root=root, known_as="usb:L1")).path == other
     assert Endpoint(gone, known_as="usb:L1").is_lasting
     assert not Endpoint(gone).is_lasting
+    assert Endpoint("/dev/joshua/left_arm").is_lasting
+    assert not Endpoint("/dev/cu.usbmodem5A").is_lasting

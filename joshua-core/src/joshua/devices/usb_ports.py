@@ -64,8 +64,8 @@ class Endpoint:
 
     @property
     def is_lasting(self) -> bool:
-        """Whether the adapter is found wherever it is plugged in."""
-        return bool(self.serial_number or self.vid_pid or self.known_as) or "/by-id/" in self.path
+        """Whether the adapter is found again: by its identity, or by a name that a rule gives it."""
+        return bool(self.serial_number or self.vid_pid or self.known_as) or is_lasting_name(self.path)
 
     def __str__(self) -> str:
         parts = [
@@ -73,6 +73,11 @@ class Endpoint:
             f"vid_pid {self.vid_pid}" if self.vid_pid else "",
         ]
         return " and ".join(part for part in parts if part) or self.path
+
+
+def is_lasting_name(path: str) -> bool:
+    """Whether a path is a name that udev keeps for one adapter, not one in the order of plugging in."""
+    return bool(path) and not Path(path).name.startswith(("tty", "cu."))
 
 
 def list_ports(device_root: str = "/") -> list[PortEntry]:

@@ -261,3 +261,16 @@ def test_without_any_adapter_there_is_nothing_to_write(
     config.write_text(CONFIG)
     error = refused(tmp_path, config, capsys, "--node", "leader_arm", code=4)
     assert "leader_arm: PORT_L is not plugged in, nor is any other adapter: plug it in first" in error
+
+
+def test_the_name_that_a_rule_gives_is_lasting(
+    tmp_path: Path, config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = plug(tmp_path, "ttyUSB0", "", "1a86:7523")
+    plug(tmp_path, "ttyUSB1", "", "1a86:7523")
+    name = tmp_path / "dev/joshua/leader_arm"
+    name.parent.mkdir()
+    name.symlink_to(first)
+    config.write_text(config.read_text().replace(str(tmp_path / "dev/ttyACM0"), str(name)))
+    assert run(tmp_path, "--write", str(config), "--node", "leader_arm") == 0
+    assert "nothing to write" in capsys.readouterr().out

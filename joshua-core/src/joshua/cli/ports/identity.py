@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from joshua.devices.serial_errors import PortNotFound
-from joshua.devices.usb_ports import Endpoint, PortEntry, resolve
+from joshua.devices.usb_ports import Endpoint, PortEntry, is_lasting_name, resolve
 
 
 class Ambiguous(Exception):
@@ -94,6 +95,8 @@ def lasting_name(entry: PortEntry, ports: Sequence[PortEntry], node: NodePort) -
         if len(equal) < 2:
             return {"vid_pid": entry.vid_pid}
         kind = f"no serial number, and the product {entry.vid_pid}"
+    if is_lasting_name(node.port) and Path(node.port).exists():
+        return {}  # a rule names it by its socket, and the file has taken that name over
     paths = ", ".join(port.path for port in equal)
     raise Ambiguous(
         f"{node.node}: {len(equal)} adapters have {kind} ({paths}), so it does not tell them apart. "
