@@ -103,6 +103,20 @@ def test_resume_is_refused_until_the_cause_is_gone(
         assert rig.energised() == {True}
 
 
+def test_resume_is_refused_while_the_motor_check_fails(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        rig.follower.fault("overload", 3)
+        wait_for_state(rig, "fault")
+        rig.follower.ask("set_register", id=2, name="mode", value=1)
+        refused = rig.joshua("resume", "follower_arm")
+        assert refused.returncode == 4
+        assert "the check of the device failed" in refused.stderr
+        assert "id 2 works in mode 1, expected 0 (position)" in refused.stderr
+        assert rig.energised() == {False}
+        rig.follower.ask("set_register", id=2, name="mode", value=0)
+        assert rig.joshua("resume", "follower_arm").returncode == 0
+
+
 def test_a_held_arm_is_resumed_without_falling(tmp_path: Path, joshua_domain_id: int) -> None:
     """Its driver was killed, its guardian holds it, its next driver takes it over."""
     with running(tmp_path, joshua_domain_id, HOLD) as rig:

@@ -163,6 +163,17 @@ def test_one_of_several_is_stopped(shell: Shell) -> None:
     assert (states["/desk_arm"], states["/shelf_arm"]) == ("ready", "fault")
 
 
+def test_the_same_robot_under_another_file_is_stopped(shell: Shell) -> None:
+    running = shell.start("desk")
+    other = shell.folder / "copy.pbtxt"
+    other.write_text(running.read_text())
+    result = shell.joshua("estop", "--config", str(other))
+    assert result.returncode == 0, result.stderr
+    assert f"e-stop latched: {running} (process" in result.stdout
+    assert "read back from 2 joints by its driver" in result.stdout
+    assert shell.states()["/desk_arm"] == "fault"
+
+
 def test_nothing_runs(shell: Shell) -> None:
     result = shell.joshua("estop")
     assert result.returncode == 1

@@ -70,7 +70,7 @@ def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) 
     """Latches the e-stop of the chosen systems, all at once, and waits for what each device says."""
     systems = _systems(base, word)
     if not systems and getattr(args, "config", None):
-        return stop_file(latches, args)
+        return stop_file(base, latches, args)
     if not systems:
         known = _systems(base, "")
         problem = f"no system {word!r} runs" if known else "nothing runs"
@@ -80,6 +80,11 @@ def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) 
         )
         sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
         return ExitCode.INVALID if known else ExitCode.FAILED
+    return stop_systems(systems, latches, args.timeout)
+
+
+def stop_systems(systems: list[RunningSystem], latches: LatchFolder, timeout_s: float) -> int:
+    """Latches the e-stops first, then waits for each system."""
     latched = []
     for system in systems:
         info = system.info
@@ -87,7 +92,7 @@ def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) 
     good = True
     for system, latch in latched:
         silence = system.notify()
-        reports = system.wait(latch, latches, args.timeout)
+        reports = system.wait(latch, latches, timeout_s)
         good &= _show(f"{system.info.source} (process {system.info.process_id})", reports)
         if silence:
             sys.stderr.write(
@@ -98,12 +103,16 @@ def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) 
     return ExitCode.OK if good else ExitCode.HARDWARE
 
 
-def stop_file(latches: LatchFolder, args: argparse.Namespace) -> int:
-    """Latches the e-stop of a file that does not run, and releases its actuators from here."""
+def stop_file(base: Path, latches: LatchFolder, args: argparse.Namespace) -> int:
+    """Latches the e-stop of a file that does not run, and releases its actuators from here.
+
+    A run of the same robot under another file is stopped as such.
+    """
     from joshua.cli.estop import offline
     from joshua.cli.report import exit_code_of, request_of, show_findings
     from joshua.generator.examination import examine
     from joshua.generator.request import Purpose
+    from joshua.guardian.latch import Subject
 
     for name, value in (("overrides", []), ("blocked_plugins", []), ("host", None), ("format", "text")):
         setattr(args, name, getattr(args, name, value))
@@ -114,6 +123,10 @@ def stop_file(latches: LatchFolder, args: argparse.Namespace) -> int:
         sys.stderr.write("joshua estop: the file names no devices to reach: nothing was stopped\n")
         return exit_code_of(examination)
     specs = offline.actuators(plan)
+    subjects = [Subject(plan.robot_id, plan.transport.domain_id, spec.full_name) for spec in specs]
+    same = [system for system in _systems(base, "") if any(map(system.concerns, subjects))]
+    if same:
+        return stop_systems(same, latches, args.timeout)
     source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
     nodes = [spec.full_name for spec in specs]
     latch = latches.set(plan.robot_id, source, plan.transport.domain_id, nodes)

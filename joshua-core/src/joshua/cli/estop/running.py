@@ -12,7 +12,7 @@ from joshua.guardian.estop_files import FOLDER_NAME, EstopFiles, EstopReport
 
 if TYPE_CHECKING:
     from joshua.generator.run_directory import RunInfo
-    from joshua.guardian.latch import Latch, LatchFolder
+    from joshua.guardian.latch import Latch, LatchFolder, Subject
 
 #: After this time a device whose driver and guardian have not answered is opened here.
 DIRECT_AFTER_S = 1.5
@@ -37,6 +37,11 @@ class RunningSystem:
         # A run that ends meanwhile takes its directory along.
         self._orders = {node: self._files.read_order(node) for node in info.actuators}
         self._reached: dict[str, EstopReport | None] = {}
+
+    def concerns(self, subject: Subject) -> bool:
+        """Whether an actuator of another file belongs to the robot of this run."""
+        same_node = (self.info.domain_id, True) == (subject.domain_id, subject.node in self.info.actuators)
+        return same_node or bool(self.info.robot and self.info.robot == subject.robot)
 
     def notify(self, *, released: bool = False) -> str:
         """Has the run's log say what happened; returns why that failed, "" where it did not."""
