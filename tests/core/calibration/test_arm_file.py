@@ -82,6 +82,19 @@ def test_what_is_prepared_changes_nothing_before_it_is_committed(tmp_path: Path)
     assert os.listdir(tmp_path) == ["rig.pbtxt"]
 
 
+def test_two_runs_do_not_lose_each_others_entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    file = ArmFile(tmp_path / "rig.pbtxt")
+    (tmp_path / ".rig.pbtxt.killed.new").write_text("left over")
+    first = file.prepare("leader_arm", NEW)
+    monkeypatch.setattr("joshua.calibration.arm_file.LOCK_TIMEOUT_S", 0.1)
+    with pytest.raises(FileRefused, match="another program is writing into its folder"):
+        file.prepare("follower_arm", NEW)
+    first.commit()
+    save(file, "follower_arm")
+    assert file.arm("leader_arm") == file.arm("follower_arm") == NEW
+    assert os.listdir(tmp_path) == ["rig.pbtxt"]
+
+
 def test_a_link_stays_a_link_and_the_mode_stays(tmp_path: Path):
     (tmp_path / "real.pbtxt").write_text("")
     (tmp_path / "real.pbtxt").chmod(0o640)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import tempfile
+import time
 from pathlib import Path
 
 from google.protobuf import text_format
@@ -19,6 +21,8 @@ from joshua.config.source import Source
 from joshua.config.syntax import Block, Field, ListValue, Scalar
 from joshua.devices.calibration import ArmCalibration
 from joshua.plan import Severity
+
+LOCK_TIMEOUT_S = 5.0
 
 HEADER = """# Calibration of the arms of one robot, written by joshua.
 # Every configuration with its general.id loads it.
@@ -52,19 +56,19 @@ class ArmFile:
         return _arm(self._load(), node_name, self.path)
 
     def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
-        """Writes the new content beside the file, where it waits for ``commit``.
+        """Writes the new content beside the file, where it waits for ``commit``; others wait meanwhile.
 
         Raises:
             FileRefused: the file cannot be read or written, or the new content would not be read back equal.
         """
-        text = self._text(node_name, calibration)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             target = self.path.resolve()
-            mode = target.stat().st_mode & 0o7777 if target.exists() else 0o644
-            handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".new", dir=target.parent)
-            prepared = PreparedFile(Path(name), target)
+            prepared = PreparedFile(target, _take(target))
             try:
+                text = self._text(node_name, calibration)
+                mode = target.stat().st_mode & 0o7777 if target.exists() else 0o644
+                handle, name = prepared.make_temporary()
                 with os.fdopen(handle, "wb") as file:
                     file.write(text.encode())
                     file.flush()
@@ -104,24 +108,67 @@ class ArmFile:
 
 
 class PreparedFile:
-    """New content that stands beside the file."""
+    """New content that stands beside the file; nobody else changes the file before ``commit`` or ``discard``.
 
-    def __init__(self, temporary: Path, target: Path) -> None:
-        self._temporary = temporary
+    Args:
+        target: the file; lock: descriptor of its folder, locked.
+    """
+
+    def __init__(self, target: Path, lock: int) -> None:
+        self._temporary: Path | None = None
         self._target = target
+        self._lock = lock
+
+    def make_temporary(self) -> tuple[int, str]:
+        """Makes the file for the new content; removes what runs that were killed have left."""
+        for left in self._target.parent.glob(f".{self._target.name}.*.new"):
+            left.unlink(missing_ok=True)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{self._target.name}.", suffix=".new", dir=self._target.parent
+        )
+        self._temporary = Path(name)
+        return handle, name
 
     def commit(self) -> None:
         """Puts the new content in the file's place in one step. Raises FileRefused; then nothing changed."""
+        assert self._temporary is not None
         try:
             self._temporary.replace(self._target)
         except OSError as error:
             raise FileRefused(f"{self._target}: cannot be replaced ({error.strerror})") from error
+        finally:
+            self._let_go()
         with contextlib.suppress(OSError):  # the content stands; only its survival of a power cut is at stake
             sync_folder(self._target.parent)
 
     def discard(self) -> None:
         """Removes the new content; does nothing after ``commit``."""
-        self._temporary.unlink(missing_ok=True)
+        if self._temporary is not None:
+            self._temporary.unlink(missing_ok=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        lock, self._lock = self._lock, -1
+        if lock >= 0:
+            os.close(lock)
+
+
+def _take(target: Path) -> int:
+    """Locks the folder of a file, so that two runs do not overwrite each other's entries."""
+    lock = os.open(target.parent, os.O_RDONLY | os.O_CLOEXEC)
+    deadline_s = time.monotonic() + LOCK_TIMEOUT_S
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > deadline_s:
+                os.close(lock)
+                raise FileRefused(
+                    f"{target}: another program is writing into its folder; wait until that is done"
+                ) from None
+            time.sleep(0.02)
+        else:
+            return lock
 
 
 def sync_folder(folder: Path) -> None:
