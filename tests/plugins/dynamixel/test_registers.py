@@ -1,4 +1,6 @@
+from joshua.config.field_facts import field_facts
 from joshua.devices.servo.register import Register
+from joshua.schema import config_pb2
 from joshua_dynamixel import registers
 from joshua_dynamixel.models import MODELS, model_name
 from joshua_emulator.dynamixel import models as emulated_models
@@ -18,6 +20,11 @@ def test_driver_and_emulator_agree_though_they_share_no_code() -> None:
     assert {(m.name, m.number) for m in MODELS.values()} == {
         (m.name, m.number) for m in emulated_models.MODELS.values()
     }
+
+
+def test_the_schema_allows_the_models_that_are_known() -> None:
+    (facts,) = [f for f in field_facts(config_pb2.DynamixelConfig.DESCRIPTOR) if f.name == "models"]
+    assert facts.allowed == tuple(MODELS)
 
 
 def test_everything_that_is_read_has_registers() -> None:

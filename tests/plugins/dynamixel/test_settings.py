@@ -50,12 +50,6 @@ def test_one_model_for_each_id() -> None:
             "2 models, one for each id",
         ),
         (
-            BLOCK.replace("xl330-m077", "xl320"),
-            "models[0]",
-            "xl320 is no model that the driver knows",
-            "xl330-m077",
-        ),
-        (
             BLOCK.replace("1000000", "500000"),
             "comm.serial.baudrate",
             "Dynamixel X-series servos have no line speed of 500000 bit/s",

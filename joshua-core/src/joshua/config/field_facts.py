@@ -32,7 +32,7 @@ class FieldFacts(NamedTuple):
         message_type: descriptor of the message type; None for scalars.
         enum: descriptor of the enum type, if it is one.
         unit, example, default: texts of the rule; minimum, maximum, above: bounds, None where open.
-        required, required_unless, allowed, min_items, max_items: further parts of the rule.
+        required, required_unless, allowed, may_repeat, min_items, max_items: further parts of the rule.
     """
 
     name: str
@@ -52,6 +52,7 @@ class FieldFacts(NamedTuple):
     above: float | None
     required: bool
     required_unless: tuple[str, ...]
+    may_repeat: bool
     allowed: tuple[str, ...]
     min_items: int
     max_items: int | None
@@ -142,6 +143,7 @@ def _read(field: FieldDescriptor) -> FieldFacts:
         above=rule.above if rule.HasField("above") else None,
         required=rule.required,
         required_unless=tuple(rule.required_unless),
+        may_repeat=rule.may_repeat,
         allowed=tuple(rule.allowed),
         min_items=rule.min_items,
         max_items=rule.max_items if rule.HasField("max_items") else None,

@@ -56,7 +56,7 @@ RULE_FIELD_NUMBER: _ClassVar[int]
 rule: _descriptor.FieldDescriptor
 
 class FieldRule(_message.Message):
-    __slots__ = ("unit", "min", "max", "above", "default", "required", "kind", "allowed", "example", "min_items", "max_items", "required_unless")
+    __slots__ = ("unit", "min", "max", "above", "default", "required", "kind", "allowed", "example", "min_items", "max_items", "required_unless", "may_repeat")
     UNIT_FIELD_NUMBER: _ClassVar[int]
     MIN_FIELD_NUMBER: _ClassVar[int]
     MAX_FIELD_NUMBER: _ClassVar[int]
@@ -69,6 +69,7 @@ class FieldRule(_message.Message):
     MIN_ITEMS_FIELD_NUMBER: _ClassVar[int]
     MAX_ITEMS_FIELD_NUMBER: _ClassVar[int]
     REQUIRED_UNLESS_FIELD_NUMBER: _ClassVar[int]
+    MAY_REPEAT_FIELD_NUMBER: _ClassVar[int]
     unit: str
     min: float
     max: float
@@ -81,4 +82,5 @@ class FieldRule(_message.Message):
     min_items: int
     max_items: int
     required_unless: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ...) -> None: ...
+    may_repeat: bool
+    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: _Optional[bool] = ...) -> None: ...

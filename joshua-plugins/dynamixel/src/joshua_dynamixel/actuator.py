@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from joshua.devices.errors import DeviceError
 from joshua.devices.serial_port import SerialPort
@@ -31,6 +32,10 @@ class DynamixelActuator(ServoArm):
     settings: DynamixelSettings
     family = X_SERIES
     _bus: Bus
+
+    def __init__(self, settings: DynamixelSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self._models = settings.joint_models
 
     @property
     def bus(self) -> Bus:
@@ -66,11 +71,8 @@ class DynamixelActuator(ServoArm):
         if alerted:
             found = self._bus.sync_read(HARDWARE_ERROR.address, HARDWARE_ERROR.width, alerted)
             errors = {servo_id: HARDWARE_ERROR.decode(value) for servo_id, value in found.items()}
-        ids, models = self.settings.motor_ids, self.settings.joint_models
-        return [
-            parse_feedback(value, model, errors.get(servo_id, 0))
-            for servo_id, model, value in zip(ids, models, values, strict=True)
-        ]
+        rows = zip(self.settings.motor_ids, self._models, values, strict=True)
+        return [parse_feedback(value, model, errors.get(servo_id, 0)) for servo_id, model, value in rows]
 
     def clear_faults(self, readings: Sequence[Feedback]) -> bool:
         """Reboots servos with a hardware error, which keep their torque off until then."""

@@ -95,7 +95,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
     used = set(values) if facts.allowed else ()
     for index, value in enumerate(values):
         yield from _value(context, facts, f"{path}[{index}]", value)
-        if facts.allowed and value in seen:
+        if facts.allowed and not facts.may_repeat and value in seen:
             yield context.error(
                 "duplicate-entry",
                 f'"{value}" stands twice in {facts.name}, where each entry may stand once',
