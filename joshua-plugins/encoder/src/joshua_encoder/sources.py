@@ -235,9 +235,9 @@ class Amt21Source(Source):
             length = ANSWER_LENGTH + self._echo
             self.port.send(bytes((address,)))
             answer = self.port.receive(length, time.monotonic() + ANSWER_S)
-            count = (
-                position(answer[-ANSWER_LENGTH:], self.settings.resolution) if len(answer) == length else None
-            )
+            if len(answer) < length:  # late, or not at all: the line may be whole
+                continue
+            count = position(answer[-ANSWER_LENGTH:], self.settings.resolution)
             if count is not None:
                 return count
             self.damaged += 1
