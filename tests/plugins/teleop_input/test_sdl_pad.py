@@ -70,6 +70,17 @@ except InputDeviceError as error:
     print("refused:", error)
 """
 
+FALLS_BACK = """
+from pathlib import Path
+from joshua_teleop_input import discovery, gamepad
+gamepad.DEVICE_FOLDER = Path("/nonexistent")
+device = gamepad.Gamepad(gamepad_settings(STICK))
+device.connect()
+print(device.note)
+print("state:", device.read(1.0).data.value("left_x"))
+device.disconnect()
+"""
+
 
 def run(program: str) -> str:
     paths = [entry for entry in sys.path if entry]
@@ -89,5 +100,13 @@ def test_it_follows_sticks_and_buttons_until_it_is_unplugged() -> None:
 def test_what_cannot_be_opened_is_explained() -> None:
     out = run(NAMES)
     assert "refused: no gamepad whose name contains 'Xbax' is connected; there is " in out
-    assert "refused: mapping names axes and buttons of the Linux kernel" in out
+    assert "refused: mapping names axes and buttons of the Linux kernel, and " in out
     assert "refused: no gamepad is connected: plug it in or switch it on" in out
+
+
+def test_it_is_the_way_out_where_the_kernel_shows_no_gamepad() -> None:
+    out = run(FALLS_BACK)
+    assert (
+        "(SDL) is read by SDL, because the kernel's devices could not be used: no gamepad is connected" in out
+    )
+    assert "state: 0.0" in out

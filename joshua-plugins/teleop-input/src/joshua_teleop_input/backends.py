@@ -6,7 +6,7 @@ import importlib.util
 import sys
 from typing import TYPE_CHECKING
 
-from joshua_teleop_input.errors import InputDeviceError, NoGamepadError
+from joshua_teleop_input.errors import NoGamepadError
 from joshua_teleop_input.settings import GamepadSettings
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def sdl_instead(settings: GamepadSettings, reason: NoGamepadError) -> tuple[SdlP
         The gamepad, and what the user should know.
 
     Raises:
-        InputDeviceError: the reason, or what SDL says where that is installed.
+        InputDeviceError: the reason, where SDL has no gamepad either; else why that one cannot be used.
     """
     if importlib.util.find_spec("pygame") is None:
         raise reason
@@ -33,6 +33,6 @@ def sdl_instead(settings: GamepadSettings, reason: NoGamepadError) -> tuple[SdlP
 
     try:
         pad = SdlPad(settings)
-    except InputDeviceError:
+    except NoGamepadError:
         raise reason from None
     return pad, f"{pad.name} is read by SDL, because the kernel's devices could not be used: {reason}"

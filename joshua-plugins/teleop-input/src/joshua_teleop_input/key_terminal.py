@@ -35,6 +35,7 @@ class KeyTerminal:
     def __init__(self) -> None:
         self._descriptor = -1
         self._attributes: list[Any] = []
+        self._ours: list[Any] = []
         self._reports = False
 
     def open(self) -> None:
@@ -88,7 +89,8 @@ class KeyTerminal:
         with contextlib.suppress(OSError, termios.error):
             if self._reports:
                 os.write(descriptor, _OFF)
-            if self._attributes:
+            # When the run was killed, a shell may have taken the terminal over and set it up for itself.
+            if self._attributes and termios.tcgetattr(descriptor) == self._ours:
                 _set_attributes(descriptor, self._attributes)
         os.close(descriptor)
         self._attributes, self._reports = [], False
@@ -107,6 +109,7 @@ class KeyTerminal:
         # A run that is suspended would leave an arm energised and nobody at its controls.
         changed[_CC][termios.VSUSP] = os.fpathconf(self._descriptor, "PC_VDISABLE").to_bytes(1, "little")
         _set_attributes(self._descriptor, changed)
+        self._ours = termios.tcgetattr(self._descriptor)
         os.write(self._descriptor, _QUERY)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from joshua.config.nearest import nearest_first
 from joshua.devices.errors import DeviceDisconnected
 
-from joshua_teleop_input.errors import InputDeviceError
+from joshua_teleop_input.errors import InputDeviceError, NoGamepadError
 from joshua_teleop_input.layout import BUTTON_NAMES, STICKS, TRIGGERS
 from joshua_teleop_input.pad_state import PadState
 
@@ -48,14 +48,10 @@ class SdlPad:
     """
 
     def __init__(self, settings: Any) -> None:
-        if settings.mapping:
-            raise InputDeviceError(
-                "mapping names axes and buttons of the Linux kernel, and this gamepad is read by SDL: "
-                "remove it; the environment variable SDL_GAMECONTROLLERCONFIG teaches SDL a gamepad"
-            )
         self.name = ""
         self.names = frozenset((*_AXES, "dpad_x", "dpad_y", *_BUTTONS))
         self._wanted = settings.device
+        self._has_mapping = bool(settings.mapping)
         self._states: queue.Queue[PadState | None] = queue.Queue()
         self._opened = threading.Event()
         self._closing = threading.Event()
@@ -124,6 +120,11 @@ class SdlPad:
         names = {number: str(controllers.name_forindex(number)) for number in numbers}
         for number, name in names.items():
             if self._wanted.lower() in name.lower():
+                if self._has_mapping:
+                    raise InputDeviceError(
+                        f"mapping names axes and buttons of the Linux kernel, and {name} is read by SDL: "
+                        "remove it; the environment variable SDL_GAMECONTROLLERCONFIG teaches SDL a gamepad"
+                    )
                 self.name = f"{name} (SDL)"
                 return controllers.Controller(number)
         if names:
@@ -131,7 +132,7 @@ class SdlPad:
                 f"no gamepad whose name contains {self._wanted!r} is connected; there is "
                 f"{', '.join(nearest_first(self._wanted, names.values()))}: correct device, or leave it out"
             )
-        raise InputDeviceError(
+        raise NoGamepadError(
             "no gamepad is connected: plug it in or switch it on; "
             "joshua find-gamepads lists those that are seen"
         )
