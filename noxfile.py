@@ -24,6 +24,7 @@ PYPROJECT = nox.project.load_toml("pyproject.toml")
 IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
 
 CORE = "joshua-core"
+PLUGIN = "joshua-plugins"
 CORE_SOURCES = "joshua-core/src"
 EXAMPLES = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("docs/examples/*/pyproject.toml"))
 PLUGINS = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("joshua-plugins/*/pyproject.toml"))
@@ -73,6 +74,17 @@ def tests(session: nox.Session) -> None:
     """The test suite; arguments after ``--`` go to pytest."""
     install(session, *group("test"), *editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS))
     session.run("pytest", *(session.posargs or ["tests"]))
+
+
+@nox.session
+def mjx(session: nox.Session) -> None:
+    """The simulation's models on JAX, which is too heavy for every run of the tests."""
+    install(session, "pytest", "pytest-timeout", "mujoco-mjx", "jax", *editable(CORE, f"{PLUGIN}/mujoco-sim"))
+    session.run(
+        "pytest",
+        *("-p", "no:cacheprovider", "-W", "default", "--timeout", "600"),
+        *(session.posargs or ["tests/plugins/mujoco_sim/test_mjx.py"]),
+    )
 
 
 @nox.session
