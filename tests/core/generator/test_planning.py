@@ -167,12 +167,21 @@ def test_an_unknown_host_names_the_nearest(tmp_path):
     path = teleoperation(tmp_path)
     text = Path(path).read_text().replace('node_name: "follower"', 'node_name: "follower" host: "jetson"')
     Path(path).write_text(text)
+    validation = examine(Request(path, host="jetsn", purpose=Purpose.VALIDATE))
+    assert [item.code for item in validation.errors] == ["unknown-host"]
     examination = examine(Request(path, host="jetsn"))
     (finding,) = [item for item in examination.diagnostics if item.code == "unknown-host"]
     assert finding.found == "jetsn"
     assert finding.allowed == ("jetson",)
     assert "--host" in finding.remedy
     assert examination.plan is None
+
+
+def test_a_name_to_block_that_is_no_plugin_is_a_warning_with_the_nearest(tmp_path):
+    examination = examine(Request(teleoperation(tmp_path), blocked_plugins=("joshua-cor", "core")))
+    (finding,) = [item for item in examination.diagnostics if item.code == "block-unknown"]
+    assert (finding.severity, finding.found) == (Severity.WARNING, "joshua-cor")
+    assert finding.allowed[0] == "joshua-core"
 
 
 def test_a_file_whose_nodes_all_name_hosts_asks_for_one(tmp_path):

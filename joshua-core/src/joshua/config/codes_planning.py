@@ -17,6 +17,10 @@ PLANNING_CODES: dict[str, CodeDoc] = {
         "A plugin is installed and its settings cannot be loaded.",
         "Install the plugin anew, or leave it out with --block-plugin.",
     ),
+    "block-unknown": CodeDoc(
+        "--block-plugin names a plugin that is not installed, so it blocks nothing.",
+        "Correct the name; `joshua plugins` lists what is installed.",
+    ),
     "invalid-setting": CodeDoc(
         "A block breaks a rule of the plugin that runs it.",
         "Change the value as the message says.",

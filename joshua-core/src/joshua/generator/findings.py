@@ -95,6 +95,18 @@ class Findings:
                 remedy=f"install the plugin, or remove the {block} block",
             )
 
+    def nothing_to_block(self, name: str, registry: Registry) -> None:
+        """A name of ``--block-plugin`` that no plugin has: what it was meant for is loaded."""
+        known = [row.distribution for row in registry.rows()]
+        self.add(
+            "block-unknown",
+            Severity.WARNING,
+            f"--block-plugin names {name!r}, and no plugin of that name is installed",
+            found=name,
+            allowed=tuple(dict.fromkeys(nearest_first(name, known))),
+            remedy="correct the name, or leave the option out",
+        )
+
     def native_missing(self, wants: Sequence[Wanted], distribution: str) -> None:
         """Nodes whose plugin lacks the native implementation that they ask for: said once, at launch."""
         if self.launch:

@@ -49,6 +49,7 @@ class Planning:
         wanted = wanted_nodes(config, devices=share.devices, models=share.models)
         self._nodes = self._resolver.resolve(wanted, physics_of(self._services))
         self._refuse_shared_terminal()
+        self._check_command_line([want.entry.node.host for want in wanted])
 
     def plan(self) -> Plan | None:
         """Makes the plan of what was resolved; None where the transport cannot be chosen."""
@@ -79,6 +80,15 @@ class Planning:
             transport=transport,
             duration_s=_duration_s(config, request),
         )
+
+    def _check_command_line(self, hosts: list[str]) -> None:
+        """A machine that no node names, and plugins to block that are not installed."""
+        request = self._request
+        if request.host and hosts and request.host not in hosts:
+            self._findings.no_share(request.host, sorted({host for host in hosts if host}))
+        for name in request.blocked_plugins:
+            if not self._registry.knows(name):
+                self._findings.nothing_to_block(name, self._registry)
 
     def _refuse_shared_terminal(self) -> None:
         """A key goes to one reader: which one would be chance."""

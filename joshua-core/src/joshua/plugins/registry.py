@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from joshua.plugins import hints
-from joshua.plugins.discovery import CORE_DISTRIBUTION
+from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
 from joshua.plugins.provision import Provision, ProvisionKind
 from joshua.plugins.targets import TargetError, load_target
 
@@ -95,6 +95,11 @@ class Registry:
         if not block and enum_value and len(fitting) == 1:
             return fitting[0]
         return None
+
+    def knows(self, name: str) -> bool:
+        """Whether a name is that of an installed plugin, as ``--block-plugin`` takes it."""
+        wanted = normalise(name)
+        return any(wanted in (row.distribution, normalise(row.name)) for row in self._rows)
 
     def owner(self, provision: Provision) -> PluginRow:
         """The plugin that provides something. Raises KeyError for a provision of another registry."""

@@ -56,10 +56,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Prints the list; with ``--check`` the exit code is 1 if anything is wrong with a plugin."""
     from joshua.plugins import PluginStatus, load_registry
 
-    rows = load_registry(blocked=tuple(getattr(arguments, "blocked_plugins", ()))).rows()
+    blocked = tuple(getattr(arguments, "blocked_plugins", ()))
+    registry = load_registry(blocked=blocked)
+    rows = registry.rows()
     if not rows:
         sys.stderr.write(NOTHING)
         return ExitCode.NOT_INSTALLED
+    for name in blocked:
+        if not registry.knows(name):
+            sys.stderr.write(f"joshua plugins: --block-plugin: no plugin {name!r} is installed\n")
     if arguments.check:
         rows = tuple(map(checked, rows))
     if getattr(arguments, "format", "text") == "json":
