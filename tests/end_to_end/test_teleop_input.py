@@ -189,6 +189,18 @@ def test_keys_of_a_terminal_that_reports_releases(in_terminal: Callable[..., Ter
     assert run.attributes() == run.first
 
 
+def test_a_terminal_that_is_closed_ends_the_run_in_good_order(
+    in_terminal: Callable[..., TerminalRun], joshua_run: JoshuaProgram
+) -> None:
+    run = in_terminal("--config", str(CONFIGS / "teleop_keyboard.pbtxt"), "--emulate")
+    run.wait_for("driving is off: press space", "all 2 nodes ready")
+    run.type(" ")
+    run.wait_for("driving is ON")
+    run.hang_up()
+    log = "".join(path.read_text() for path in (joshua_run.folder / "log").glob("*.jsonl"))
+    assert "stopped by SIGHUP" in log, log[-3000:]
+
+
 def test_a_keyboard_needs_a_terminal(joshua_run: JoshuaProgram, tmp_path: Path) -> None:
     environment = {**joshua_run.environment, "XDG_STATE_HOME": str(tmp_path / "state")}
     done = subprocess.run(

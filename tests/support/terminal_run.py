@@ -69,10 +69,21 @@ class TerminalRun:
             pass
         return self.exit_code
 
+    def hang_up(self) -> None:
+        """Closes the terminal, as its window or a broken connection does, and waits for the end."""
+        os.close(self.master)
+        self.master = -1
+        deadline_s = time.monotonic() + 60
+        while not os.waitpid(self.process_id, os.WNOHANG)[0]:
+            assert time.monotonic() < deadline_s, "the program goes on without its terminal"
+            time.sleep(0.02)
+        self.exit_code = -signal.SIGHUP
+
     def close(self) -> None:
         """Kills the program if it still runs, and closes the terminal."""
         if self.exit_code is None:
             os.kill(self.process_id, signal.SIGKILL)
             os.waitpid(self.process_id, 0)
             self.exit_code = -signal.SIGKILL
-        os.close(self.master)
+        if self.master >= 0:
+            os.close(self.master)

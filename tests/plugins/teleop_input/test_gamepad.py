@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 import threading
@@ -150,8 +151,11 @@ def test_another_program_at_the_socket_is_named(tmp_path: Path, said: bytes, pro
         thread.join()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is refused to root")
-def test_a_socket_of_another_user(pad: EmulatedGamepad) -> None:
-    os.chmod(pad.device, 0)
-    with pytest.raises(InputDeviceError, match="let the same user share the gamepad"):
-        Gamepad(settings_for(pad)).connect()
+def test_a_socket_of_another_user(pad: EmulatedGamepad, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: socket.socket, address: str) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    gamepad = Gamepad(settings_for(pad))
+    monkeypatch.setattr(socket.socket, "connect", refuse)
+    with pytest.raises(InputDeviceError, match="may not be opened by this user: let the same user share it"):
+        gamepad.connect()

@@ -208,3 +208,21 @@ def test_the_screen_says_what_moves_what_and_whether_it_is_on(
     wait_until(lambda: node.drive.moving)
     context.tick("help")
     assert context.shown == "driving ON: pan -"
+
+
+def test_a_test_says_what_was_there_and_what_was_tried(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, STICK, joy=True)
+    press_and_wait(node, pad, a=1, left_x=-1.0)
+    wait_until(lambda: node._moved)
+    for _ in range(10):
+        context.tick("joy")
+        time.sleep(0.02)
+    rows = {check: (passed, measured) for check, passed, measured in node.test_results()}
+    assert rows["gamepad"][0]
+    assert rows["gamepad"][1].startswith("Emulated Xbox Controller (")
+    assert rows["moved in the test"] == (True, "a, left_x")
+    assert "of 50 Hz" in rows["rate of /joy"][1]
+    pad.fault("unplug")
+    wait_until(lambda: node._losses)
+    assert node.test_results()[0][1] is False
+    assert node.test_results()[0][2].endswith("lost 1 times")

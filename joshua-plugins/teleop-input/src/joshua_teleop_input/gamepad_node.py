@@ -20,6 +20,9 @@ from joshua_teleop_input.shaping import with_expo, without_dead_zone
 #: Longest wait for a state, so that the stop is noticed.
 READ_TIMEOUT_S = 0.1
 
+#: Share of its way from which something counts as moved in MODE_TEST.
+MOVED_FROM = 0.5
+
 RECONNECT_FIRST_S = 0.25
 RECONNECT_LARGEST_S = 5.0
 
@@ -37,6 +40,7 @@ class GamepadNode(InputNode):
         self._reading: Reading | None = None
         self._readings = 0
         self._losses = 0
+        self._moved: set[str] = set()
         self._reader_runs = False
 
     @property
@@ -85,13 +89,18 @@ class GamepadNode(InputNode):
         if reading is None:
             return
         now = Reading(self.context.now_ns(), reading.sequence, reading.data)
-        publisher.publish(self.gamepad.message(now, JOY, self.context.spec.frame_id))
+        self.send_joy(publisher, self.gamepad.message(now, JOY, self.context.spec.frame_id))
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Whether the device was there all the time."""
+        """Whether the device was there all the time, and what of it a person has tried."""
         lost = f", lost {self._losses} times" if self._losses else ""
         row = ("gamepad", self._readings > 0 and not self._losses, f"{self.gamepad.name}{lost}")
-        return [row, *super().test_results()]
+        tried = (
+            "moved in the test",
+            True,
+            ", ".join(sorted(self._moved)) or "nothing: press and move what you use",
+        )
+        return [row, tried, *super().test_results()]
 
     def _read(self) -> None:
         while not self.context.stopping:
@@ -109,6 +118,7 @@ class GamepadNode(InputNode):
         state: PadState = reading.data
         self._reading = reading
         self._readings += 1
+        self._moved.update(name for name, value in state.values.items() if abs(value) >= MOVED_FROM)
         if state.live:
             self.take(state.value)
             return

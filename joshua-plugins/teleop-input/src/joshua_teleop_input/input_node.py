@@ -13,6 +13,7 @@ from joshua.devices.diagnostics import ERROR, OK, DiagnosticsPublisher, Diagnost
 from joshua.devices.errors import DeviceError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.rates import RateMeter
 
 from joshua_teleop_input.drive import Drive, limits_of
 from joshua_teleop_input.gate import Gate
@@ -41,6 +42,7 @@ class InputNode(NodeBehaviour):
         self._drive: Drive | None = None
         self._commands: list[MessagePublisher] = []
         self._joys: list[MessagePublisher] = []
+        self._meters: dict[str, RateMeter] = {}
         self._shown = ""
         self._waiting_since_s: float | None = None
         self._commanded = 0
@@ -70,6 +72,7 @@ class InputNode(NodeBehaviour):
                 self.context.subscribe(topic, self._hear_state)
             self.context.create_timer(1.0 / rate_hz, self._tick, name="commands")
         for publisher in self._joys:
+            self._meters[publisher.topic.name] = RateMeter()
             call = functools.partial(self.publish_joy, publisher)
             self.context.create_timer(1.0 / publisher.topic.rate_hz, call, name="joy")
         if joints:
@@ -85,6 +88,11 @@ class InputNode(NodeBehaviour):
     def publish_joy(self, publisher: MessagePublisher) -> None:
         """Publishes the present state as a Joy."""
 
+    def send_joy(self, publisher: MessagePublisher, message: Any) -> None:
+        """Publishes a Joy and counts it."""
+        publisher.publish(message)
+        self._meters[publisher.topic.name].add()
+
     def take(self, value: Callable[[str], float]) -> None:
         """Takes a state of the device, on the reader's thread."""
         with self._lock:
@@ -99,8 +107,12 @@ class InputNode(NodeBehaviour):
         return was
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """The row of the commands."""
-        return [("commands", True, f"{self._commanded} sent")] if self._commands else []
+        """Rates of the Joys, and the number of commands."""
+        rows = [
+            self._meters[joy.topic.name].check(f"rate of {joy.topic.name}", joy.topic.rate_hz)
+            for joy in self._joys
+        ]
+        return [*rows, *([("commands", True, f"{self._commanded} sent")] if self._commands else [])]
 
     def _tick(self) -> None:
         with self._lock:

@@ -81,7 +81,8 @@ class KeyboardNode(InputNode):
         axes = [self._value(control, held) for control in self.settings.controls]
         buttons = [int(key in held) for key in self._names.values()]
         frame_id = self.context.spec.frame_id
-        publisher.publish(message_class(JOY)(header(frame_id, self.context.now_ns()), axes, buttons))
+        message = message_class(JOY)(header(frame_id, self.context.now_ns()), axes, buttons)
+        self.send_joy(publisher, message)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Whether the terminal was there, and what it can."""

@@ -103,7 +103,7 @@ class RemoteDevice:
             self._socket.connect(self.path)
         except PermissionError:
             raise InputDeviceError(
-                f"{self.path} may not be opened by this user: let the same user share the gamepad"
+                f"{self.path} may not be opened by this user: let the same user share it"
             ) from None
         except OSError as error:
             raise InputDeviceError(
