@@ -1,4 +1,4 @@
-"""The variants for accelerators: MJX accepts them, and steps them as MuJoCo does. `./test -s mjx` runs these."""
+"""The variants for accelerators: MJX accepts and steps them as MuJoCo does. `./test -s mjx` runs these."""
 
 from __future__ import annotations
 
