@@ -77,6 +77,13 @@ def tests(session: nox.Session) -> None:
 
 
 @nox.session
+def soak(session: nox.Session) -> None:
+    """Ten minutes of teleoperation on bad lines; ``-- SECONDS`` for another length."""
+    install(session, *group("test"), *editable(f"{CORE}[dds]", *PLUGINS))
+    session.run("python", "tests/soak/teleoperation.py", *session.posargs)
+
+
+@nox.session
 def mjx(session: nox.Session) -> None:
     """The simulation's models on JAX, which is too heavy for every run of the tests."""
     install(session, "pytest", "pytest-timeout", "mujoco-mjx", "jax", *editable(CORE, f"{PLUGIN}/mujoco-sim"))
