@@ -112,7 +112,7 @@ def test_a_scanner_that_falls_silent(emulator_of: Start, lidar_at: Make) -> None
     lidar = lidar_at(emulator.port, "lds01")
     lidar.connect()
     emulator.fault("stall")  # this one sends only while it turns
-    assert "the LDS-01 has sent nothing for 1 s: check that its rotor turns" in loss(lidar)
+    assert "the LDS-01 has sent nothing for 2 s: check that its rotor turns" in loss(lidar)
 
 
 def test_a_line_too_noisy_to_trust(emulator_of: Start, lidar_at: Make) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -53,18 +54,14 @@ def top_view(scan: Scan, beams: Beams, size_px: int = 600) -> Pixels:
     ranges = scan.ranges_m.astype(float)
     reach_m = _reach_m(ranges)
     scale = size_px / (2 * reach_m)
-    row, column = np.mgrid[0:size_px, 0:size_px]
-    ahead_m, left_m = (size_px / 2 - row - 0.5) / scale, (size_px / 2 - column - 0.5) / scale
-    away_m = np.hypot(ahead_m, left_m)
-    beam = np.round((np.arctan2(left_m, ahead_m) - beams.angle_min_rad) % math.tau / beams.increment_rad)
-    beam = np.where(beam >= round(math.tau / beams.increment_rad), 0, beam).astype(int)
-    seen_to = np.nan_to_num(np.append(ranges, 0.0), nan=0.0, posinf=math.inf, neginf=0.0)
+    away_px, beam, arrow = _grid(beams, size_px)
+    seen_to_px = scale * np.nan_to_num(np.append(ranges, 0.0), nan=0.0, posinf=math.inf, neginf=0.0)
     pixels = np.empty((size_px, size_px, 3), np.uint8)
     pixels[:] = _GROUND
-    pixels[away_m < seen_to[np.minimum(beam, beams.count)]] = _SEEN
+    pixels[away_px < seen_to_px[beam]] = _SEEN
     step_m = max(1, math.ceil(reach_m / _MOST_RINGS))
     for ring_m in range(step_m, math.ceil(reach_m * math.sqrt(2)), step_m):
-        pixels[np.abs(away_m - ring_m) * scale < 0.6] = _RING
+        pixels[np.abs(away_px - ring_m * scale) < 0.6] = _RING
         _write(pixels, f"{ring_m}m", round(size_px / 2 - ring_m * scale) + 4, size_px // 2 + 4)
     echo = np.isfinite(ranges)
     x, y = _positions(ranges, beams)
@@ -73,8 +70,20 @@ def top_view(scan: Scan, beams: Beams, size_px: int = 600) -> Pixels:
         for right in range(-_DOT, _DOT + 1):
             if down**2 + right**2 <= _DOT**2 + 1:
                 _dot(pixels, rows + down, columns + right, _ECHO)
-    pixels[(away_m * scale < 3 * _DOT) & (np.abs(left_m) * 2 * scale < 3 * _DOT - ahead_m * scale)] = _SCANNER
+    pixels[arrow] = _SCANNER
     return pixels
+
+
+@lru_cache(maxsize=4)
+def _grid(beams: Beams, size_px: int) -> tuple[Floats, npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
+    """Of each pixel: distance from the middle, beam (past the last one: none), part of the scanner's arrow."""
+    row, column = np.mgrid[0:size_px, 0:size_px]
+    ahead, left = size_px / 2 - row - 0.5, size_px / 2 - column - 0.5
+    away = np.hypot(ahead, left)
+    beam = np.round((np.arctan2(left, ahead) - beams.angle_min_rad) % math.tau / beams.increment_rad)
+    beam[beam >= round(math.tau / beams.increment_rad)] = 0
+    arrow = (away < 3 * _DOT) & (np.abs(left) * 2 < 3 * _DOT - ahead)
+    return away, np.minimum(beam, beams.count).astype(np.intp), arrow
 
 
 def terminal_view(scan: Scan, beams: Beams, width: int = 64, height: int = 28) -> str:

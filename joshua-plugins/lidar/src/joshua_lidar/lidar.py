@@ -35,7 +35,7 @@ LASER_SCAN = "sensor_msgs/msg/LaserScan"
 FIRST_SCAN_S = 8.0
 
 #: Silence after which a line counts as dead; time without a packet that counts, and without a whole turn.
-SILENT_S = 1.0
+SILENT_S = 2.0
 NO_PACKET_S = 2.5
 NO_TURN_S = 3.0
 
