@@ -37,8 +37,8 @@ AMPLITUDE_RAD, FREQUENCY_HZ, PHASE_RAD = 0.4, 0.4, 0.7
 #: The preset's speed limit of the follower: 1000 ticks/s.
 SPEED_LIMIT_RAD_S = 1000 * math.tau / 4096
 
-#: The leader's fastest motion in 40 ms: a joint that was asked again is that much younger than the stamp of its
-#: reading, or older where the machine was busy. One wrong bit from the fifth on is more than this.
+#: The leader's fastest motion in 40 ms: a joint that was asked again is that much younger than the stamp of
+#: its reading, or older where the machine was busy. One wrong bit from the fifth on is more than this.
 TRUTH_TOLERANCE_RAD = AMPLITUDE_RAD * math.tau * FREQUENCY_HZ * 0.04
 
 #: Resolution of the servos, their control error, and the spread of acquisition times.
