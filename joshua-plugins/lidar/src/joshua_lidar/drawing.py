@@ -76,7 +76,7 @@ def top_view(scan: Scan, beams: Beams, size_px: int = 600) -> Pixels:
 
 @lru_cache(maxsize=4)
 def _grid(beams: Beams, size_px: int) -> tuple[Floats, npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
-    """Of each pixel: distance from the middle, beam (past the last one: none), part of the scanner's arrow."""
+    """Of each pixel: distance from the middle, beam (past the last: none), part of the scanner's arrow."""
     row, column = np.mgrid[0:size_px, 0:size_px]
     ahead, left = size_px / 2 - row - 0.5, size_px / 2 - column - 0.5
     away = np.hypot(ahead, left)
