@@ -206,3 +206,24 @@ def test_it_imports_nothing_heavy(kind: Kind) -> None:
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("cut", [1, 2, 3, 4, 5, 6, 7, 10, 16])
+def test_half_a_packet_of_a_killed_driver_does_not_swallow_the_release(
+    kind: Kind, moving_arm: EmulatedBus, cut: int
+) -> None:
+    """What comes first is understood, and not only what is sent again after a time-out."""
+    with kind.open_bus(moving_arm) as bus:
+        sent: list[bytes] = []
+        send = bus.port.send
+        bus.port.send = sent.append  # type: ignore[method-assign]
+        goal = kind.family.goal_position
+        bus.sync_write(goal.address, goal.width, dict.fromkeys((1, 2, 3, 4, 5, 6), goal.encode(2048)))
+        send(sent[0][:cut])
+    before = moving_arm.log()[-1]["sequence"]
+    report = kind.stop(request_for(moving_arm, "RELEASE"))
+    assert report.complete, report
+    assert energised(moving_arm) == {False}
+    understood = [entry["event"] for entry in moving_arm.log(since=before)]
+    # The release, a look for an echo, the release once more; further ones would follow lost replies.
+    assert understood.count("sync_write") <= 4, understood

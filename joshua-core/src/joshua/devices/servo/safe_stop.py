@@ -22,6 +22,7 @@ from joshua.devices.usb_ports import Endpoint
 ACTIONS = ("HOLD", "RELEASE", "PARK_THEN_RELEASE")
 RETRY_S = 0.01  # between attempts to open a port that its dying owner still holds
 RELEASE_RESERVE_S = 0.15  # of the time for parking, kept for letting go and verifying
+PADDING = bytes(64)  # longer than any packet of a driver
 ARRIVED_TICKS = 30  # about 2.6°
 PARK_SPEED_TICKS_S = 500  # about 0.8 rad/s
 
@@ -125,6 +126,8 @@ class _SafeStop:
 
     def run(self) -> None:
         self._open()
+        # A driver that was killed may have left half a packet: servos would take ours for the rest of it.
+        self._port.send(PADDING)
         if self.request.action == "RELEASE":
             self._send_release()  # first of all; whether the adapter echoes matters only for what is read
         self._bus.detect_echo()
