@@ -57,12 +57,24 @@ def derived_files(schema: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for pattern in DERIVED for path in schema.glob(pattern)}
 
 
-def stale_files() -> list[str]:
-    """Names the committed files that differ from what the protos give, with the reason."""
+def wanted_files() -> dict[str, bytes]:
+    """Makes the derived files afresh; a proto that does not compile leaves those of the repository alone."""
     with tempfile.TemporaryDirectory() as folder:
         generate(Path(folder))
-        wanted = derived_files(Path(folder))
-    present = derived_files(SCHEMA)
+        return derived_files(Path(folder))
+
+
+def replace_derived(schema: Path, wanted: dict[str, bytes]) -> None:
+    """Writes the derived files into a folder, and removes those of protos that are gone."""
+    for name in derived_files(schema).keys() - wanted.keys():
+        (schema / name).unlink()
+    for name, content in wanted.items():
+        (schema / name).write_bytes(content)
+
+
+def stale_files() -> list[str]:
+    """Names the committed files that differ from what the protos give, with the reason."""
+    wanted, present = wanted_files(), derived_files(SCHEMA)
     faults = [f"{name} is missing" for name in wanted.keys() - present.keys()]
     faults += [f"{name} has no proto file" for name in present.keys() - wanted.keys()]
     faults += [f"{name} is stale" for name in wanted.keys() & present.keys() if wanted[name] != present[name]]
@@ -82,9 +94,7 @@ def main() -> int:
         if faults:
             sys.stderr.write("Run `nox -s proto` and commit the result.\n")
         return 1 if faults else 0
-    for path in [path for pattern in DERIVED for path in SCHEMA.glob(pattern)]:
-        path.unlink()
-    generate(SCHEMA)
+    replace_derived(SCHEMA, wanted_files())
     return 0
 
 
