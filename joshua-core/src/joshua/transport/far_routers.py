@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 import threading
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from joshua.transport.endpoints import read_endpoint
 
 _log = logging.getLogger("joshua.transport")
 _LOOK_S = 0.5
+_NAMES_HOLD_S = 10.0
 #: A router that answers does so within milliseconds; a network may need a moment.
 _PATIENCE_S = 3.0
 
@@ -28,6 +30,7 @@ class FarRouters:
         self._session = session
         self._patience_s = patience_s
         self._linked: dict[str, bool | None] = dict.fromkeys(endpoints)
+        self._found: dict[str, tuple[float, set[str], str]] = {}
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="joshua-far-routers", daemon=True)
         self._thread.start()
@@ -43,11 +46,20 @@ class FarRouters:
             waited_s += _LOOK_S
             reached = {link.dst for link in self._session.info.links()}
             for endpoint, before in self._linked.items():
-                addresses, reason = _addresses(endpoint)
+                addresses, reason = self._addresses(endpoint)
                 linked = bool(addresses & reached)
                 if linked is not before and (linked or waited_s >= self._patience_s):
                     self._linked[endpoint] = linked
                     _say(endpoint, linked, before, reason)
+
+    def _addresses(self, endpoint: str) -> tuple[set[str], str]:
+        """Remembers for a while what the name service said: it may lie on a network."""
+        now_s = time.monotonic()
+        until_s, addresses, reason = self._found.get(endpoint, (now_s, set(), ""))
+        if now_s >= until_s:
+            addresses, reason = _look_up(endpoint)
+            self._found[endpoint] = (now_s + _NAMES_HOLD_S, addresses, reason)
+        return addresses, reason
 
 
 def _say(endpoint: str, linked: bool, before: bool | None, reason: str) -> None:
@@ -64,7 +76,7 @@ def _say(endpoint: str, linked: bool, before: bool | None, reason: str) -> None:
         )
 
 
-def _addresses(endpoint: str) -> tuple[set[str], str]:
+def _look_up(endpoint: str) -> tuple[set[str], str]:
     """How links to an endpoint are named; and why its host has no address."""
     parsed = read_endpoint(endpoint)
     try:
