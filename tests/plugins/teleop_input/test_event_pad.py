@@ -22,7 +22,7 @@ class Kernel:
     path = "/dev/input/event0"
     silence_limit_s: float | None = None
 
-    def __init__(self, *batches: list[InputEvent], now: Capabilities | None = None) -> None:
+    def __init__(self, *batches: list[InputEvent], now: Capabilities = DEVICE) -> None:
         self.capabilities = DEVICE
         self._batches = list(batches)
         self._now = now
@@ -34,7 +34,7 @@ class Kernel:
         del timeout_s
         return self._batches.pop(0) if self._batches else []
 
-    def resynchronise(self) -> Capabilities | None:
+    def resynchronise(self) -> Capabilities:
         return self._now
 
     def close(self) -> None:

@@ -99,14 +99,21 @@ def test_a_sender_that_stays_silent_is_lost(pad: EmulatedGamepad) -> None:
         gamepad.disconnect()
 
 
-def test_lost_records_release_everything(pad: EmulatedGamepad) -> None:
+def test_lost_records_end_the_connection(pad: EmulatedGamepad) -> None:
     gamepad = Gamepad(settings_for(pad))
     gamepad.connect()
     try:
         pad.set(left_x=1.0)
         read_until(gamepad, lambda state: state.value("left_x") > 0.9)
         pad.fault("drop")
-        read_until(gamepad, lambda state: not state.live)
+        with pytest.raises(DeviceDisconnected, match="the sender has lost records"):
+            read_until(gamepad, lambda _: False)
+        pad.set(left_x=0.25)
+        time.sleep(0.05)
+        gamepad.connect()
+        first = gamepad.read(1.0)
+        assert first is not None
+        assert first.data.value("left_x") == pytest.approx(0.25, abs=0.001)
     finally:
         gamepad.disconnect()
 

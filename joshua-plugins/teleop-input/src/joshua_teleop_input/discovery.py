@@ -40,8 +40,8 @@ class EventDevice(Protocol):
     def read(self, timeout_s: float) -> list[InputEvent]:
         """Waits for records."""
 
-    def resynchronise(self) -> Capabilities | None:
-        """Where everything stands now; None where that cannot be asked."""
+    def resynchronise(self) -> Capabilities:
+        """Where everything stands now, after records were lost. Raises DeviceDisconnected."""
 
     def close(self) -> None:
         """Closes the device; a second call does nothing."""

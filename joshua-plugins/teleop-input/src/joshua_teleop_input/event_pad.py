@@ -29,6 +29,7 @@ class EventPad:
         self._heard_s = time.monotonic()
         self._live = True
         self._lost_records = False
+        self._changed = False
         self._first: list[PadState] = [self._tracker.state()]
 
     def read(self, timeout_s: float) -> list[PadState]:
@@ -48,37 +49,32 @@ class EventPad:
             return []
         self._heard_s = now_s
         states = []
-        changed = not self._live
         for event in events:
             if event.type != EV_SYN:
                 if not self._lost_records:
                     self._tracker.take(event)
-                    changed = True
+                    self._changed = True
             elif event.code == SYN_DROPPED:
                 self._lost_records = True
             elif event.code == SYN_REPORT:
-                states += self._report(changed)
-                changed = False
+                states += self._report()
         return states
 
     def close(self) -> None:
         """Closes the device; a second call does nothing."""
         self._device.close()
 
-    def _report(self, changed: bool) -> list[PadState]:
+    def _report(self) -> list[PadState]:
         """The states that a report of the device completes."""
         states = []
         if self._lost_records:
             # What was pressed meanwhile is unknown: first of all, everything counts as released.
             self._lost_records = False
             states.append(PadState(live=False))
-            now = self._device.resynchronise()
-            if now is None:
-                return states
-            self._tracker.begin(now)
-            changed = True
-        if changed:
-            self._live = True
+            self._tracker.begin(self._device.resynchronise())
+            self._changed = True
+        if self._changed or not self._live:
+            self._live, self._changed = True, False
             states.append(self._tracker.state())
         return states
 

@@ -94,7 +94,7 @@ class KernelDevice:
             raise DeviceDisconnected(f"{self.path} is gone: unplugged, or its battery is empty") from error
         return self._decoder.feed(data)
 
-    def resynchronise(self) -> Capabilities | None:
+    def resynchronise(self) -> Capabilities:
         """Where everything stands now, after records were lost."""
         self.capabilities = read_capabilities(self._descriptor, self.path)
         return self.capabilities

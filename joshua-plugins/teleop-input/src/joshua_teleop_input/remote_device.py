@@ -89,9 +89,9 @@ class RemoteDevice:
         self._heard_s = time.monotonic()
         return self._decoder.feed(data)
 
-    def resynchronise(self) -> Capabilities | None:
-        """None: a sender that lost records cannot be asked where everything stands."""
-        return None
+    def resynchronise(self) -> Capabilities:
+        """Raises DeviceDisconnected: whoever connects anew is told where everything stands."""
+        raise DeviceDisconnected(f"{self.path}: the sender has lost records")
 
     def close(self) -> None:
         """Ends the connection; a second call does nothing."""

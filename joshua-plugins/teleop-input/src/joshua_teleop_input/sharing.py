@@ -66,7 +66,7 @@ class GamepadShare:
             for event in events:
                 if event.type == EV_SYN and event.code == SYN_DROPPED:
                     self.cut_off()  # whoever connects again learns where everything stands
-                    now = device.resynchronise() or now
+                    now = device.resynchronise()
                     events = []
                     break
                 now = _after(now, event)
