@@ -121,6 +121,23 @@ def test_emulated_arms_go_through_it_by_themselves(tmp_path: Path, env: dict[str
     assert run.returncode == 0, run.stdout + run.stderr
 
 
+@pytest.mark.parametrize("at_s", [4.0, 5.7])
+def test_an_unplug_in_the_midst_costs_no_range(tmp_path: Path, env: dict[str, str], at_s: float) -> None:
+    config = tmp_path / "calibrate.pbtxt"
+    config.write_text((CONFIGS / "calibrate_so_arm100.pbtxt").read_text())
+    words = ["--config", str(config), "--emulate", "--node", "leader_arm"]
+    fault = f"leader_arm:unplug,at_s={at_s},replug_after_s=1"
+    done = joshua(env, "calibrate", *words, "--fault", fault)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "No answer from the arm" in done.stdout
+    (file,) = (tmp_path / "state").rglob("so-arm100.pbtxt")
+    low, high = (
+        [int(n) for n in re.findall(rf"range_{end}: (\d+)", file.read_text())] for end in ("min", "max")
+    )
+    spans = [b - a for a, b in zip(low, high, strict=True)]
+    assert spans == pytest.approx([2868, 2178, 2048, 2477, 3781, 1434], abs=16)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_a_signal_leaves_everything_as_it_was(
     arm: EmulatedBus, tmp_path: Path, env: dict[str, str], number: signal.Signals
@@ -306,3 +323,26 @@ def write_file(folder: Path, motors: list[dict[str, Any]]) -> Path:
     path.parent.mkdir(exist_ok=True)
     path.write_text(f'calibration {{ arms {{ node_name: "leader_arm" {rows} }} }}')
     return path
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
+    arm: EmulatedBus, tmp_path: Path, env: dict[str, str]
+) -> None:
+    (tmp_path / "calibration").write_text("a file where the folder should be")
+    with CalibrationRun(["--config", str(robot(tmp_path, arm.port))], env) as run:
+        assert run.end() == 2
+    assert "calibration is no folder: put that right" in run.text
+
+
+def test_a_write_that_fails_is_undone_and_said(arm: EmulatedBus, tmp_path: Path, env: dict[str, str]) -> None:
+    with CalibrationRun(["--config", str(robot(tmp_path, arm.port))], env) as run:
+        sweep_all(run, arm, lambda: run.press("\n"), seconds=0.6)
+        (tmp_path / "calibration").write_text("a file where the folder should be")
+        place = len(run.text)
+        run.press("\n")
+        place = run.wait_for("Nothing was written; the old calibration stands.", since=place)
+        (tmp_path / "calibration").unlink()
+        run.press("\n")
+        run.wait_for("leader_arm is calibrated", since=place)
+        assert run.end() == 0
+    assert not is_untouched(arm)

@@ -204,6 +204,24 @@ def test_a_sweep_with_lost_readings_has_a_hole_until_the_joint_passes_again(hand
     assert hand.procedure.view().joints[0].state is JointState.DONE
 
 
+def test_a_turn_that_nobody_saw_is_no_end(hand: Hand):
+    """The readings stop on the way down and come back on the way up: the low stop was never seen."""
+    hand.take_home()
+    hand.move({0: 3700})
+    hand.move({0: -(10**6)}, feed=False)
+    hand.move({0: 3760}, feed=False)
+    hand.move({0: 10**6})
+    hand.move({0: 4000})
+    joint = hand.procedure.view().joints[0]
+    assert (joint.low_found, joint.high_found) == (False, True)
+    hand.procedure.confirm()
+    assert "base: its low end is not certain yet" in message(hand)
+    hand.sweep(0)
+    hand.procedure.confirm()
+    assert hand.procedure.view().joints[0].state is JointState.DONE
+    assert hand.procedure.view().joints[0].low_deg == pytest.approx(-1200 * 360 / 4096)
+
+
 def test_an_arm_that_does_not_answer_confirms_nothing(hand: Hand):
     hand.rest()
     hand.time_s += 1.0

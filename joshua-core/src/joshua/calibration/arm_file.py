@@ -55,6 +55,13 @@ class ArmFile:
             return None
         return _arm(self._load(), node_name, self.path)
 
+    def require_writable(self) -> None:
+        """Says that writing would fail, before a person has done all the work. Raises FileRefused."""
+        folder = next(path for path in self.path.absolute().parents if path.exists())
+        if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+            why = "may not be written by this user" if folder.is_dir() else "is no folder"
+            raise FileRefused(f"{self.path}: the calibration goes there, and {folder} {why}: put that right")
+
     def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
         """Writes the new content beside the file, where it waits for ``commit``; others wait meanwhile.
 

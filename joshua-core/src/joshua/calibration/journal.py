@@ -48,7 +48,7 @@ class Journal:
         """The note; None where there is none. Raises JournalRefused."""
         try:
             return Record.model_validate_json(self.path.read_bytes())
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValidationError) as error:
             raise JournalRefused(

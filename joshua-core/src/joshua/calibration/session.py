@@ -25,7 +25,8 @@ MIDDLE_S = 1.5  # how long emulated joints take to their middles
 SWEEP_S = 5.0  # and through a range
 SCRIPT_SPEED = 3.0  # how much faster they are where nobody watches
 SCRIPT_PAUSE_S = 0.5  # between a step that is ready and its confirmation by the script
-SCRIPT_PATIENCE_S = 10.0  # how long the script waits for a step that does not become ready
+SCRIPT_PATIENCE_S = 3.0  # how long the script waits for a step that does not become ready
+SCRIPT_ATTEMPTS = 3  # how often it then moves the joint once more
 
 Guide = Callable[[int | None, float], bool]
 
@@ -84,6 +85,7 @@ class Session:
         self._shown_s = 0.0
         self._guided: tuple[Step, int | None] | None = None
         self._guided_until_s = 0.0
+        self._attempts = 0
         self._reconnect_s = 0.0
 
     def run(self) -> None:
@@ -92,7 +94,7 @@ class Session:
         Raises:
             Stopped: the user has ended it; arms that are done stay calibrated.
             Unfinished: nobody is there, and a step does not become ready; or an emulator moves no joints.
-            NotWritten: writing was interrupted, and the arm may need ``recover``.
+            NotWritten: writing failed, and the arm may need ``recover`` or nobody is there to try again.
         """
         for index, arm in enumerate(self._arms):
             self._index = index
@@ -162,13 +164,19 @@ class Session:
         if task != self._guided:
             seconds = self._guide(arm, view)
             self._guided_until_s = now_s + seconds + SCRIPT_PAUSE_S
+            if self._guided is not None:
+                self._attempts = 0
         self._guided = task
         if not self._scripted or now_s < self._guided_until_s:
             return
         if view.ready:
             self._guided_until_s = now_s + SCRIPT_PAUSE_S
             self._procedure.confirm()
-        if now_s > self._guided_until_s + SCRIPT_PATIENCE_S:
+            self._attempts += self._procedure.step is view.step is Step.HOMING
+        elif now_s > self._guided_until_s + SCRIPT_PATIENCE_S:
+            self._guided = None  # as a person would, it moves the joint once more
+            self._attempts += 1
+        if self._attempts > SCRIPT_ATTEMPTS:
             raise Unfinished(f"{arm.node_name}: {view.message or view.instruction}")
 
     def _guide(self, arm: Arm, view: View) -> float:
@@ -188,7 +196,7 @@ class Session:
         try:
             transaction.write(arm.target, arm.node_name, calibration, arm.file, arm.journal, self._stopped)
         except transaction.NotWritten as error:
-            if not error.restored:
+            if not error.restored or self._scripted:
                 raise
             self._procedure.not_written(str(error))
             self._say(str(error))

@@ -38,6 +38,8 @@ class Sweep:
         """Takes the next position; ``continuous`` says that no readings are missing before it."""
         if self._last is None or self.low is None or self.high is None:
             self.low = self.high = self._turning_point = position
+        if not continuous:  # what happened in between is unknown: a turn in there is no end that was seen
+            self._direction, self._turning_point = 0, position
         self._cover(position, continuous)
         self.low, self.high = min(self.low, position), max(self.high, position)
         self._last = position

@@ -76,6 +76,10 @@ def find_arms(
             ExitCode.INVALID,
         )
     file = ArmFile(path)
+    try:
+        file.require_writable()
+    except FileRefused as error:
+        raise Refused(str(error), ExitCode.INVALID) from error
     guides = {emulator.device.node_name: emulator.guide for emulator in rig.emulators} if rig else {}
     arms, left_out = [], []
     for spec in plan.nodes:

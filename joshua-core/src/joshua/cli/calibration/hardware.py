@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
     from joshua.generator.emulation import EmulatedRig
 
-MODE = "general.mode=MODE_CALIBRATION"
+MODE = "MODE_CALIBRATION"
 
 
 def with_arms(arguments: argparse.Namespace) -> int:
     """Opens the arms of the file and does what was asked for."""
     if not arguments.check:
-        arguments.overrides = [*arguments.overrides, MODE]
+        arguments.overrides = [*arguments.overrides, f"general.mode={MODE}"]
     purpose = Purpose.SHOW if arguments.check else Purpose.LAUNCH
     checked = check_file(request_of(arguments, purpose))
     if checked.examination.errors:
@@ -62,7 +62,8 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
         return ExitCode.OK
     code = ExitCode.OK
     for arm in arms:
-        wanted = previous.get(arm.node_name) or arm.previous
+        # a calibration run does not load the file that it replaces; an emulator tells what it holds itself
+        wanted = arm.previous if plan.mode == MODE else previous.get(arm.node_name) or arm.previous
         try:
             found = compare(arm.node_name, wanted, arm.target, interrupted=arm.journal.path.exists())
         except DeviceError as error:
