@@ -111,6 +111,16 @@ def test_a_killed_run_leaves_motors_without_torque_by_the_hubs_own_switch(joshua
         assert hub.state()["running"]  # it was the program's own doing
 
 
+def test_a_search_for_a_hub_ends_when_it_is_told_to(joshua_run: JoshuaProgram) -> None:
+    process = joshua_run.start("--config", PRESET, "--emulate", "--fault", "spike_hub:unplug")
+    time.sleep(4)
+    begun_s = time.monotonic()
+    output, errors = joshua_run.stop(process)
+    assert time.monotonic() - begun_s < 2.5  # the search goes on for 8 s
+    assert process.returncode == 130, output + errors
+    assert "did not notice" not in output + errors
+
+
 def wait_until(reached: Callable[[], bool], timeout_s: float = 20.0) -> None:
     end_s = time.monotonic() + timeout_s
     while not reached():

@@ -73,6 +73,7 @@ class ActuatorNode(NodeBehaviour):
         actuator: Actuator = implementation(settings, dict(spec.context))
         self._check_topics()
         self._actuator = actuator
+        actuator.stopping = lambda: self.context.stopping
         actuator.connect()
         self._safety.introduce(actuator)
         self._goals = GoalGenerator(

@@ -41,3 +41,7 @@ def exit_code_of(error: BaseException) -> int:
     if isinstance(error, ModuleNotFoundError):
         return EXIT_PLUGIN_MISSING
     return EXIT_NODE_FAILED
+
+
+class StopObeyed(NodeError):
+    """A step that takes long ended early, because the node was asked to stop; no failure."""

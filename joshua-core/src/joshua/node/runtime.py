@@ -17,7 +17,13 @@ from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
-from joshua.node.errors import InterruptedLifecycleError, NodeError, ResumeRefusedError, exit_code_of
+from joshua.node.errors import (
+    InterruptedLifecycleError,
+    NodeError,
+    ResumeRefusedError,
+    StopObeyed,
+    exit_code_of,
+)
 from joshua.node.loading import load_behaviour
 from joshua.node.rosout import RosoutPublisher
 from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec
@@ -126,6 +132,8 @@ class NodeRuntime:
         try:
             with self._interruptible():
                 self._start_and_loop()
+        except StopObeyed:
+            self._log.debug("ended step %s, as it was asked to stop", self._step)
         except BaseException as error:  # noqa: BLE001 (even sys.exit must not skip the safe state)
             self.context.fail_with(error)
         self._report_failure()

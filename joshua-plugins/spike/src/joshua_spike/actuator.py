@@ -90,7 +90,7 @@ class SpikeActuator(Actuator):
         if self.connected:
             raise DeviceError("SpikeActuator.connect: the device is open already")
         with self._lock:
-            self._hub.open()
+            self._hub.open(self.stopping)
             try:
                 state = self._hub.next_state()
             except BaseException:

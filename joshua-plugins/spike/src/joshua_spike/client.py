@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from joshua.devices.errors import DeviceError
 
@@ -68,8 +69,8 @@ class HubClient:
     def __str__(self) -> str:
         return str(self._session.link) if self._session is not None else f"hub {self._settings.device_name!r}"
 
-    def open(self) -> None:
-        """Finds the hub, starts its program, checks its motors. Raises DeviceError."""
+    def open(self, stopping: Callable[[], bool] = lambda: False) -> None:
+        """Finds the hub, starts its program, checks its motors. Raises DeviceError, StopObeyed."""
         settings = self._settings
         program = load_program()
         thread = LoopThread(f"hub {settings.device_name}")
@@ -92,7 +93,7 @@ class HubClient:
             return session
 
         try:
-            self._session = thread.run(open_session(), OPEN_TIMEOUT_S)
+            self._session = thread.run(open_session(), OPEN_TIMEOUT_S, stopping)
         except BaseException as error:
             thread.close()
             if isinstance(error, TimeoutError):

@@ -5,10 +5,15 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import threading
+import time
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+from joshua.node.errors import StopObeyed
+
 T = TypeVar("T")
+
+LOOK_S = 0.1  # how often a wait looks whether it is still wanted
 
 
 class LoopThread:
@@ -25,19 +30,35 @@ class LoopThread:
         self._thread = threading.Thread(target=self._run, args=(self._loop,), name=self._name, daemon=True)
         self._thread.start()
 
-    def run(self, coroutine: Coroutine[Any, Any, T], timeout_s: float) -> T:
-        """Waits for a coroutine; raises what it raises, TimeoutError when it takes longer."""
+    def run(
+        self,
+        coroutine: Coroutine[Any, Any, T],
+        timeout_s: float,
+        stopping: Callable[[], bool] = lambda: False,
+    ) -> T:
+        """Waits for a coroutine; raises what it raises, TimeoutError when it takes longer.
+
+        Args:
+            stopping: asked now and then; where it is true the wait ends with StopObeyed.
+        """
         if self._loop is None:
             coroutine.close()
             raise RuntimeError("the loop thread does not run")
         future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
-        try:
-            return future.result(timeout_s)
-        except concurrent.futures.TimeoutError as error:
-            if future.done():
-                raise
-            future.cancel()
-            raise TimeoutError(f"no answer within {timeout_s:g} s") from error
+        end_s = time.monotonic() + timeout_s
+        while True:
+            left_s = end_s - time.monotonic()
+            try:
+                return future.result(max(0.0, min(left_s, LOOK_S)))
+            except concurrent.futures.TimeoutError as error:
+                if future.done():
+                    raise
+                if left_s > 0 and not stopping():
+                    continue
+                future.cancel()
+                if left_s > 0:
+                    raise StopObeyed("asked to stop") from error
+                raise TimeoutError(f"no answer within {timeout_s:g} s") from error
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
         """Calls a function on the loop, soon; nothing happens once the thread has ended."""
