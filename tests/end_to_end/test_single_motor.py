@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,16 @@ SHORT = ("--set", "test.duration_s=4")
 PORT = "robot.actions[servo].sts3215_config.comm.serial.port="
 
 
+def undisturbed(joshua_run: JoshuaProgram, *words: str) -> subprocess.CompletedProcess[str]:
+    """A run of the preset; repeated where a busy machine let the emulator or the driver stand still."""
+    for _ in range(3):
+        result = joshua_run("--config", PRESET, "--emulate", *SHORT, *words)
+        if "starts again in" not in result.stderr:
+            break
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result
+
+
 def measured(output: str, check: str) -> str:
     found = re.search(rf"^PASS  /servo +{check} +(.*)$", output, re.MULTILINE)
     assert found, output
@@ -22,8 +33,7 @@ def measured(output: str, check: str) -> str:
 
 
 def test_figures_and_a_picture_of_the_motion(joshua_run: JoshuaProgram) -> None:
-    result = joshua_run("--config", PRESET, "--emulate", *SHORT)
-    assert result.returncode == 0, result.stdout + result.stderr
+    result = undisturbed(joshua_run)
     assert re.search(r"0\.0\d+ rad rms, 0\.\d+ rad at most over", measured(result.stdout, "tracking error"))
     lag = re.fullmatch(r"(\d+) ms behind the goal", measured(result.stdout, "lag"))
     assert lag
@@ -37,8 +47,7 @@ def test_figures_and_a_picture_of_the_motion(joshua_run: JoshuaProgram) -> None:
 
 def test_amplitude_and_frequency_are_fields(joshua_run: JoshuaProgram) -> None:
     still = "robot.actions[oscillation].mock_motor_config.motion_amplitude_rad=0.001"
-    result = joshua_run("--config", PRESET, "--emulate", *SHORT, "--set", still)
-    assert result.returncode == 0, result.stdout + result.stderr
+    result = undisturbed(joshua_run, "--set", still)
     assert " lag " not in result.stdout  # what hardly moves has no lag that can be measured
 
 
