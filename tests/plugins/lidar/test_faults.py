@@ -157,3 +157,13 @@ def test_a_wait_for_the_first_scan_is_ended_by_the_stop(emulator_of: Start, lida
     lidar = lidar_at(emulator.port, "ld19")
     lidar.cancel()
     assert "was closed while it was being opened" in refusal(lidar)
+
+
+def test_firmware_that_knows_no_express_scan(emulator_of: Start, lidar_at: Make) -> None:
+    emulator = emulator_of("rplidar_a1", fault=["old_firmware"])
+    text = refusal(lidar_at(emulator.port, "rplidar_a1"))
+    assert 'does not start its express scan: firmware before 1.17 needs scan_mode: "standard"' in text
+    assert not emulator.state()["motor"]
+    lidar = lidar_at(emulator.port, "rplidar_a1", scan_mode="standard")
+    lidar.connect()
+    assert lidar.read(2.0) is not None

@@ -19,7 +19,7 @@ LISTEN_S = 0.4
 ANSWER_S = 0.15
 
 #: An LDS-01 sends nothing before it turns.
-SPIN_UP_S = 1.5
+SPIN_UP_S = 3.0
 
 #: Packets in a row that are no accident.
 _SURE = 6

@@ -32,7 +32,10 @@ from joshua_lidar.stop_bytes import STILL_DTR, STOP_BYTES
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 
 #: Longest wait for the first scan; motors take seconds to come up to speed.
-FIRST_SCAN_S = 8.0
+FIRST_SCAN_S = 10.0
+
+#: Longest wait for the first packet; some send none before they turn as fast as they should.
+FIRST_PACKET_S = 5.0
 
 #: Silence after which a line counts as dead; time without a packet that counts, and without a whole turn.
 SILENT_S = 2.0
@@ -237,7 +240,7 @@ class SerialLidar(Sensor):
                 raise DeviceError(f"{self._port} was closed while it was being opened: open it again")
             now_s = time.monotonic()
             heard = self._keeper.packets > 0
-            if not heard and now_s - self._packet_s > NO_PACKET_S:
+            if not heard and now_s - self._packet_s > FIRST_PACKET_S:
                 self._stop_link()
                 raise explain(self._port, model)
             if now_s > deadline_s:

@@ -20,7 +20,7 @@ from joshua_lidar.parsers.ydlidar import LARGEST_CORRECTION_RAD, YdlidarParser
 from joshua_lidar.samples import Parser
 from joshua_lidar.stop_bytes import MOTOR_PWM, MOTOR_RPM, STILL_DTR, STOP_BYTES
 
-RESET_S = 1.0
+RESET_S = 2.0
 _PAUSE_S = 0.002
 _ERROR = 2
 _WARNING = 1
@@ -141,7 +141,14 @@ class RplidarLink(Link):
             port.send(requests.request(requests.SCAN))
         answer = requests.await_answer(port, tuple(_PARSERS), timeout_s=1.0, many=True)
         if answer is None:
-            raise NoAnswerError(f"{port}: the {self.model.title} does not start to measure")
+            raise DeviceError(
+                f"{port}: the {self.facts} does not start its {scan_mode} scan: "
+                + (
+                    'firmware before 1.17 needs scan_mode: "standard"'
+                    if scan_mode == EXPRESS
+                    else f"check its power ({self.model.power})"
+                )
+            )
         return _PARSERS[answer.kind](), answer.rest
 
     def _start_motor(self) -> None:

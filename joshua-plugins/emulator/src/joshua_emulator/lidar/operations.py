@@ -96,6 +96,7 @@ class ScannerOperations:
             "rate": self._rate,
             "dirty": self._dirty,
             "health": self._health,
+            "old_firmware": lambda _: lambda: setattr(scanner, "old_firmware", True),
         }
         if kind not in makers:
             allowed = ", ".join((*LineFaults.KINDS, *makers))
@@ -168,6 +169,7 @@ class ScannerOperations:
         """Ends all faults: the scanner is plugged in, turns and talks as at the start."""
         scanner = self._scanner
         scanner.faults.clear()
-        scanner.silent, scanner.health, scanner.baudrate = False, 0, scanner.model.baudrate
+        scanner.silent = scanner.old_firmware = False
+        scanner.health, scanner.baudrate = 0, scanner.model.baudrate
         scanner.set_turn_hz(scanner.model.turn_hz)
         self._replug()

@@ -30,7 +30,7 @@ class Scanner:
     Attributes:
         baudrate: at which it talks; a host that listens at another one hears noise.
         silent: sends nothing, though it turns.
-        health: of an RPLIDAR: 0 good, 1 warning, 2 error.
+        health: of an RPLIDAR: 0 good, 1 warning, 2 error; old_firmware: it knows no express scan.
         motor: whether the motor is on.
     """
 
@@ -39,6 +39,7 @@ class Scanner:
         self.baudrate = model.baudrate
         self.silent = False
         self.health = 0
+        self.old_firmware = False
         self.motor = False
         self.turn_hz = model.turn_hz
         self.packets = 0
@@ -116,6 +117,8 @@ class Scanner:
             requests.FORCE_SCAN: lambda: (self._usual_stream(), 5, requests.STANDARD_ANSWER),
             requests.EXPRESS_SCAN: lambda: (self._express_stream(), 84, requests.express_answer(model)),
         }
+        if command == requests.EXPRESS_SCAN and self.old_firmware:
+            return b""
         if command in starts:
             if self.health == 2 and command != requests.FORCE_SCAN:
                 return b""
