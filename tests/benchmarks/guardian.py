@@ -16,7 +16,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from emulated_teleop import teleoperation
 from joshua.devices.calibration import ArmCalibration
@@ -30,8 +33,24 @@ from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.settings import Sts3215Settings
 from processes import descendants_of, is_guardian, parent_of
 
+T = TypeVar("T")
+
 #: The hang limit is 0.2 s of silence.
 LIMITS_S = {"driver SIGKILL": 0.150, "supervisor SIGKILL": 0.300, "driver SIGSTOP": 0.200 + 0.150}
+
+
+class NotStartedError(Exception):
+    """A run did not come up, as on a machine that gives the emulators no time; no figure comes of it."""
+
+
+def started(measure: Callable[[], T]) -> T:
+    """Measures, anew where a run did not come up."""
+    for _ in range(4):
+        try:
+            return measure()
+        except NotStartedError as error:
+            print(f"measured anew: {error}")
+    return measure()
 
 
 def baseline_s() -> float:
@@ -93,7 +112,7 @@ def await_torque(process: subprocess.Popen[str], follower: EmulatedBus) -> None:
     """Waits until the follower has torque."""
     while {servo["energised"] for servo in follower.servos()} != {True}:
         if process.poll() is not None:
-            raise RuntimeError(process.communicate()[0])
+            raise NotStartedError(f"the run ended with {process.returncode} before its follower had torque")
         time.sleep(0.02)
 
 
@@ -132,8 +151,9 @@ def main() -> None:
         f"{'baseline':20} median {bare_s * 1e3:6.1f} ms: a safe stop with nobody on the bus ({rounds} rounds)"
     )
     for case, limit_s in LIMITS_S.items():
-        show(case, [one_round(case, 110 + index) for index in range(rounds)], bare_s, limit_s)
-    show("e-stop latched", estops_s(rounds, 109), bare_s, None)
+        times = [started(partial(one_round, case, 110 + index)) for index in range(rounds)]
+        show(case, times, bare_s, limit_s)
+    show("e-stop latched", started(partial(estops_s, rounds, 109)), bare_s, None)
 
 
 def show(case: str, times_s: list[float], bare_s: float, limit_s: float | None) -> None:
