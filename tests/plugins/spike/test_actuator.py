@@ -218,6 +218,8 @@ def test_two_hubs_are_driven_side_by_side(hub: EmulatedHub, make_actuator: MakeA
         second = make_actuator(device_name="Second Hub", adapter=other.adapter, port_names=["C"])
         for actuator in (first, second):
             actuator.connect()
+        assert (first.identity, second.identity) == (f"ble:{hub.address}", f"ble:{other.address}")
+        assert first.identity != second.identity
         second.enable()
         drive(second, np.radians([70.0]))
         with pytest.raises(NotEnabled):

@@ -36,7 +36,7 @@ def test_motors_are_known_without_a_connection(target: SpikeCalibrationTarget) -
 def test_positions_are_absolute_and_follow_the_hand(hub: EmulatedHub, target: SpikeCalibrationTarget) -> None:
     target.connect()
     target.release()
-    assert target.identity == "ble:F0:AA:00:00:00:01"
+    assert target.identity == f"ble:{hub.address}"
     assert target.raw_positions() == pytest.approx((ticks(12), ticks(-25)), abs=12)
     for angle in (90, 179, -170, -5, 0):
         hub.hand("A", angle)

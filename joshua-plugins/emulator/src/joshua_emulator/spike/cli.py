@@ -55,6 +55,7 @@ def ready_facts(machine: HubMachine) -> dict[str, Any]:
     assert machine.control is not None
     return {
         "port": machine.port,
+        "address": machine.radio.address,
         "adapter": f"tcp-client:127.0.0.1:{machine.port}",
         "control": str(machine.control.path),
     }

@@ -25,6 +25,11 @@ class EmulatedHub(EmulatorProcess):
         """The Bluetooth adapter through which the hub is reached, for ``BLE.adapter``."""
         return str(self.ready["adapter"])
 
+    @property
+    def address(self) -> str:
+        """The hub's Bluetooth address, which follows from its name."""
+        return str(self.ready["address"])
+
     def state(self) -> dict[str, Any]:
         """The truth about the hub: whether its program runs, who is connected, its motors."""
         return self.ask("state")

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
+from zlib import crc32
 
 from bumble import hci, ll
 from bumble.att import ATT_Error, AttributeValue
@@ -38,7 +39,6 @@ PROTOCOL_VERSION = UUID.from_16_bits(0x2A28)
 LEGO_SERVICE = UUID.from_16_bits(0xFD02)
 PYBRICKS_FIRMWARE, PYBRICKS_PROTOCOL = b"4.0.0", b"1.5.0"
 
-HUB_ADDRESS = "F0:AA:00:00:00:01"
 ADVERTISING_INTERVAL_MS = 50.0
 STATUS_PERIOD_S = 0.5
 MTU = 158
@@ -95,6 +95,9 @@ class Radio:
 
     def __init__(self, name: str, hub: HubFirmware, listener: socket.socket, log: EventLog) -> None:
         self.name = name
+        self.address = ":".join(
+            f"{byte:02X}" for byte in b"\xf0\xaa" + crc32(name.encode()).to_bytes(4, "big")
+        )
         self.hub = hub
         self.air = Air()
         self.firmware = "pybricks"  # or old, which knows no .mpy 6; or lego, with another service
@@ -150,9 +153,9 @@ class Radio:
         if self._controller is not None:
             self.air.remove_controller(self._controller)
         self._out_of_range = False
-        self._controller = Controller("hub", link=self.air, public_address=HUB_ADDRESS)
+        self._controller = Controller("hub", link=self.air, public_address=self.address)
         host = Host(self._controller, AsyncPipeSink(self._controller))
-        device = Device(name=self.name, address=hci.Address(HUB_ADDRESS), host=host)
+        device = Device(name=self.name, address=hci.Address(self.address), host=host)
         read, write, notify = (
             Characteristic.Properties.READ,
             Characteristic.Properties.WRITE,
