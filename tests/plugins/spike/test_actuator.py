@@ -194,6 +194,20 @@ def test_the_newest_set_point_wins_on_a_slow_link(hub: EmulatedHub, make_actuato
     assert tracked == sorted(tracked)
 
 
+def test_a_blocked_motor_shows_its_load_and_stays(hub: EmulatedHub, make_actuator: MakeActuator) -> None:
+    actuator = make_actuator()
+    actuator.connect()
+    actuator.enable()
+    start = actuator.read()
+    hub.fault("stall", "A")  # type: ignore[arg-type]
+    for step in range(30):
+        actuator.write(start.position_rad + 0.05 * step)
+        reading = actuator.read()
+    assert reading.position_rad[0] == pytest.approx(start.position_rad[0], abs=0.05)
+    assert reading.position_rad[1] > start.position_rad[1] + 0.3
+    assert reading.effort[0] == pytest.approx(0.18)  # N·m, its stall torque
+
+
 def test_the_battery_and_the_link_are_in_the_diagnostics(
     hub: EmulatedHub, make_actuator: MakeActuator
 ) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from bleak.exc import BleakBluetoothNotAvailableError, BleakBluetoothNotAvailableReason, BleakDBusError
 from joshua_emulator.spike.process import EmulatedHub
-from joshua_spike import link
+from joshua_spike import link, session
 from joshua_spike.actuator import SpikeActuator
 from joshua_spike.adapters import adapter_problem
 from joshua_spike.errors import (
@@ -25,6 +25,8 @@ from joshua_spike.errors import (
     ProgramFailed,
     WrongFirmware,
 )
+from joshua_spike.hub.program import HubProgram, pack
+from mpy_cross_v6 import mpy_cross_compile
 
 MakeActuator = Callable[..., SpikeActuator]
 
@@ -137,6 +139,40 @@ def test_a_motor_that_is_unplugged_shows_what_the_program_said(
     assert "joshua_hub.py" in text
     assert [motor["powered"] for motor in hub.state()["motors"].values()] == [False, False]
     actuator.release()  # the firmware has done it already
+
+
+def compiled(source: str) -> HubProgram:
+    process, code = mpy_cross_compile("joshua_hub.py", source, small_number_bits=31)
+    assert code is not None, process.stderr
+    return HubProgram("0badc0de", pack(code))
+
+
+@pytest.mark.parametrize(
+    ("source", "what"),
+    [
+        ("raise ValueError('not on this firmware')", "ValueError: not on this firmware"),
+        ("print('hello')\nwhile True:\n    pass", "does not get ready; it said:\n  hello"),
+    ],
+)
+def test_a_program_that_does_not_get_ready_shows_what_it_said(
+    make_actuator: MakeActuator, monkeypatch: pytest.MonkeyPatch, source: str, what: str
+) -> None:
+    monkeypatch.setattr("joshua_spike.client.load_program", lambda: compiled(source))
+    monkeypatch.setattr(link, "COMMAND_TIMEOUT_S", 1.0)
+    monkeypatch.setattr(session, "READY_TIMEOUT_S", 1.0)
+    text = refusal(make_actuator(), ProgramFailed)
+    assert what in text
+    assert "hub 'Pybricks Hub'" in text
+
+
+def test_a_program_that_is_too_large_is_not_uploaded(
+    hub: EmulatedHub, make_actuator: MakeActuator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = HubProgram("0badc0de", bytes(300_000))
+    monkeypatch.setattr("joshua_spike.client.load_program", lambda: program)
+    text = refusal(make_actuator(), ProgramFailed)
+    assert "has room for programs of 258048 bytes; ours has 300000" in text
+    assert hub.log("upload") == []
 
 
 def test_the_button_of_the_hub(hub: EmulatedHub, make_actuator: MakeActuator) -> None:
