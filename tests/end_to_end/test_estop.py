@@ -12,11 +12,16 @@ from guarded_arm import HOLD, RELEASE, Rig, park, running
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
 
-BY_DRIVER = "/follower_arm  off     read back from 6 joints by its driver"
+#: By its driver, or by its guardian where a busy machine held the driver up.
+READ_BACK = "{:14} off     read back from 6 joints by its "
 
 
 def rows(output: str) -> list[str]:
     return [line.strip() for line in output.splitlines()]
+
+
+def is_off(output: str, node: str) -> bool:
+    return any(row.startswith(READ_BACK.format(node)) for row in rows(output))
 
 
 def resume(rig: Rig) -> str:
@@ -33,15 +38,15 @@ def test_torque_goes_whatever_the_safe_state_is(
         result = rig.joshua("estop")
         assert rig.energised() == {False}, "when the command has ended, the torque is off"
         assert result.returncode == 0, result.stdout + result.stderr
-        assert BY_DRIVER in rows(result.stdout)
-        assert "/leader_arm    off     read back from 6 joints by its driver" in rows(result.stdout)
+        assert is_off(result.stdout, "/follower_arm")
+        assert is_off(result.stdout, "/leader_arm")
         assert rows(result.stdout)[-1] == "nothing gets torque before: joshua estop --release"
         after = [servo["present_position"] for servo in rig.follower.servos()]
         assert all(abs(new - old) < 40 for new, old in zip(after, before, strict=True)), "it does not park"
         rig.wait(lambda: rig.gone(rig.guardian))
 
         assert "the e-stop of so-arm100 is latched since" in resume(rig)
-        assert "fault" in rig.joshua("status").stdout
+        rig.wait(lambda: "fault" in rig.joshua("status").stdout)
         released = rig.joshua("estop", "--release")
         assert released.returncode == 0, released.stderr
         assert "nothing has torque by that" in released.stdout
@@ -59,7 +64,7 @@ def test_a_second_estop_is_verified_again(tmp_path: Path, joshua_domain_id: int)
         for _ in range(2):
             result = rig.joshua("estop")
             assert result.returncode == 0, result.stderr
-            assert BY_DRIVER in rows(result.stdout)
+            assert is_off(result.stdout, "/follower_arm")
         assert rig.energised() == {False}
 
 
@@ -69,7 +74,7 @@ def test_a_hung_supervisor_is_not_needed(tmp_path: Path, joshua_domain_id: int) 
         result = rig.joshua("estop")
         assert rig.energised() == {False}
         assert result.returncode == 0, result.stdout + result.stderr
-        assert BY_DRIVER in rows(result.stdout)
+        assert is_off(result.stdout, "/follower_arm")
         assert f"the supervisor, process {rig.process.pid}, does not answer (timed out)" in result.stderr
 
 

@@ -43,10 +43,12 @@ class User:
     def _do(self) -> None:
         try:
             self.wait_for("fault")
-            self._work(self)
+            try:
+                self._work(self)
+            finally:
+                self.ask({"request": "stop"})
         except BaseException as error:  # noqa: BLE001 (raised again by the test's own thread)
             self._errors.append(error)
-        self.ask({"request": "stop"})
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         base: Path = self.robot.options().run_base
@@ -103,6 +105,7 @@ def test_a_failure_while_resuming_is_answered_and_restarts_the_node(robot: Any) 
         deadline_s = time.monotonic() + 30
         while user.arm()["restarts"] == 0:
             assert time.monotonic() < deadline_s
+            time.sleep(0.01)
         user.wait_for("fault")
         assert user.resume()["resumed"]
 
