@@ -75,8 +75,9 @@ def stop(node: CameraNode, context: RecordingContext) -> None:
 
 def test_every_type_carries_the_same_picture(emulator: EmulatedCamera, run: Runner) -> None:
     _, context = run(emulator.source, (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO))
-    wait_until(lambda: all(len(publisher.messages) > 3 for publisher in context.publishers.values()))
-    images, compressed, infos = (publisher.messages for publisher in context.publishers.values())
+    outputs = [context.publishers[f"/{index}"].messages for index in range(3)]
+    wait_until(lambda: all(len(messages) > 3 for messages in outputs))
+    images, compressed, infos = outputs
     jpeg = {message.header.stamp.nanosec: message for message in compressed}
     shared = next(message for message in images if message.header.stamp.nanosec in jpeg)
     decoded = decode_jpeg(jpeg[shared.header.stamp.nanosec].data.tobytes())
