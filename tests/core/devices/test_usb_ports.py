@@ -73,6 +73,20 @@ def test_two_equal_adapters_need_a_serial_number(tmp_path: Path) -> None:
         resolve(Endpoint(vid_pid="1a86:55d3", device_root=str(tmp_path)))
 
 
+def test_adapters_that_share_a_serial_number_are_told_apart_by_their_path(tmp_path: Path) -> None:
+    """Some makers give all of theirs one number; a guardian has to find the right one all the same."""
+    left, right = plug(tmp_path, "ttyUSB0", "L1"), plug(tmp_path, "ttyUSB1", "R1")
+    for path in tmp_path.rglob("serial"):
+        if path.is_file():
+            path.write_text("0001\n")
+    root = str(tmp_path)
+    for path_of_one in (left, right):
+        found = resolve(Endpoint(path_of_one, "0001", "1a86:55d3", device_root=root))
+        assert found.path == path_of_one
+    with pytest.raises(PortNotFound, match=r"2 adapters fit.*Give port as well"):
+        resolve(Endpoint(serial_number="0001", device_root=root))
+
+
 def test_the_hosts_own_ports_can_be_listed() -> None:
     assert all(port.path.startswith("/dev/") for port in list_ports())
 

@@ -8,6 +8,7 @@ import pytest
 from joshua.devices.errors import DeviceError
 from joshua.devices.servo.errors import MotorCheckFailed, NoReply, SafetyTripped
 from joshua_emulator import EmulatedBus
+from joshua_sts3215.registers import StatusBit
 
 
 def energised(emulator: EmulatedBus) -> set[bool]:
@@ -46,6 +47,18 @@ def test_heat_trips_and_stays_until_it_is_over(arm_emulator: EmulatedBus, make_a
     arm_emulator.ask("set", id=1, temperature_c=30)
     arm.enable()  # the servo keeps its fault until its torque is written again
     assert energised(arm_emulator) == {True}
+
+
+def test_a_fault_that_only_the_error_byte_of_a_reply_tells_counts(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.fault("overload", 3)
+    assert arm.bus.ping(3)
+    assert arm.bus.status[3] & StatusBit.OVERLOAD
+    blocks = [bytes(15)] * 6  # a status register that tells nothing
+    assert [reading.status for reading in arm.parse(blocks)] == [0, 0, StatusBit.OVERLOAD, 0, 0, 0]
 
 
 def test_torque_is_read_back(arm_emulator: EmulatedBus, make_arm: Any) -> None:

@@ -116,12 +116,17 @@ def resolve(endpoint: Endpoint) -> PortEntry:
     if not (endpoint.serial_number or endpoint.vid_pid):
         return _by_path(endpoint, ports)
     fitting = [port for port in ports if _fits(port, endpoint)]
+    if len(fitting) > 1 and endpoint.path:  # adapters whose maker gave all of them one serial number
+        real = Path(endpoint.path).resolve()
+        fitting = [port for port in fitting if Path(port.path).resolve() == real] or fitting
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
+        numbers = {port.serial_number for port in fitting}
+        which = "serial_number" if len(numbers) == len(fitting) else "port"
         raise PortNotFound(
             f"{endpoint}: {len(fitting)} adapters fit, the file must name one: {_listing(fitting)}. "
-            "Give serial_number as well, or unplug the others."
+            f"Give {which} as well, or unplug the others."
         )
     raise PortNotFound(
         f"{endpoint}: no adapter of this identity is plugged in. Ports here: {_listing(ports)}. "

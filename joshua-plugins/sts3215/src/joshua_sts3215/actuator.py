@@ -43,6 +43,14 @@ class Sts3215Actuator(ServoArm):
         """The servos as a calibration sees them: positions without torque, and their EEPROM."""
         return Sts3215CalibrationTarget(self.settings)
 
+    def parse(self, values: Sequence[bytes]) -> list[Feedback]:
+        """Reads the blocks of feedback; a fault that only the reply's error byte tells counts, too."""
+        said, known = self._bus.status, self.family.status.known
+        return [
+            reading._replace(status=reading.status | said.get(servo_id, 0) & known)
+            for servo_id, reading in zip(self.settings.motor_ids, super().parse(values), strict=True)
+        ]
+
     def clear_faults(self, readings: Sequence[Feedback]) -> bool:
         """Takes torque off once more, which clears what a servo keeps of a fault that is over."""
         faulty = any(reading.status & self.family.status.at_once for reading in readings)

@@ -19,12 +19,17 @@ class StatusBits:
     voltage: int
 
     @property
+    def known(self) -> int:
+        """All bits that have a meaning."""
+        return sum(self.names)
+
+    @property
     def at_once(self) -> int:
         """Bits that take the torque off as soon as they are seen."""
-        return sum(self.names) & ~self.voltage
+        return self.known & ~self.voltage
 
     def describe(self, bits: int) -> str:
         """Names of the set bits, "" where none is set."""
         names = [name for bit, name in self.names.items() if bits & bit]
-        unknown = bits & ~sum(self.names)
+        unknown = bits & ~self.known
         return ", ".join([*names, *([f"unknown bits 0x{unknown:02x}"] if unknown else [])])
