@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
-from joshua.devices.errors import DeviceDisconnected, DeviceError, SafetyTripped
+from joshua.devices.errors import DeviceDisconnected, DeviceError, DeviceSilent, SafetyTripped
 from joshua.devices.mock_actuator import MockActuator
 from joshua.devices.mock_settings import MockMotorSettings
 from joshua.guardian.estop_files import EstopFiles
@@ -283,3 +284,69 @@ def test_a_goal_is_not_written_between_latch_and_watch(start: Any) -> None:
     assert not node.has_torque
     with pytest.raises(DeviceError, match="no torque"):
         node.arm.write(np.zeros(2))
+
+
+def test_a_release_that_came_too_late_for_the_port_is_made_up_for(
+    start: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released: list[MockActuator] = []
+    monkeypatch.setattr(MockActuator, "release", lambda arm: released.append(arm))
+    start(restarted=True, safe_state="HOLD")
+    assert released == []
+    node = start(restarted=True, safe_state="RELEASE")
+    assert released == [node.arm]
+
+
+def test_a_device_that_is_silent_for_a_moment_is_waited_for(
+    start: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = start()
+    node.cycle()
+    read, states = node.arm.read, node.context.publishers["/arm/state"].messages
+    written = node.context.publishers["~/command"].messages
+
+    def silent() -> Any:
+        time.sleep(0.01)
+        raise DeviceSilent("no servo answers any more")
+
+    monkeypatch.setattr(node.arm, "read", silent)
+    before = len(states), len(written)
+    for _ in range(3):
+        node.cycle()
+    assert (len(states), len(written)) == before, "nothing is made up, and nothing is written"
+    node.context.tick("diagnostics")
+    (summary, *_) = node.context.publishers["/diagnostics"].messages[-1].status
+    assert (summary.level, summary.values[0].value) == (1, "3")
+    assert summary.message == "following; 3 readings did not come since the last report"
+    monkeypatch.setattr(node.arm, "read", read)
+    node.cycle()
+    assert (len(states), len(written)) == (before[0] + 1, before[1] + 1)
+    node.context.tick("diagnostics")
+    (summary, *_) = node.context.publishers["/diagnostics"].messages[-1].status
+    assert (summary.level, summary.message) == (0, "in order: following")
+    assert float(summary.values[1].value) > 0
+
+
+def test_a_device_that_stays_silent_fails_the_node(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start()
+
+    def silent() -> Any:
+        time.sleep(0.05)
+        raise DeviceSilent("no servo answers any more")
+
+    monkeypatch.setattr(node.arm, "read", silent)
+    with pytest.raises(DeviceSilent, match="no servo answers"):  # noqa: PT012
+        for _ in range(10):
+            node.cycle()
+    assert node.node._status.patience.missed > 2
+
+
+def test_a_device_that_is_gone_is_not_waited_for(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = start()
+
+    def gone() -> Any:
+        raise DeviceDisconnected("the adapter is gone")
+
+    monkeypatch.setattr(node.arm, "read", gone)
+    with pytest.raises(DeviceDisconnected):
+        node.cycle()

@@ -84,3 +84,26 @@ def test_a_park_pose_has_one_angle_for_each_joint(tmp_path: Path) -> None:
     item = finding(planned(tmp_path, f"{PARK} park_pose_rad: [0, 0, 0]"), "park-pose-unfit")
     assert "has 3 angles, and the actuator has 2 joints: joint_1, joint_2" in item.message
     assert item.allowed == ("2",)
+
+
+def test_a_policy_for_commands_that_stay_away_reaches_the_node(tmp_path: Path) -> None:
+    assert "on_stale" not in context(planned(tmp_path, "on_stale: HOLD"))
+    more = "on_stale: PARK_THEN_RELEASE on_stale_after_s: 1.5 park_pose_rad: [0.5, -0.5]"
+    assert context(planned(tmp_path, more, block=MOCK))["on_stale"] == {
+        "action": "PARK_THEN_RELEASE",
+        "after_s": 1.5,
+        "pose_rad": [0.5, -0.5],
+        "timeout_s": 5.0,
+    }
+    item = finding(planned(tmp_path, "on_stale: PARK_THEN_RELEASE park_pose_rad: [0]"), "park-pose-unfit")
+    assert "has 1 angles" in item.message
+
+
+def test_settings_about_commands_that_have_no_effect_are_named(tmp_path: Path) -> None:
+    leader = planned(tmp_path, "on_stale: RELEASE", role="ACTION_LEADER")
+    assert "on_stale has no effect: a leader is moved by hand" in finding(leader, "field-unused").message
+    holds = finding(planned(tmp_path, "on_stale_after_s: 3"), "field-unused")
+    assert holds.message == "on_stale_after_s has no effect: joints that hold go on holding."
+    assert "on_stale: RELEASE" in holds.remedy
+    missing = finding(planned(tmp_path, "on_stale: PARK_THEN_RELEASE"), "park-pose-missing")
+    assert missing.field_path.endswith(".on_stale")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -192,6 +193,17 @@ def test_an_estop_that_fails_is_reported_as_failed(order: Any, tmp_path: Path) -
 def test_an_action_that_never_reports_is_ended(order: Any, action: str, detail: str) -> None:
     report = GuardianLink(replace(order(action), timeout_s=0.1)).execute()
     assert (report["complete"], report["detail"]) == (False, detail)
+
+
+def test_a_guardian_that_does_not_listen_guards_nobody(order: Any) -> None:
+    link = GuardianLink(order())
+    link.armed()
+    os.kill(link.process_id, signal.SIGSTOP)
+    with pytest.raises(GuardianError, match="has not listened for some seconds"):  # noqa: PT012
+        for _ in range(600):
+            link.beat()
+    os.kill(link.process_id, signal.SIGKILL)
+    link.done()
 
 
 class Driver(DriverProcess):

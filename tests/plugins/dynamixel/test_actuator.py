@@ -40,6 +40,17 @@ def read_until_it_trips(arm: DynamixelActuator) -> str:
     raise AssertionError("nothing tripped")
 
 
+def beyond_the_turn(emulator: EmulatedBus) -> dict[int, int]:
+    """Positions of joints whose range crosses the end of the encoder's turn."""
+    beyond = {}
+    for motor in emulator.calibration()["motors"]:
+        for position in (motor["range_min"] + 20, motor["range_max"] - 20):
+            if not 0 <= position + motor["homing_offset"] < 4096:
+                beyond[motor["id"]] = position
+    assert beyond
+    return beyond
+
+
 def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm_emulator.hand({1: 2200})
     arm = make_arm(arm_emulator)
@@ -106,12 +117,7 @@ def test_a_position_a_turn_away_is_taken_for_that_of_the_range(
     arm_emulator: EmulatedBus, make_arm: Any
 ) -> None:
     """Turns are forgotten without power: a joint beyond the encoder's end comes back a whole turn away."""
-    beyond = {}  # positions of joints whose range crosses the end of the encoder's turn
-    for motor in arm_emulator.calibration()["motors"]:
-        for position in (motor["range_min"] + 20, motor["range_max"] - 20):
-            if not 0 <= position + motor["homing_offset"] < 4096:
-                beyond[motor["id"]] = position
-    assert beyond
+    beyond = beyond_the_turn(arm_emulator)
     arm_emulator.hand(beyond)
     arm_emulator.fault("brown_out")
     found = {servo["id"]: servo["present_position"] for servo in arm_emulator.servos()}
@@ -126,6 +132,26 @@ def test_a_position_a_turn_away_is_taken_for_that_of_the_range(
     park = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=[0.0] * 6).park_ticks
     for servo_id, position in beyond.items():
         assert park[servo_id] - 2048 == found[servo_id] - position
+
+
+def test_a_guardian_parks_by_the_turn_that_servos_count_in_after_their_reboot(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    """A reboot that ends a hardware error makes a servo forget its turns; the guardian is told after it."""
+    servo_id, position = next(iter(beyond_the_turn(arm_emulator).items()))
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.hand({servo_id: position})
+    arm_emulator.fault("overload", servo_id)
+    before = arm_emulator.servo(servo_id)["present_position"]
+    arm.check()
+    arm.prepare()
+    assert abs(arm_emulator.servo(servo_id)["present_position"] - before) == 4096
+    here = arm.read().position_rad
+    park = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=here.tolist()).park_ticks
+    arm.enable()
+    present = {servo["id"]: servo["present_position"] for servo in arm_emulator.servos()}
+    assert all(abs(park[number] - ticks) < 20 for number, ticks in present.items())
 
 
 def test_a_joint_beyond_its_servos_limits_gets_no_torque(emulator: EmulatedBus, make_arm: Any) -> None:

@@ -14,6 +14,7 @@ from joshua.devices.calibration_target import CalibrationTarget
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
+from joshua.devices.errors import DeviceSilent as DeviceSilent
 from joshua.devices.errors import SafetyTripped as SafetyTripped
 
 FloatArray = npt.NDArray[np.float64]
@@ -63,6 +64,8 @@ class Actuator(ABC):
         self.plan_context: dict[str, Any] = context or {}
         #: Whether the run is to end; a ``connect`` that takes long asks it, and raises ``StopObeyed``.
         self.stopping: Callable[[], bool] = lambda: False
+        #: Called before a protection takes the torque off, which may take longer than a cycle.
+        self.letting_go: Callable[[], None] = lambda: None
 
     @property
     @abstractmethod
@@ -88,9 +91,13 @@ class Actuator(ABC):
         """Reads the state of all joints.
 
         Raises:
-            DeviceDisconnected: the device does not answer any more.
+            DeviceDisconnected: the device is gone.
+            DeviceSilent: it did not answer; the node reads again, and fails where that lasts.
             SafetyTripped: a protection has just taken the torque off; reading goes on after that.
         """
+
+    def prepare(self) -> None:
+        """Clears what the device keeps of faults that are over, before it gets torque. Raises DeviceError."""
 
     @abstractmethod
     def enable(self) -> None:

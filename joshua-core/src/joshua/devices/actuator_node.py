@@ -11,9 +11,10 @@ from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
 from joshua.devices.command_intake import CommandIntake, leader_mappings
 from joshua.devices.diagnostics import DiagnosticsPublisher
-from joshua.devices.errors import DeviceError, SafetyTripped
+from joshua.devices.errors import DeviceError, DeviceSilent, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
+from joshua.devices.stale_policy import StalePolicy
 from joshua.devices.take_over import TakeOver
 from joshua.guardian.order import BEAT_S
 from joshua.messages.make import joint_state
@@ -39,13 +40,15 @@ class ActuatorNode(NodeBehaviour):
 
     It is in fault, which means that it reads, gives no torque and writes nothing until ``resume``: after a
     failure (``restarted`` in the context; torque is then as the safe state has left it), after a trip of a
-    protection and after an e-stop (the torque is off).
+    protection, after an e-stop, and where commands stayed away for longer than its policy allows (the torque
+    is off).
     With a ``safe_stop`` in its context it has a guardian from before the joints get torque until their safe
     state stands.
 
     Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each joint), ``leader``
     (``node``, ``topic``, ``joints``) for a follower, ``take_over`` (the same for each publisher that is
-    declared as override; ``joints`` only where it is a leader), ``stale_after_s``, ``restarted``.
+    declared as override; ``joints`` only where it is a leader), ``stale_after_s``, ``on_stale`` (see
+    ``StalePolicy``), ``restarted``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -56,6 +59,7 @@ class ActuatorNode(NodeBehaviour):
         self._actuator: Actuator | None = None
         self._goals: GoalGenerator | None = None
         self._readers: list[CommandReader] = []
+        self._on_stale: StalePolicy | None = None
         self._states: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
         self._written: MessagePublisher | None = None
         self._energised = self._timer_runs = False
@@ -74,6 +78,7 @@ class ActuatorNode(NodeBehaviour):
         self._check_topics()
         self._actuator = actuator
         actuator.stopping = lambda: self.context.stopping
+        actuator.letting_go = self._safety.letting_go
         actuator.connect()
         self._safety.introduce(actuator)
         self._goals = GoalGenerator(
@@ -81,6 +86,8 @@ class ActuatorNode(NodeBehaviour):
             1 / self._rate_hz,
             stale_after_s=spec.context.get("stale_after_s", STALE_AFTER_S),
         )
+        on_stale = spec.context.get("on_stale")
+        self._on_stale = StalePolicy(self._goals, on_stale) if on_stale else None
         self._states = [
             (
                 self.context.publisher(topic),
@@ -110,6 +117,7 @@ class ActuatorNode(NodeBehaviour):
         if self._safety.latch() is not None:
             self._watch()
         elif self._is_commanded and self.context.spec.context.get("restarted"):
+            self._safety.renew(actuator)
             self._enter_fault("comes back after a failure and follows no command: look at the arm")
         elif self._is_commanded:
             self.energise()
@@ -123,10 +131,13 @@ class ActuatorNode(NodeBehaviour):
     def energise(self) -> None:
         """Gives torque to the joints where they are; from then on they follow commands."""
         actuator, goals = self._device()
+        actuator.prepare()  # a device that starts anew for that may count otherwise, also for its guardian
         goals.seed(actuator.read().position_rad)
         self._safety.guard(actuator)
-        self._energised = True  # whatever fails from here on, the safe state is called for
+        # Whatever fails from here on, the safe state is called for.
+        self._energised = self._safety.in_doubt = True
         actuator.enable()
+        self._safety.in_doubt = False
         self._safety.beat()
 
     def resume(self) -> str:
@@ -218,12 +229,14 @@ class ActuatorNode(NodeBehaviour):
             self.context.subscribe(topic, take)
 
     def _control(self) -> None:
-        """One control cycle: read, publish, write. Whatever the device raises fails the node."""
+        """One control cycle: read, publish, write. Whatever else the device raises fails the node."""
         actuator, goals = self._device()
         try:
-            reading = self._status.reading = actuator.read()
+            reading = self._read(actuator)
         except SafetyTripped as error:
             self._trip(error)
+            return
+        if reading is None:
             return
         for publisher, limit, meter in self._states:
             if limit is None or limit.passes(reading.stamp_ns):
@@ -238,6 +251,24 @@ class ActuatorNode(NodeBehaviour):
         self._test.written(written, following=goals.state is GoalState.FOLLOWING and not goals.ramping)
         self._status.doing = goals.state.value
         self._report_state(goals.state)
+        if self._on_stale is not None:
+            self._obey(self._on_stale, actuator, reading)
+
+    def _read(self, actuator: Actuator) -> JointReading | None:
+        """Reads; None where the device did not answer, which it must do again soon. Raises DeviceError."""
+        patience, began_s = self._status.patience, time.monotonic()
+        try:
+            reading = actuator.read()
+        except DeviceSilent as error:
+            if not patience.miss(began_s, time.monotonic()):
+                raise
+            self.context.log.debug("this cycle is left out: %s", error)
+            return None
+        silence_s = patience.hear(time.monotonic())
+        if silence_s:
+            self.context.log.warning("no answer for %.2f s, in which nothing was written", silence_s)
+        self._status.reading = reading
+        return reading
 
     def _watch(self) -> None:
         """Shows the guardian a sign of life, and obeys an e-stop."""
@@ -263,11 +294,21 @@ class ActuatorNode(NodeBehaviour):
     def _trip(self, error: SafetyTripped) -> None:
         """A protection has taken the torque off; unless the device confirms that, the guardian acts."""
         if not error.released:
-            self._safety.release_only()
+            self._safety.letting_go()
             raise error
         self._energised = False
         self._safety.stand_down()
         self._enter_fault(str(error))
+
+    def _obey(self, policy: StalePolicy, actuator: Actuator, reading: JointReading) -> None:
+        """Takes the torque off once commands were away for too long; the guardian does where that fails."""
+        reason = policy.look(reading.position_rad, time.monotonic())
+        if reason:
+            self._safety.letting_go()
+            actuator.release()
+            self._energised = False
+            self._safety.stand_down()
+            self._enter_fault(reason)
 
     def _enter_fault(self, reason: str) -> None:
         spec = self.context.spec
@@ -308,6 +349,8 @@ class ActuatorNode(NodeBehaviour):
             return
         if state is GoalState.HOLDING:
             self.context.log.warning("no command any more: the joints hold their position")
-        elif self._last_state is GoalState.HOLDING:
+        elif state is GoalState.PARKING:
+            self.context.log.warning("no command for too long: the joints go to their park pose")
+        elif self._last_state in (GoalState.HOLDING, GoalState.PARKING):
             self.context.log.info("commands are back: the joints approach them slowly")
         self._last_state = state

@@ -28,6 +28,9 @@ class ActuatorSafety:
     Keys of ``NodeSpec.context`` that it uses: ``safe_state``; ``safe_stop`` (``implementation``, ``state``,
     ``park_pose_rad``, ``timeout_s``), without which there is no guardian; ``run_log`` and ``run_socket``;
     ``estop_action``, which releases the joints without the driver; those of ``Estop``.
+
+    Attributes:
+        in_doubt: the driver cannot say which joints have torque; their guardian finds out.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -37,6 +40,7 @@ class ActuatorSafety:
         self._link: GuardianLink | None = None
         self._applied = ""
         self._estop = Estop(context)
+        self.in_doubt = False
 
     def introduce(self, actuator: Actuator) -> None:
         """Leaves what an e-stop needs where the driver of this open device cannot answer."""
@@ -84,11 +88,13 @@ class ActuatorSafety:
         """Applies the safe state; ``finish`` does the rest. Raises what the device raises."""
         if self._link is not None:
             self._say_stopping()
+        if self.in_doubt and self._link is not None:
+            return  # it acts as soon as the device is closed
         latch = self._estop.latch()
         if latch is not None:
             self._estop.release(actuator, latch, guarded=self._link is not None)
             self._applied = RELEASE
-        elif self._state == HOLD:
+        elif self._state == HOLD and not self.in_doubt:
             actuator.hold()
             self._applied = HOLD
         elif self._link is None or self._state == RELEASE:
@@ -108,17 +114,31 @@ class ActuatorSafety:
         self.stand_down()
         return said
 
+    def renew(self, actuator: Actuator) -> None:
+        """Makes sure of the safe state after a failure, where that takes nothing but a release.
+
+        The guardian of the driver before may have come too late for the port. Raises DeviceError.
+        """
+        if self._state == RELEASE:
+            actuator.release()
+
     def stand_down(self) -> None:
         """Lets the guardian go: the device has confirmed that the joints have no torque."""
         link, self._link = self._link, None
+        self.in_doubt = False
         if link is not None:  # its end takes longer than a control loop may be silent
             threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
 
-    def release_only(self) -> None:
-        """Has the guardian, which acts next, take the torque off whatever the safe state is."""
+    def letting_go(self) -> None:
+        """Says that the driver takes the torque off now; where it fails, the guardian does.
+
+        Whatever the safe state is: after a trip of a protection, and where commands stay away.
+        """
+        self.in_doubt = True
         if self._link is not None:
             with contextlib.suppress(GuardianError):  # the failure of the node says that it is gone
                 self._link.release_only()
+                self._link.stopping()
 
     def finish(self) -> None:
         """Lets the guardian go, or act where the driver could not. Raises DeviceError if that fails."""
@@ -135,7 +155,8 @@ class ActuatorSafety:
         if not report.get("complete"):
             raise DeviceError(f"the safe state {self._state} is not verified: {report.get('detail', '')}")
         joints = ", ".join(f"{joint} {state}" for joint, state in report.get("joints", {}).items())
-        self._context.log.info("safe state %s: %s %s", self._state, joints, report.get("detail", ""))
+        state = report.get("action", self._state)
+        self._context.log.info("safe state %s: %s %s", state, joints, report.get("detail", ""))
 
     def _request(self, actuator: Actuator, action: str) -> dict[str, Any]:
         stop = self._values["safe_stop"]

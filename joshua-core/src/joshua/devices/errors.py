@@ -17,6 +17,10 @@ class DeviceDisconnected(DeviceError):
     """A device that was connected does not answer any more."""
 
 
+class DeviceSilent(DeviceDisconnected):
+    """A device that is still connected did not answer; it may do so in a moment."""
+
+
 class SafetyTripped(DeviceError):
     """A protection took the torque of all joints off; it stays off until the actuator is resumed.
 

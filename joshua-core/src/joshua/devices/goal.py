@@ -28,6 +28,8 @@ class GoalState(str, Enum):
     """Commands come in."""
     HOLDING = "holding"
     """Commands stopped: the joints stay at the last goal."""
+    PARKING = "parking"
+    """Commands have been away for too long: the joints go to their park pose, unless commands come back."""
 
 
 class GoalGenerator:
@@ -43,6 +45,9 @@ class GoalGenerator:
         stale_after_s: time without a command after which the joints hold. A trajectory that plays or has
             ended is not stale: it says itself where the joints stay.
         ramp_speed_rad_s: largest speed of the approach.
+
+    Attributes:
+        stale: commands came and stopped, and nobody has said that the joints are to stay.
     """
 
     def __init__(
@@ -67,6 +72,7 @@ class GoalGenerator:
         self._command_ns: int | None = None
         self._step_ns: int | None = None
         self.state = GoalState.WAITING
+        self.stale = False
 
     @property
     def ramping(self) -> bool:
@@ -80,14 +86,18 @@ class GoalGenerator:
             self._forget()
             self._step_ns = None
             self.state = GoalState.WAITING
+            self.stale = False
 
     def command(self, command: JointCommand, now_ns: int) -> None:
         """Takes a command; ``now_ns`` on the monotonic clock. Thread-safe."""
         with self._lock:
             self._trajectory = self._trajectory_start = None
+            if self.state is GoalState.PARKING:
+                self._forget()
             self._target[command.indices] = command.position_rad
             self._command_ns = now_ns
             self.state = GoalState.FOLLOWING
+            self.stale = False
 
     def play(self, trajectory: TrajectoryCommand, now_ns: int) -> None:
         """Starts a trajectory in place of what was commanded; one without points stops the joints."""
@@ -97,6 +107,19 @@ class GoalGenerator:
             self._trajectory = trajectory if len(trajectory.time_s) else None
             self._trajectory_start = (now_ns, self._goal[trajectory.indices].copy())
             self.state = GoalState.FOLLOWING if self._trajectory else GoalState.HOLDING
+            self.stale = False
+
+    def park(self, pose_rad: FloatArray) -> None:
+        """Lets joints that hold move to a pose, shape (N,), as slowly as to a first command. Thread-safe."""
+        with self._lock:
+            if self.state is GoalState.HOLDING:  # no command has come in the meantime
+                self._target = np.array(pose_rad, np.float64)
+                self._ramping[:] = True
+                self.state = GoalState.PARKING
+
+    def reachable(self, pose_rad: FloatArray) -> FloatArray:
+        """A pose within the limits."""
+        return np.clip(pose_rad, self._limits.position_min_rad, self._limits.position_max_rad)
 
     def approach(self) -> None:
         """Lets the joints approach the next command slowly, as they do a first one. Thread-safe."""
@@ -110,6 +133,7 @@ class GoalGenerator:
             if self._command_ns is not None and now_ns - self._command_ns > self._stale_after_ns:
                 self._forget()
                 self.state = GoalState.HOLDING
+                self.stale = True
             if self._trajectory is not None and self._trajectory_start is not None:
                 start_ns, start_rad = self._trajectory_start
                 played_s = (now_ns - start_ns) / NS_PER_S

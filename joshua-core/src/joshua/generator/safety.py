@@ -11,6 +11,7 @@ from joshua.plugins import Provision
 from joshua.schema import config_pb2 as pb
 
 PARK_TIMEOUT_S = 5.0
+ON_STALE_AFTER_S = 5.0
 
 #: Beyond the time for parking: the guardian's own, its report, and the closing of the device.
 STOP_MARGIN_S = 4.0
@@ -27,9 +28,18 @@ def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
     context: dict[str, Any] = {"safe_state": name}
     if provision.safe_stop:
         context["estop_action"] = provision.safe_stop
+    timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
+    if not is_leader and action.on_stale in (pb.RELEASE, pb.PARK_THEN_RELEASE):
+        context["on_stale"] = {
+            "action": pb.SafeState.Name(action.on_stale),
+            "after_s": (
+                float(action.on_stale_after_s) if action.HasField("on_stale_after_s") else ON_STALE_AFTER_S
+            ),
+            "pose_rad": list(action.park_pose_rad),
+            "timeout_s": timeout_s,
+        }
     if is_leader or not provision.safe_stop:
         return context
-    timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
     context["safe_stop"] = {
         "implementation": provision.safe_stop,
         "state": name,
@@ -50,7 +60,8 @@ def check_safety(
         return
     path = want.entry.owner_path
     has_guardian = bool(provision.safe_stop) and action.action_type != pb.ACTION_LEADER
-    if action.HasField("park_timeout_s") and not has_guardian:
+    parks_when_stale = action.on_stale == pb.PARK_THEN_RELEASE
+    if action.HasField("park_timeout_s") and not (has_guardian or parks_when_stale):
         findings.add(
             "field-unused",
             Severity.NOTE,
@@ -58,9 +69,8 @@ def check_safety(
             f"{path}.park_timeout_s",
             remedy="remove it",
         )
-    if action.safe_state != pb.PARK_THEN_RELEASE:
-        return
-    if not provision.safe_stop:
+    parks = action.safe_state == pb.PARK_THEN_RELEASE
+    if parks and not provision.safe_stop:
         findings.add(
             "safe-state-unfit",
             Severity.ERROR,
@@ -70,7 +80,7 @@ def check_safety(
             allowed=("HOLD", "RELEASE"),
             remedy="write safe_state: HOLD or safe_state: RELEASE",
         )
-    elif action.park_pose_rad and len(action.park_pose_rad) != len(joints):
+    elif (parks or parks_when_stale) and action.park_pose_rad and len(action.park_pose_rad) != len(joints):
         names = ", ".join(joint["name"] for joint in joints)
         findings.add(
             "park-pose-unfit",

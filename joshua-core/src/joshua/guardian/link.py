@@ -14,6 +14,9 @@ from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, RELEASE_ONL
 #: An interpreter must start and import the action within this time, also on a busy small board.
 START_TIMEOUT_S = 15.0
 
+#: Room for some seconds of beats: a guardian that has not listened for so long does not guard.
+SEND_BUFFER_BYTES = 32768
+
 #: Time beyond the order's own in which a report must come.
 REPORT_MARGIN_S = 2.0
 
@@ -35,6 +38,7 @@ class GuardianLink:
     def __init__(self, order: GuardianOrder) -> None:
         self._order = order
         self._socket, theirs = socket.socketpair()
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         program = [sys.executable, "-m", "joshua.guardian.main", "--descriptor", str(theirs.fileno())]
         for entry in sys.path:
             program += ["--path", entry]
@@ -121,8 +125,10 @@ class GuardianLink:
     def _say(self, word: bytes) -> None:
         try:
             self._socket.send(word)
-        except BlockingIOError:
-            return  # it has not listened for hours of beats; whether it lives shows when it does
+        except BlockingIOError as error:
+            raise GuardianError(
+                f"its process {self._process.pid} has not listened for some seconds: it hangs or was stopped"
+            ) from error
         except OSError as error:
             raise GuardianError(f"its process {self._process.pid} has ended: {error}") from error
 

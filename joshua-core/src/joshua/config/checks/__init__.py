@@ -39,7 +39,8 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
 
 
 def _has_safety(owner: Any) -> bool:
-    return bool(getattr(owner, "safe_state", 0) or getattr(owner, "park_pose_rad", ()))
+    fields = ("safe_state", "park_pose_rad", "on_stale", "on_stale_after_s")
+    return any(getattr(owner, name, 0) for name in fields)
 
 
 def check(loaded: Loaded) -> list[Diagnostic]:

@@ -26,18 +26,49 @@ def check(context: Context) -> Iterator[Diagnostic]:
                 allowed=("RELEASE",),
                 remedy="Remove safe_state, or write safe_state: RELEASE",
             )
-        elif action.safe_state == pb.PARK_THEN_RELEASE and not action.park_pose_rad:
-            yield context.error(
-                "park-pose-missing",
-                "PARK_THEN_RELEASE needs park_pose_rad, the pose in which the joints may lose their torque",
-                f"{path}.safe_state",
-                found="PARK_THEN_RELEASE",
-                remedy="Add park_pose_rad: [...] with one angle in radians for each joint",
+        elif action.safe_state == pb.PARK_THEN_RELEASE:
+            yield from _pose(context, action, path, "safe_state")
+        if action.action_type == pb.ACTION_LEADER:
+            yield from _unused(context, action, path)
+        elif action.on_stale == pb.PARK_THEN_RELEASE:
+            yield from _pose(context, action, path, "on_stale")
+        elif action.on_stale != pb.RELEASE and action.HasField("on_stale_after_s"):
+            yield context.note(
+                "field-unused",
+                "on_stale_after_s has no effect: joints that hold go on holding",
+                f"{path}.on_stale_after_s",
+                remedy="Remove it, or set on_stale: RELEASE or on_stale: PARK_THEN_RELEASE",
             )
-        if action.park_pose_rad and action.safe_state != pb.PARK_THEN_RELEASE:
+        if action.park_pose_rad and pb.PARK_THEN_RELEASE not in (action.safe_state, action.on_stale):
             yield context.note(
                 "field-unused",
                 "park_pose_rad has no effect: it belongs to safe_state: PARK_THEN_RELEASE",
                 f"{path}.park_pose_rad",
                 remedy="Remove it, or set safe_state: PARK_THEN_RELEASE",
+            )
+
+
+def _pose(context: Context, action: pb.SingleAction, path: str, field: str) -> Iterator[Diagnostic]:
+    if not action.park_pose_rad:
+        yield context.error(
+            "park-pose-missing",
+            "PARK_THEN_RELEASE needs park_pose_rad, the pose in which the joints may lose their torque",
+            f"{path}.{field}",
+            found="PARK_THEN_RELEASE",
+            remedy="Add park_pose_rad: [...] with one angle in radians for each joint",
+        )
+
+
+def _unused(context: Context, action: pb.SingleAction, path: str) -> Iterator[Diagnostic]:
+    """Settings about commands at a leader, which follows none."""
+    for name, is_set in (
+        ("on_stale", action.on_stale != 0),
+        ("on_stale_after_s", action.HasField("on_stale_after_s")),
+    ):
+        if is_set:
+            yield context.note(
+                "field-unused",
+                f"{name} has no effect: a leader is moved by hand and follows no commands",
+                f"{path}.{name}",
+                remedy="Remove it",
             )

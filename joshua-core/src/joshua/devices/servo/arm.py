@@ -16,7 +16,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.diagnostics import bus_row, joint_rows
-from joshua.devices.servo.errors import NotCalibrated, NotEnabled, SafetyTripped
+from joshua.devices.servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from joshua.devices.servo.family import ServoFamily
 from joshua.devices.servo.feedback import Feedback
 from joshua.devices.servo.inspection import ServoSetup
@@ -147,7 +147,10 @@ class ServoArm(Actuator):
         with self._lock:
             self._port.open()
             try:
-                self.check()
+                try:
+                    self.check()
+                except NoReply:  # a machine that starts a run may stand still for a moment
+                    self.check()
             except BaseException:
                 self._port.close()
                 raise
@@ -177,12 +180,14 @@ class ServoArm(Actuator):
         """Reads the state of all joints; effort is the fraction of stall torque.
 
         Raises:
-            DeviceDisconnected: the port or a servo does not answer any more.
+            DeviceDisconnected: the port is gone.
+            NoReply: a servo does not answer.
             SafetyTripped: a protection has just taken the torque off; reading goes on after that.
         """
         self.require_connected("read")
         with self._lock:
-            readings, stamp_ns = self._read_feedback()
+            readings, stamp_ns = self._state.feedback()
+            self._readings = readings
             if self._enabled:
                 self._trip_where_needed(readings)
         return JointReading(
@@ -192,27 +197,37 @@ class ServoArm(Actuator):
             self._map.directed([reading.load for reading in readings]),
         )
 
-    def enable(self) -> None:
-        """Energises the joints where they are, verified by reading back; clears a trip that is over.
+    def prepare(self) -> None:
+        """Clears faults that servos keep until they are told, and finds the turns that they count in now.
 
-        Raises:
-            NotCalibrated: there is no calibration, and the plan does not waive it.
-            SafetyTripped: a protection would trip at once.
-            DeviceError: a servo did not take it; then all joints are released.
+        Raises NotCalibrated, unless the plan waives the calibration, and DeviceDisconnected.
         """
-        self.require_connected("enable")
+        self.require_connected("prepare")
         self._require_calibration()
         with self._lock:
-            readings, _ = self._read_feedback()
+            readings = self._state.settled_feedback()
             if not self._dry_run and self.clear_faults(readings):
-                readings, _ = self._read_feedback()
+                readings = self._state.settled_feedback()
+            positions = [reading.position for reading in readings]
+            self._map.follow_turns(positions, [setup.turns for setup in self._setups])
+
+    def enable(self) -> None:
+        """Prepares the joints and energises them where they are, verified by reading back.
+
+        Raises:
+            SafetyTripped: a protection would trip at once.
+            DeviceError: as ``prepare``, or a servo did not take it; then all joints are released.
+        """
+        self.require_connected("enable")
+        with self._lock:
+            self.prepare()
+            readings = self._state.settled_feedback()
             self._watch.reset()
             if reason := self._watch.trip_reason(readings):
                 raise SafetyTripped(
                     f"{self._port}: torque stays off: {reason}. Put it right, then enable again."
                 )
             present = np.array([reading.position for reading in readings], dtype=np.int64)
-            self._map.follow_turns(present.tolist(), [setup.turns for setup in self._setups])
             self.check_start(present.tolist())
             if not self._dry_run:
                 self._torque.switch_on(present.tolist(), self.move_values())
@@ -305,13 +320,8 @@ class ServoArm(Actuator):
         """
         park: Mapping[int, int] = {}
         if len(park_pose_rad):
-            park = dict(
-                zip(
-                    self._ids,
-                    self._map.ticks(self.checked_goal(np.array(park_pose_rad))).tolist(),
-                    strict=True,
-                )
-            )
+            ticks = self._map.ticks(self.checked_goal(np.array(park_pose_rad)))
+            park = dict(zip(self._ids, ticks.tolist(), strict=True))
         endpoint = self._port.endpoint
         return SafeStopRequest(
             action=action,
@@ -345,16 +355,13 @@ class ServoArm(Actuator):
                 "--allow-uncalibrated to drive it about the middle of position_min and position_max."
             )
 
-    def _read_feedback(self) -> tuple[list[Feedback], int]:
-        self._readings, stamp_ns = self._state.feedback()
-        return self._readings, stamp_ns
-
     def _trip_where_needed(self, readings: Sequence[Feedback]) -> None:
         reason = self._watch.trip_reason(readings) or self._lapse()
         if not reason:
             return
         self._tripped = reason
         self._enabled = False
+        self.letting_go()
         try:
             self._torque.switch_off()
         except DeviceDisconnected as error:
@@ -374,11 +381,8 @@ class ServoArm(Actuator):
             return ""
         self._lost_checked, self._torque_checked_s = lost, now_s
         lapsed = self._torque.lapsed()
-        return (
-            f"{lapsed} lost torque or settings without a command: its supply was interrupted"
-            if lapsed
-            else ""
-        )
+        text = "lost torque or settings without a command: its supply was interrupted"
+        return f"{lapsed} {text}" if lapsed else ""
 
     @property
     def _lost(self) -> int:

@@ -107,13 +107,15 @@ class ServoBus(ABC):
         """Start and size of a read with further bytes, and how many of these lie in front."""
         return address, length + padding, 0
 
-    def sync_read(self, address: int, length: int, ids: tuple[int, ...]) -> dict[int, bytes]:
+    def sync_read(
+        self, address: int, length: int, ids: tuple[int, ...], *, retries: int | None = None
+    ) -> dict[int, bytes]:
         """Reads the same bytes of several servos; those that do not answer within all retries are left out.
 
         Raises PortDisconnected.
         """
         values = self._sync_read_once(address, length, ids)
-        for _ in range(self.retries):
+        for _ in range(self.retries if retries is None else retries):
             if len(values) == len(ids):
                 break
             self.counters.retries += 1

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.errors import DeviceError, DeviceSilent
 from joshua.devices.errors import SafetyTripped as SafetyTripped
 
 
-class NoReply(DeviceDisconnected):
+class NoReply(DeviceSilent):
     """A servo did not answer within all retries, or only with broken packets."""
 
 

@@ -9,6 +9,7 @@ from joshua.devices.serial_errors import PortUnusable
 from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.errors import MotorCheckFailed, NoReply
 
+LOOKS = 2  # a machine that is busy with the start of a run may stand still for longer than a request is tried
 SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on
 
 
@@ -24,16 +25,20 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
         PortDisconnected: the port is gone.
     """
     ids = tuple(models)
-    found: list[FoundMotor] = []
-    missing: list[int] = []
+    seen: dict[int, FoundMotor] = {}
     shared: list[int] = []
-    for servo_id in ids:
-        corrupt = bus.counters.corrupt
-        try:
-            found.append(bus.identify(servo_id))
-        except NoReply:
-            garbled = bus.counters.corrupt - corrupt > bus.retries
-            (shared if garbled else missing).append(servo_id)
+    for _ in range(LOOKS):
+        for servo_id in ids:
+            if servo_id in seen or servo_id in shared:
+                continue
+            corrupt = bus.counters.corrupt
+            try:
+                seen[servo_id] = bus.identify(servo_id)
+            except NoReply:
+                if bus.counters.corrupt - corrupt > bus.retries:
+                    shared.append(servo_id)
+    found = [seen[servo_id] for servo_id in ids if servo_id in seen]
+    missing = [servo_id for servo_id in ids if servo_id not in seen and servo_id not in shared]
     wrong = [motor for motor in found if motor.model != models[motor.motor_id]]
     if not (missing or shared or wrong):
         return found

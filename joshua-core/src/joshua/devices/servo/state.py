@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 
 from joshua.devices.servo.bus import ServoBus
@@ -9,6 +10,8 @@ from joshua.devices.servo.errors import NoReply
 from joshua.devices.servo.family import ServoFamily
 from joshua.devices.servo.feedback import Feedback
 from joshua.devices.stamps import StampClock
+
+SETTLED_ATTEMPTS = 3
 
 
 class StateReader:
@@ -32,15 +35,30 @@ class StateReader:
         self._ids = tuple(names)
         self._parse = parse
         self._stamps = StampClock()
+        self._missed = False
+
+    def settled_feedback(self) -> list[Feedback]:
+        """Feedback where nothing is in a hurry, and a machine that starts a run may stand still for a moment.
+
+        Raises NoReply and PortDisconnected.
+        """
+        for _ in range(SETTLED_ATTEMPTS - 1):
+            with contextlib.suppress(NoReply):
+                return self.feedback()[0]
+            self._missed = False
+        return self.feedback()[0]
 
     def feedback(self) -> tuple[list[Feedback], int]:
         """Feedback in joint order, and its time in ns since the epoch.
 
+        After a servo did not answer it is asked once for each call: who reads has more to do than to wait.
         Raises NoReply and PortDisconnected.
         """
         address, length = self._family.feedback
         before_ns = self._stamps.now_ns()
-        values = self._all(self._bus.sync_read(address, length, self._ids))
+        found = self._bus.sync_read(address, length, self._ids, retries=0 if self._missed else None)
+        self._missed = len(found) < len(self._ids)
+        values = self._all(found)
         stamp_ns = (before_ns + self._stamps.now_ns()) // 2
         return self._parse(values), stamp_ns
 

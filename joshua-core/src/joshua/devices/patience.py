@@ -1,0 +1,36 @@
+"""How long a device that does not answer is waited for before its node fails."""
+
+from __future__ import annotations
+
+#: A machine that gives nobody its time, or a hub that settles, keeps every reply back for a tenth of a second
+#: or two. Nothing is written meanwhile, so the joints stay at their last goal.
+SILENCE_LIMIT_S = 0.3
+
+
+class Patience:
+    """Judges readings that did not come; one for each actuator.
+
+    Attributes:
+        missed: readings that did not come so far; longest_s: the longest silence of those that ended.
+    """
+
+    def __init__(self, limit_s: float = SILENCE_LIMIT_S) -> None:
+        self._limit_s = limit_s
+        self._since_s: float | None = None
+        self.missed = 0
+        self.longest_s = 0.0
+
+    def miss(self, began_s: float, now_s: float) -> bool:
+        """Counts a reading that was begun and did not come; returns whether that is still bearable."""
+        self.missed += 1
+        if self._since_s is None:
+            self._since_s = began_s
+        return now_s - self._since_s < self._limit_s
+
+    def hear(self, now_s: float) -> float:
+        """A reading came; returns how long the silence was that it ends, 0 where there was none."""
+        if self._since_s is None:
+            return 0.0
+        silence_s, self._since_s = now_s - self._since_s, None
+        self.longest_s = max(self.longest_s, silence_s)
+        return silence_s
