@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from joshua.generator.control_server import ask
 from joshua.generator.run_directory import SOCKET_NAME, running_systems
+from joshua.generator.stop_signals import ECHO_S
 
 HERE = Path(__file__).parent
 PATIENCE_S = 30.0
@@ -145,6 +146,7 @@ def test_ctrl_c_during_the_start_is_130_and_leaves_nothing(robot, launch):
 
     os.killpg(run.process.pid, signal.SIGINT)
     run.wait_for("event", lambda kind: kind == "stopping")
+    time.sleep(2 * ECHO_S)
     os.killpg(run.process.pid, signal.SIGINT)
 
     assert run.end() == 130, run.text()
@@ -155,7 +157,9 @@ def test_a_second_ctrl_c_kills_at_once(robot, launch):
     pids = run.pids()
 
     run.process.send_signal(signal.SIGINT)
+    run.process.send_signal(signal.SIGINT)  # at once: the same order, delivered twice
     run.wait_for("log", lambda text: text == "step: deactivate")
+    time.sleep(2 * ECHO_S)
     run.process.send_signal(signal.SIGINT)
 
     assert run.end() == 1, run.text()

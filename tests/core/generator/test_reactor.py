@@ -49,6 +49,20 @@ def test_a_timer_set_by_a_timer_waits_for_the_next_turn():
     reactor.close()
 
 
+def test_a_timer_that_raises_takes_no_other_along():
+    ran = []
+    reactor = Reactor()
+    reactor.call_later(0.0, lambda: ran.append("before"))
+    reactor.call_later(0.0, lambda: 1 / 0)
+    for name in ("ladder", "last"):
+        reactor.call_later(0.0, lambda name=name: ran.append(name))
+    with pytest.raises(ZeroDivisionError):
+        reactor.turn()
+    reactor.turn()
+    assert ran == ["before", "ladder", "last"]
+    reactor.close()
+
+
 def test_descriptors_are_heard_before_timers_judge(pipe):
     order = []
     reactor = Reactor()

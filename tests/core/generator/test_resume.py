@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from joshua.generator.control_server import ask
 from joshua.generator.heartbeats import HANG_AFTER_S
+from joshua.generator.ladder import LadderTimes
 from joshua.generator.run_directory import running_systems
 from joshua.plan import NodeKind, RunReport
 
@@ -27,14 +28,14 @@ class User:
         self._work = work
         self._errors: list[BaseException] = []
 
-    def run(self, *others: Any) -> RunReport:
+    def run(self, *others: Any, **options: Any) -> RunReport:
         context = {"wish": str(self.wish)}
         node = self.robot.node(
             "Faulty", "arm", kind=NodeKind.ACTUATOR, module="resume_behaviours", context=context
         )
         thread = threading.Thread(target=self._do)
         thread.start()
-        report: RunReport = self.robot.run(node, *others, duration_s=60.0)
+        report: RunReport = self.robot.run(node, *others, duration_s=60.0, **options)
         thread.join()
         if self._errors:
             raise self._errors[0]
@@ -110,6 +111,17 @@ def test_a_failure_while_resuming_is_answered_and_restarts_the_node(robot: Any) 
         assert user.resume()["resumed"]
 
     User(robot, work).run()
+
+
+def test_nothing_is_started_again_while_the_run_stops(robot: Any) -> None:
+    def work(user: User) -> None:
+        user.ask({"request": "stop"})
+        user.wait_for("stopped")
+        answer = user.resume()
+        assert "the run is stopping" in answer["error"]
+
+    report = User(robot, work).run(robot.node("IgnoresStop"), ladder=LadderTimes(0.5, 0.2))
+    assert {node.full_name: node.state for node in report.nodes} == {ARM: "stopped", "/ignoresstop": "killed"}
 
 
 def test_resuming_may_take_longer_than_a_loop_may_be_silent(

@@ -6,6 +6,7 @@ import heapq
 import itertools
 import selectors
 import time
+from collections import deque
 from collections.abc import Callable
 
 
@@ -92,10 +93,15 @@ class Reactor:
 
     def _run_timers(self) -> None:
         now_s = self._clock()
-        due = []
+        due: deque[tuple[float, int, ReactorTimer]] = deque()
         while self._timers and self._timers[0][0] <= now_s:
-            due.append(heapq.heappop(self._timers)[2])
-        for timer in due:
-            callback, timer.callback = timer.callback, None
-            if callback is not None:
-                callback()
+            due.append(heapq.heappop(self._timers))
+        try:
+            while due:
+                timer = due.popleft()[2]
+                callback, timer.callback = timer.callback, None
+                if callback is not None:
+                    callback()
+        finally:
+            for entry in due:  # one has raised: the others keep their turn, for among them may be a ladder's
+                heapq.heappush(self._timers, entry)

@@ -63,7 +63,8 @@ class RunRequests:
     def ended(self, process: ManagedProcess) -> None:
         """A process has ended: nothing of it is resumed now."""
         for node, record in process.records.items():
-            self._answer(node, False, f"{node} is not resumed, because it failed: {record.reason}")
+            why = f"it failed: {record.reason}" if record.reason else "the run stops"
+            self._answer(node, False, f"{node} is not resumed, because {why}")
 
     def resumed(self, message: ipc.Resumed) -> None:
         """A node has answered."""
@@ -102,6 +103,9 @@ class RunRequests:
             return {"error": f"this run has no node {node}"}
         if process.records[node].spec.kind is not NodeKind.ACTUATOR:
             return {"error": f"{node} is no actuator: there is nothing to resume"}
+        phase = self._run.status().phase
+        if phase == "stopping" or (phase == "starting" and not process.alive):
+            return {"error": f"the run is {phase} and {node} has no part in it any more: start the run again"}
         deferred = Deferred()
         waits = node in self._resuming
         self._resuming.setdefault(node, []).append(deferred)

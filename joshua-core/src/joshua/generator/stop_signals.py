@@ -11,13 +11,17 @@ from joshua.generator.reactor import Reactor
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+#: A signal so soon after another is the same order, delivered twice: ``timeout`` tells the process and its
+#: whole group, and of a terminal that closes both the kernel and the shell tell.
+ECHO_S = 0.2
+
 
 class StopSignals:
     """Turns signals into calls on the loop while it is installed; main thread only.
 
     Args:
         reactor: the supervisor's loop.
-        on_signal: called with the number of each signal.
+        on_signal: called with the number of each signal that is no echo of the one before.
     """
 
     def __init__(self, reactor: Reactor, on_signal: Callable[[int], None]) -> None:
@@ -26,6 +30,7 @@ class StopSignals:
         self._former: dict[int, Any] = {}
         self._former_descriptor = -1
         self._receiver, self._sender = socket.socketpair()
+        self._heard_s = float("-inf")
 
     def install(self) -> None:
         """Takes over the signals."""
@@ -53,5 +58,9 @@ class StopSignals:
         except BlockingIOError:
             return
         for number in numbers:
-            if number in STOP_SIGNALS:
+            if number not in STOP_SIGNALS:
+                continue
+            now_s = self._reactor.now_s()
+            if now_s - self._heard_s > ECHO_S:
+                self._heard_s = now_s
                 self._on_signal(number)
