@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from joshua.generator import log_files
-from joshua.generator.log_files import KEPT_ROTATIONS, LogFile, log_directory, remove_old_logs
+from joshua.generator.log_files import KEPT_ROTATIONS, LogFile, log_directory, new_log, remove_old_logs
 
 
 def write(path, lines, **settings):
@@ -66,19 +66,31 @@ def test_a_folder_that_cannot_be_made_is_warned_of(tmp_path):
 
 def test_only_the_newest_runs_are_kept(tmp_path):
     for index in range(6):
-        for name in (f"r{index}.jsonl", f"r{index}.jsonl.1"):
+        stem = f"my-robot-20260102-03040{index}-77"
+        for name in (f"{stem}.jsonl", f"{stem}.jsonl.1", f"{stem}-arm.png"):
             (tmp_path / name).write_text("")
             os.utime(tmp_path / name, (index, index))
     (tmp_path / "other.txt").write_text("")
     remove_old_logs(tmp_path, keep=2)
     remove_old_logs(tmp_path / "missing")
     assert sorted(item.name for item in tmp_path.iterdir()) == [
+        "my-robot-20260102-030404-77-arm.png",
+        "my-robot-20260102-030404-77.jsonl",
+        "my-robot-20260102-030404-77.jsonl.1",
+        "my-robot-20260102-030405-77-arm.png",
+        "my-robot-20260102-030405-77.jsonl",
+        "my-robot-20260102-030405-77.jsonl.1",
         "other.txt",
-        "r4.jsonl",
-        "r4.jsonl.1",
-        "r5.jsonl",
-        "r5.jsonl.1",
     ]
+
+
+def test_what_is_no_log_of_a_run_is_never_removed(tmp_path):
+    for index in range(5):
+        (tmp_path / f"episode_{index}.jsonl").write_text("somebody's data")
+    new_log(tmp_path, "my-robot").write_text("")
+    new_log(tmp_path, "").write_text("")
+    remove_old_logs(tmp_path, keep=0)
+    assert len(list(tmp_path.iterdir())) == 5
 
 
 def test_the_folder_follows_the_environment(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,6 +16,9 @@ MAX_FILE_BYTES = 10 * 1024 * 1024
 
 #: Renamed files that are kept of one run.
 KEPT_ROTATIONS = 3
+
+#: What the log of a run is called: robot, date, time and process. Nothing else is ever removed.
+_NAME = re.compile(r".+-\d{8}-\d{6}-\d+\.jsonl")
 
 #: Runs whose logs are kept.
 KEPT_RUNS = 20
@@ -121,10 +125,16 @@ class LogFile:
             )
 
 
+def new_log(folder: Path, robot: str) -> Path:
+    """The log of a run that starts now."""
+    return folder / f"{robot or 'robot'}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jsonl"
+
+
 def remove_old_logs(folder: Path, keep: int = KEPT_RUNS) -> None:
     """Removes the logs of all but the newest runs; whatever cannot be removed stays."""
     try:
-        logs = sorted(folder.glob("*.jsonl"), key=lambda path: path.stat().st_mtime, reverse=True)
+        ours = [path for path in folder.glob("*.jsonl") if _NAME.fullmatch(path.name)]
+        logs = sorted(ours, key=lambda path: path.stat().st_mtime, reverse=True)
         for log in logs[keep:]:
             for path in folder.glob(f"{glob.escape(log.stem)}[.-]*"):  # rotations, and pictures of a test
                 path.unlink()

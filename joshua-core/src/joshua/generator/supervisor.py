@@ -15,6 +15,7 @@ from joshua.generator.control_server import ControlServer
 from joshua.generator.fork_server import ForkServer
 from joshua.generator.heartbeats import CHECK_PERIOD_S, HELD_UP_S
 from joshua.generator.launcher import Launcher
+from joshua.generator.log_files import new_log
 from joshua.generator.logbook import Logbook
 from joshua.generator.managed_process import ManagedProcess
 from joshua.generator.node_record import NodeRecord
@@ -94,10 +95,9 @@ class Supervisor:
 
     def run(self) -> RunReport:
         """Runs the plan to its end; returns what the run was like. Call it once."""
-        began_s = self._options.began_s
-        self._began_s = time.monotonic() if began_s is None else began_s
-        name = f"{self._plan.robot_id or 'robot'}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jsonl"
-        self._logbook = Logbook(self._reactor, self._ui, self._options.log_directory / name)
+        self._began_s = self._options.began_s or time.monotonic()
+        log = new_log(self._options.log_directory, self._plan.robot_id)
+        self._logbook = Logbook(self._reactor, self._ui, log)
         self._logbook.capture()
         self._requests = RunRequests(self, self._logbook)
         signals = StopSignals(self._reactor, self._on_signal)
