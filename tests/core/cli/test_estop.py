@@ -10,7 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from joshua.guardian.latch import LatchFolder
+from joshua.cli.main import main
+from joshua.generator import run_directory
+from joshua.generator.run_directory import RunDirectory
+from joshua.guardian.latch import LatchFolder, Subject
 
 CONFIGURATION = """
 general { mode: MODE_TEST id: "NAME" name: "estop test" }
@@ -222,3 +225,26 @@ def test_a_run_that_cannot_be_latched_says_to_cut_the_supply(shell: Shell) -> No
     result = shell.joshua("estop")
     assert result.returncode == 4
     assert "cut the supply of the robot by hand" in result.stderr
+
+
+def test_a_run_of_another_environment_is_stopped_and_released_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    user = str(os.getuid())
+    (tmp_path / "run" / user).mkdir(parents=True)
+    monkeypatch.setattr(run_directory, "_RUNTIME_FOLDERS", tmp_path / "run")
+    monkeypatch.setattr(run_directory, "_FALLBACK", tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run" / user))
+    run = RunDirectory.create(run_directory.base_directory({}), "/srv/robot.pbtxt", 7, ["/arm"], robot="desk")
+    arm = Subject("desk", 7, "/arm")
+
+    assert main(["estop"]) == 0
+    assert "e-stop latched: /srv/robot.pbtxt" in capsys.readouterr().out
+    folders = [LatchFolder(base / "estop") for base in run_directory.base_directories({})]
+    assert [bool(folder.standing(arm)) for folder in folders] == [True, True]  # wherever it starts next
+
+    assert main(["status"]) == 1  # this test does not answer for the run
+    assert capsys.readouterr().out.count("the e-stop of desk is latched") == 1
+    assert main(["estop", "--release"]) == 0
+    assert [folder.standing(arm) for folder in folders] == [None, None]
+    run.close()

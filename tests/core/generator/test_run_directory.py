@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 from pathlib import Path
 
 import pytest
+from joshua.generator import run_directory
 from joshua.generator.run_directory import (
     NodesInUseError,
     RunDirectory,
     RunDirectoryError,
+    base_directories,
     base_directory,
     running_systems,
+    user_systems,
 )
 
 
@@ -26,6 +30,38 @@ def test_the_base_follows_the_environment(tmp_path):
     assert base_directory({}) == fallback
     assert base_directory({"XDG_RUNTIME_DIR": str(tmp_path / "missing")}) == fallback
     assert base_directory({"XDG_RUNTIME_DIR": "relative"}) == fallback
+
+
+def test_a_system_is_found_from_every_usual_environment(tmp_path, monkeypatch):
+    user = str(os.getuid())
+    (tmp_path / "run" / user).mkdir(parents=True)
+    monkeypatch.setattr(run_directory, "_RUNTIME_FOLDERS", tmp_path / "run")
+    monkeypatch.setattr(run_directory, "_FALLBACK", tmp_path)
+    terminal = {"XDG_RUNTIME_DIR": str(tmp_path / "run" / user)}
+    of_terminal, of_service = tmp_path / "run" / user / "joshua", tmp_path / f"joshua-{user}"
+    assert base_directories(terminal) == [of_terminal]
+
+    service = make(base_directory({}))  # such as one that systemd starts
+    assert base_directories(terminal) == [of_terminal, of_service]
+    assert [path for path, _ in user_systems(terminal)] == [service.path]
+    assert base_directories({}, make=True) == [of_service, of_terminal]
+    assert of_terminal.stat().st_mode & 0o777 == 0o700
+    (tmp_path / "own").mkdir()
+    assert user_systems({"XDG_RUNTIME_DIR": str(tmp_path / "own")}) == []  # chosen: nothing else counts
+
+    of_service.chmod(0o755)
+    assert base_directories(terminal) == [of_terminal]  # others may have written there
+    service.close()
+
+
+def test_who_only_looks_is_not_taken_for_the_run(tmp_path):
+    dead = make(tmp_path / "base")
+    lock = dead.path / "lock"
+    os.close(dead._descriptors.pop())
+    with lock.open() as looking:
+        fcntl.flock(looking, fcntl.LOCK_SH)
+        assert running_systems(tmp_path / "base") == []
+    dead.close()
 
 
 def test_it_is_private_and_says_who_runs_what(tmp_path):

@@ -22,6 +22,9 @@ INFO_NAME = "run.json"
 SOCKET_NAME = "control.sock"
 LOG_NAME = "log.jsonl"
 
+_RUNTIME_FOLDERS = Path("/run/user")
+_FALLBACK = Path("/tmp")  # noqa: S108 (owner and mode of the folder there are checked)
+
 
 class RunDirectoryError(Exception):
     """The directory for running systems cannot be used; the message says why and what to do."""
@@ -56,7 +59,38 @@ def base_directory(environment: Mapping[str, str]) -> Path:
     runtime = environment.get("XDG_RUNTIME_DIR", "")
     if Path(runtime).is_absolute() and Path(runtime).is_dir() and os.access(runtime, os.W_OK):
         return Path(runtime) / "joshua"
-    return Path(f"/tmp/joshua-{os.getuid()}")  # noqa: S108 (its owner and mode are checked)
+    return _FALLBACK / f"joshua-{os.getuid()}"
+
+
+def base_directories(environment: Mapping[str, str], *, make: bool = False) -> list[Path]:
+    """Every base at which systems of this user may run, that of this environment first.
+
+    A service, a container or ``su`` often lacks the ``XDG_RUNTIME_DIR`` that a terminal has: whoever stops a
+    robot must find it all the same. Who has set the variable to a folder of his own looks only there.
+
+    Args:
+        make: make those that are not there.
+
+    Raises:
+        RunDirectoryError: with ``make``, the first one cannot be used.
+    """
+    own, usual = base_directory(environment), _usual_places()
+    if make:
+        _private(own)
+    others = [path for path in usual if path != own and _is_private(path, make=make)]
+    return [own, *others] if own in usual else [own]
+
+
+def _usual_places() -> list[Path]:
+    return [_RUNTIME_FOLDERS / str(os.getuid()) / "joshua", _FALLBACK / f"joshua-{os.getuid()}"]
+
+
+def _is_private(path: Path, *, make: bool) -> bool:
+    """Whether a base is there and this user's own; what another user has put there is never read."""
+    try:
+        return (make or os.path.lexists(path)) and bool(_private(path))
+    except RunDirectoryError:
+        return False
 
 
 class RunDirectory:
@@ -95,7 +129,7 @@ class RunDirectory:
                 descriptors = _take_nodes(locks, info)
                 path = runs / run
                 path.mkdir(mode=0o700)
-                descriptors.append(_lock(path / LOCK_NAME))
+                descriptors.append(_lock(path / LOCK_NAME, wait=True))
                 (path / INFO_NAME).write_text(json.dumps(asdict(info)))
         except OSError as error:
             raise RunDirectoryError(
@@ -122,18 +156,13 @@ class RunDirectory:
     def point_to_log(self, log: Path) -> None:
         """Lets ``log.jsonl`` in this directory point to the log file."""
         with contextlib.suppress(OSError):  # only a convenience
-            (self.path / LOG_NAME).symlink_to(log)
+            (self.path / LOG_NAME).symlink_to(log.absolute())
 
     def close(self) -> None:
         """Removes the directory and lets the nodes go; a second call does nothing."""
         shutil.rmtree(self.path, ignore_errors=True)
         while self._descriptors:
             os.close(self._descriptors.pop())
-
-
-def prepare(base: Path) -> Path:
-    """Makes the base, or checks the one that is there. Raises RunDirectoryError."""
-    return _private(base)
 
 
 def latch_folder(base: Path) -> Path:
@@ -144,6 +173,11 @@ def latch_folder(base: Path) -> Path:
 def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
     """Lists the systems that run now, oldest first."""
     return [(path, info) for path, info in all_systems(base) if not _is_stale(path)]
+
+
+def user_systems(environment: Mapping[str, str]) -> list[tuple[Path, RunInfo]]:
+    """Lists the systems of this user that run now, whatever environment they were started in."""
+    return [item for base in base_directories(environment) for item in running_systems(base)]
 
 
 def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
@@ -165,7 +199,8 @@ def _is_stale(path: Path) -> bool:
     except OSError:
         return True
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Shared, so that two commands that look at the same time do not take each other for the run.
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     else:
@@ -203,11 +238,15 @@ def _locked(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _lock(path: Path) -> int:
-    """Locks a file for the life of this process; raises BlockingIOError if another holds it."""
+def _lock(path: Path, *, wait: bool = False) -> int:
+    """Locks a file for the life of this process; raises BlockingIOError if another holds it.
+
+    Args:
+        wait: for those that only look whether it is held, which takes them microseconds.
+    """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:
         os.close(descriptor)
         raise

@@ -47,7 +47,7 @@ class Presence:
         try:
             directory = RunDirectory.create(
                 base_directory(os.environ),
-                plan.source,
+                os.path.abspath(plan.source),  # noqa: PTH100 (links stay as they are)
                 plan.transport.domain_id,
                 list(self._nodes.values()),
             )

@@ -12,9 +12,9 @@ from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_config_options, positive_seconds
 
 if TYPE_CHECKING:
+    from joshua.cli.estop.latches import UserLatches
     from joshua.cli.estop.running import RunningSystem
     from joshua.guardian.estop_files import EstopReport
-    from joshua.guardian.latch import LatchFolder
     from joshua.plan import Plan
 
 SUMMARY = "take the torque off every actuator, and keep it off"
@@ -48,16 +48,15 @@ def run(args: argparse.Namespace) -> int:
     Exit code 0: everything asked for is confirmed; 1: there was nothing to stop; 2: unclear which system, or
     the file is invalid; 4: a device has not confirmed that its torque is off.
     """
-    from joshua.generator.run_directory import RunDirectoryError, base_directory, latch_folder, prepare
-    from joshua.guardian.latch import LatchFolder
+    from joshua.cli.estop.latches import UserLatches
+    from joshua.generator.run_directory import RunDirectoryError, base_directories
 
-    base = base_directory(os.environ)
-    latches = LatchFolder(latch_folder(base))
     word = getattr(args, "config", None) or args.system
     try:
+        bases = base_directories(os.environ, make=not args.release)
         if args.release:
-            return release(base, latches, word)
-        return stop(prepare(base), latches, word, args)
+            return release(bases, UserLatches(bases), word)
+        return stop(bases, UserLatches(bases), word, args)
     except KeyboardInterrupt:
         sys.stderr.write("joshua estop: interrupted: the latch stands; what it has reached is not known\n")
         raise
@@ -66,13 +65,13 @@ def run(args: argparse.Namespace) -> int:
         return ExitCode.HARDWARE
 
 
-def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) -> int:
+def stop(bases: list[Path], latches: UserLatches, word: str, args: argparse.Namespace) -> int:
     """Latches the e-stop of the chosen systems, all at once, and waits for what each device says."""
-    systems = _systems(base, word)
+    systems = _systems(bases, word)
     if not systems and getattr(args, "config", None):
-        return stop_file(base, latches, args)
+        return stop_file(bases, latches, args)
     if not systems:
-        known = _systems(base, "")
+        known = _systems(bases, "")
         problem = f"no system {word!r} runs" if known else "nothing runs"
         sys.stderr.write(
             f"joshua estop: {problem}, so nothing was stopped. An arm that holds its position after a run is "
@@ -83,16 +82,17 @@ def stop(base: Path, latches: LatchFolder, word: str, args: argparse.Namespace) 
     return stop_systems(systems, latches, args.timeout)
 
 
-def stop_systems(systems: list[RunningSystem], latches: LatchFolder, timeout_s: float) -> int:
+def stop_systems(systems: list[RunningSystem], latches: UserLatches, timeout_s: float) -> int:
     """Latches the e-stops first, then waits for each system."""
     latched = []
     for system in systems:
         info = system.info
-        latched.append((system, latches.set(info.robot, info.source, info.domain_id, info.actuators)))
+        latch = latches.set(system.base, info.robot, info.source, info.domain_id, info.actuators)
+        latched.append((system, latch))
     good = True
     for system, latch in latched:
         silence = system.notify()
-        reports = system.wait(latch, latches, timeout_s)
+        reports = system.wait(latch, latches.at(system.base), timeout_s)
         good &= _show(f"{system.info.source} (process {system.info.process_id})", reports)
         if silence:
             sys.stderr.write(
@@ -103,7 +103,7 @@ def stop_systems(systems: list[RunningSystem], latches: LatchFolder, timeout_s: 
     return ExitCode.OK if good else ExitCode.HARDWARE
 
 
-def stop_file(base: Path, latches: LatchFolder, args: argparse.Namespace) -> int:
+def stop_file(bases: list[Path], latches: UserLatches, args: argparse.Namespace) -> int:
     """Latches the e-stop of a file that does not run, and releases its actuators from here.
 
     A run of the same robot under another file is stopped as such.
@@ -124,18 +124,18 @@ def stop_file(base: Path, latches: LatchFolder, args: argparse.Namespace) -> int
         return exit_code_of(examination)
     specs = offline.actuators(plan)
     subjects = [Subject(plan.robot_id, plan.transport.domain_id, spec.full_name) for spec in specs]
-    same = [system for system in _systems(base, "") if any(map(system.concerns, subjects))]
+    same = [system for system in _systems(bases, "") if any(map(system.concerns, subjects))]
     if same:
         return stop_systems(same, latches, args.timeout)
     source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
     nodes = [spec.full_name for spec in specs]
-    latch = latches.set(plan.robot_id, source, plan.transport.domain_id, nodes)
+    latch = latches.set(bases[0], plan.robot_id, source, plan.transport.domain_id, nodes)
     good = _show(f"{source} (does not run)", offline.release(specs, latch.identifier))
     _say_what_next()
     return ExitCode.OK if good else ExitCode.HARDWARE
 
 
-def release(base: Path, latches: LatchFolder, word: str) -> int:
+def release(bases: list[Path], latches: UserLatches, word: str) -> int:
     """Releases one latch; where several stand, the user says which."""
     standing = latches.all()
     if not standing:
@@ -146,11 +146,12 @@ def release(base: Path, latches: LatchFolder, word: str) -> int:
     if len({(item.robot, item.source, item.domain_id) for item in chosen}) != 1:
         problem = f"no e-stop of {word!r} is latched" if word and not chosen else "name one of these"
         sys.stderr.write(f"joshua estop --release: {problem}:\n")
-        sys.stderr.writelines(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
+        listing = dict.fromkeys(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
+        sys.stderr.writelines(listing)
         return ExitCode.INVALID
-    for latch in chosen:  # several, where two users have latched one robot at the same moment
+    for latch in chosen:  # several: at each base, and where two have latched one robot at the same moment
         latches.clear(latch)
-    for system in _systems(base, ""):
+    for system in _systems(bases, ""):
         if system.info.robot == chosen[0].robot:
             system.notify(released=True)
     sys.stdout.write(
@@ -160,7 +161,7 @@ def release(base: Path, latches: LatchFolder, word: str) -> int:
     return ExitCode.OK
 
 
-def _systems(base: Path, word: str) -> list[RunningSystem]:
+def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
     """Every system of this user, those whose supervisor was killed included, or those that a word names."""
     from joshua.cli.estop.running import RunningSystem
     from joshua.generator.run_directory import all_systems
@@ -168,6 +169,7 @@ def _systems(base: Path, word: str) -> list[RunningSystem]:
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
     return [
         RunningSystem(folder, info)
+        for base in bases
         for folder, info in all_systems(base)
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]

@@ -31,9 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Asks the run of the node; exit code 0, 1 if nothing runs, 2 if there is no such node, 4 if refused."""
     from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, base_directory, running_systems
+    from joshua.generator.run_directory import SOCKET_NAME, user_systems
 
-    systems = running_systems(base_directory(os.environ))
+    systems = user_systems(os.environ)
     if not systems:
         sys.stderr.write("joshua resume: nothing runs: joshua --config FILE energises the arms of a file\n")
         return ExitCode.FAILED

@@ -13,19 +13,22 @@ SUMMARY = "show the systems that run on this machine"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of the command."""
-    parser.add_argument("--format", choices=("text", "json"), default="text", help="form of the output")
+    parser.add_argument(
+        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the output"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Asks every running system for its status and prints it; exit code 0, 1 if one does not answer."""
     from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, base_directory, latch_folder, running_systems
+    from joshua.generator.run_directory import SOCKET_NAME, base_directories, latch_folder, user_systems
     from joshua.guardian.latch import LatchFolder
 
-    latches = LatchFolder(latch_folder(base_directory(os.environ))).all()
+    bases = base_directories(os.environ)
+    latches = [latch for base in bases for latch in LatchFolder(latch_folder(base)).all()]
     answers: list[dict[str, Any]] = []
     failed = False
-    for path, info in running_systems(base_directory(os.environ)):
+    for path, info in user_systems(os.environ):
         try:
             status = ask(path / SOCKET_NAME, {"request": "status"})["status"]
         except (OSError, ValueError, KeyError) as error:

@@ -8,6 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+from joshua.cli.options import positive_seconds
+
 SUMMARY = "stop the systems that run on this machine"
 
 
@@ -21,16 +23,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="file or process id as `joshua status` shows it; needed only where several systems run",
     )
     parser.add_argument(
-        "--timeout", type=float, default=15.0, metavar="SECONDS", help="how long to wait for the end"
+        "--timeout",
+        type=positive_seconds,
+        default=15.0,
+        metavar="SECONDS",
+        help="how long to wait for the end",
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Asks a system to stop and waits for its end; exit code 0, 1 if it goes on, 2 if unclear which."""
     from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, base_directory, running_systems
+    from joshua.generator.run_directory import SOCKET_NAME, user_systems
 
-    systems = running_systems(base_directory(os.environ))
+    systems = user_systems(os.environ)
     wanted = {args.system, os.path.abspath(args.system)}  # noqa: PTH100 (links stay as they are)
     chosen = [
         item for item in systems if not args.system or {item[1].source, str(item[1].process_id)} & wanted

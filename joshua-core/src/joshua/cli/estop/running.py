@@ -38,6 +38,11 @@ class RunningSystem:
         self._orders = {node: self._files.read_order(node) for node in info.actuators}
         self._reached: dict[str, EstopReport | None] = {}
 
+    @property
+    def base(self) -> Path:
+        """The base at which the run keeps its directory, and beside it its latches."""
+        return self._path.parents[1]
+
     def concerns(self, subject: Subject) -> bool:
         """Whether an actuator of another file belongs to the robot of this run."""
         same_node = (self.info.domain_id, True) == (subject.domain_id, subject.node in self.info.actuators)

@@ -12,9 +12,9 @@ def node_that_holds(processes: Iterable[int]) -> str:
     if not wanted:
         return ""
     from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, base_directory, running_systems
+    from joshua.generator.run_directory import SOCKET_NAME, user_systems
 
-    for path, info in running_systems(base_directory(os.environ)):
+    for path, info in user_systems(os.environ):
         try:
             nodes = ask(path / SOCKET_NAME, {"request": "status"})["status"]["nodes"]
         except (OSError, ValueError, KeyError):
