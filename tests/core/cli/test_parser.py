@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from joshua.cli.main import main
 from joshua.cli.parser import parse
+from joshua.cli.presets import FOLDER
 
 
 @pytest.mark.parametrize(
@@ -29,3 +31,62 @@ def test_a_misspelt_option_of_a_command(
     assert lines[0] == first
     assert lines[1] == f"  nearest: {nearest}"
     assert lines[2].startswith(f"  see: {first.partition(':')[0]} --help")
+
+
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        (
+            ("--emulate", "calibrate", "--config", "x"),
+            "--emulate before calibrate has no effect there: write joshua calibrate --emulate …",
+        ),
+        (
+            ("--dry-run", "doctor"),
+            "--dry-run before doctor has no effect there: joshua doctor takes none",
+        ),
+        (("--sim", "plan", "--config", "x"), "--sim before plan has no effect there"),
+    ],
+)
+def test_an_option_of_a_run_before_a_command_is_refused(
+    words: tuple[str, ...], first: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(words)
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(f"joshua: error: {first}")
+
+
+def test_options_that_count_before_a_command_are_taken() -> None:
+    _, arguments = parse(("--dry-run", "--config", "x", "plan"))
+    assert (arguments.dry_run, arguments.config) == (True, "x")
+    _, arguments = parse(("--format", "json", "status"))
+    assert arguments.format == "json"
+
+
+def test_a_slip_in_a_range_of_ids_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse(("motors", "setup", "--ids", "1-60000000000"))
+    assert "expected ids, each once, such as 1-6" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("--fault", "arm:drop=1"), "joshua: error: --fault breaks an emulated device, never a real one"),
+        (("calibrate", "--fault", "arm:drop=1"), "joshua calibrate: --fault breaks an emulated device"),
+        (("--open",), "joshua: error: --open shows the page of a calibration"),
+        (("calibrate", "--check", "--open"), "joshua calibrate --check: --open has no effect here"),
+        (
+            ("calibrate", "import-lerobot", "--force"),
+            "joshua calibrate import-lerobot: --force has no",
+        ),
+        (("find-port", "--node", "arm"), "joshua find-port: --node does nothing without --write"),
+        (("doctor", "--port", "/dev/x"), "joshua doctor: --config looks at the devices of the file"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(
+    words: tuple[str, ...], problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = () if words[0] == "find-port" else ("--config", str(FOLDER / "test_mock_hardware.pbtxt"))
+    assert main([*words, *config]) == 2
+    assert capsys.readouterr().err.startswith(problem)

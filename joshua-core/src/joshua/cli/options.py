@@ -5,6 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 
+FAULT_ALONE = "--fault breaks an emulated device, never a real one: add --emulate, or leave it out"
+
+#: Options of a run that no command sees where they stand before its name.
+RUN_ONLY = ("--validate-only", "--emulate", "--sim", "--fault", "--open")
+#: Those that `joshua plan` shows the effect of.
+RUN_OR_PLAN = ("--duration", "--allow-uncalibrated", "--dry-run")
+
 
 def positive_seconds(text: str) -> float:
     """Reads a duration in seconds; raises ArgumentTypeError unless it is finite and above zero."""

@@ -6,11 +6,11 @@ import argparse
 import difflib
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.cli.options import add_run_options
+from joshua.cli.options import RUN_ONLY, RUN_OR_PLAN, add_run_options
 from joshua.cli.table import COMMANDS, Command
 
 DESCRIPTION = "One text file describes a robot and one command runs it: joshua --config robot.pbtxt"
@@ -123,7 +123,31 @@ def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
     parser = build_parser(further=further)
     first_command = next((index for index, word in enumerate(words) if word in names), len(words))
     parser.arguments = words[:first_command]
-    return parser, parser.parse_args(words)
+    arguments = parser.parse_args(words)
+    if arguments.command:
+        refuse_without_effect(parser, arguments.command)
+    return parser, arguments
+
+
+def refuse_without_effect(parser: Parser, command: str) -> None:
+    """Ends with exit code 2 for an option of a run before a command, which would not see it there.
+
+    So `joshua --emulate calibrate` does not open the real arm.
+    """
+    known = RUN_ONLY if command == "plan" else (*RUN_ONLY, *RUN_OR_PLAN)
+    options = [word.partition("=")[0] for word in parser.arguments]
+    for option in options:
+        if option in known:
+            own = next(sub for sub in _commands(parser) if sub.prog.split()[-1] == command)
+            takes = option in own._option_string_actions
+            remedy = f"write joshua {command} {option} …" if takes else f"joshua {command} takes none"
+            parser.error(f"{option} before {command} has no effect there: {remedy}")
+
+
+def _commands(parser: Parser) -> Iterator[Parser]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            yield from action.choices.values()
 
 
 def commands_of_plugins(name: str) -> list[Command]:

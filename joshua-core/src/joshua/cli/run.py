@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import FAULT_ALONE
 
 if TYPE_CHECKING:
     import argparse
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 def run(arguments: argparse.Namespace) -> int:
     """Runs one configuration from the check to the last report and returns the exit code."""
     began_s = time.monotonic()
+    if arguments.faults and not arguments.emulate:
+        return without_effect(FAULT_ALONE)
     # First of all: the fork server must be forked before any thread or transport exists, and it loads
     # the heavy modules while this process reads the file.
     from joshua.generator import fork_server
@@ -33,6 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.generator.examination import finish
 
         checked = check(arguments)
+        if arguments.open and not is_calibration(checked) and not checked.examination.errors:
+            return without_effect("--open shows the page of a calibration, and this file's mode is another")
         links: dict[str, PhysicsLink] = {}
         if arguments.sim and not checked.examination.errors:
             simulated = simulate(checked, arguments, stack)
@@ -52,6 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
             return refuse(examination, arguments)
         report = supervise(examination.plan, server, arguments, began_s)
     return conclude(examination.plan, report)
+
+
+def without_effect(problem: str) -> int:
+    """Refuses an option that would do nothing in this run."""
+    sys.stderr.write(f"joshua: error: {problem}\nnothing was started\n")
+    return ExitCode.INVALID
 
 
 def check(arguments: argparse.Namespace) -> Checked:

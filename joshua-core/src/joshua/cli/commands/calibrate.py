@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import FAULT_ALONE
 
 if TYPE_CHECKING:
     import argparse
@@ -50,6 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Does what was asked for; exit code 1 where ``--check`` finds differences, 4 without hardware."""
+    option = _without_effect(arguments)
+    if option:
+        what = (
+            arguments.action or (arguments.check and "--check") or (arguments.recover and "--recover") or ""
+        )
+        command = f"joshua calibrate {what}".rstrip()
+        sys.stderr.write(f"{command}: {option} has no effect here: leave it out\n")
+        return ExitCode.INVALID
     if not arguments.config:
         if arguments.action == "import-lerobot" and not arguments.items:
             from joshua.cli.calibration.lerobot import list_files
@@ -66,6 +75,20 @@ def run(arguments: argparse.Namespace) -> int:
         return (
             lerobot.import_files(arguments) if arguments.action == ACTIONS[0] else lerobot.export(arguments)
         )
+    if arguments.faults and not arguments.emulate:
+        sys.stderr.write(f"joshua calibrate: {FAULT_ALONE}\n")
+        return ExitCode.INVALID
     from joshua.cli.calibration.hardware import with_arms
 
     return with_arms(arguments)
+
+
+def _without_effect(arguments: argparse.Namespace) -> str:
+    """An option that belongs to another form of the command; "" for none."""
+    exchanges, looks = bool(arguments.action), arguments.check or arguments.recover
+    wrong = {
+        "--node": exchanges and arguments.nodes,
+        "--open": arguments.open and (exchanges or looks),
+        "--force": arguments.force and arguments.action != ACTIONS[1],
+    }
+    return next((option for option, is_wrong in wrong.items() if is_wrong), "")

@@ -6,6 +6,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_config_options
 
 if TYPE_CHECKING:
@@ -45,6 +46,11 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
     from joshua.cli.doctor.host import Host
     from joshua.cli.doctor.text import as_json, exit_code, lines, summary
 
+    if arguments.config and arguments.ports:
+        sys.stderr.write(
+            "joshua doctor: --config looks at the devices of the file, --port at a port: leave one out\n"
+        )
+        return ExitCode.INVALID
     host = host or Host()
     if arguments.udev:
         from joshua.cli.doctor.udev_command import write_rules

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
     import argparse
 
 SUMMARY = "run the emulators of a file alone"
+
+#: How late a signal may be noticed.
+LOOK_S = 0.1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,5 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
             return rig
         sys.stdout.write("stop with Ctrl-C\n")
         sys.stdout.flush()
-        signal.sigwait({signal.SIGINT, signal.SIGTERM})
+        wait_for_the_end()
     return ExitCode.OK
+
+
+def wait_for_the_end() -> None:
+    """Returns when a signal asks for the end, whichever thread the system gives it to."""
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: ended.set())
+    while not ended.wait(LOOK_S):
+        pass

@@ -63,6 +63,10 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
     """
     from joshua.cli.ports.survey import chosen_ports
 
+    if not arguments.write_to and (arguments.node or arguments.show_only):
+        option = "--node" if arguments.node else "--show-only"
+        sys.stderr.write(f"joshua find-port: {option} does nothing without --write CONFIG: add it\n")
+        return ExitCode.INVALID
     if arguments.unplug:
         from joshua.cli.ports.unplug import NothingHappened, find_by_unplugging
 

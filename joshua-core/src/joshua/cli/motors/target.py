@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from joshua.devices.bus_tools import BusTools
     from joshua.generator.devices import Wanted
 
+#: No bus holds more motors; a slip such as 1-60000000 is refused at once.
+MOST_IDS = 256
+
 
 class TargetRefused(Exception):
     """It is not clear which bus is meant, or what it is to look like; the message says what to write."""
@@ -43,10 +46,10 @@ def parse_ids(text: str) -> tuple[int, ...]:
     try:
         for part in text.split(","):
             first, dash, last = part.partition("-")
-            ids += range(int(first), int(last) + 1) if dash else [int(first)]
+            ids += range(int(first), min(int(last), int(first) + MOST_IDS) + 1) if dash else [int(first)]
     except ValueError:
         ids = []
-    if not ids or len(set(ids)) != len(ids) or min(ids) < 0:
+    if not ids or len(set(ids)) != len(ids) or min(ids) < 0 or len(ids) > MOST_IDS:
         raise argparse.ArgumentTypeError(f"expected ids, each once, such as 1-6 or 1,2,5; found {text!r}")
     return tuple(ids)
 
