@@ -14,6 +14,10 @@ GRAPH_CODES: dict[str, CodeDoc] = {
         "Two nodes have the same name in the same namespace.",
         "Rename one of them or give it a ros_namespace of its own.",
     ),
+    "actuator-name-shared": CodeDoc(
+        "Two actuators differ in their namespace only; a calibration knows its actuator by node_name.",
+        "Give each actuator a node_name of its own.",
+    ),
     "process-group-split": CodeDoc(
         "Nodes of one process group name different machines or interpreters, but share one process.",
         "Give them the same host and python, or different groups.",

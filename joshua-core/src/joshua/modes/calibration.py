@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from joshua.config.checks import Context
-from joshua.config.checks.device_table import block_of
+from joshua.config.checks.device_table import VIRTUAL_BLOCKS, block_of
 from joshua.modes.parts import actions, lacks
 from joshua.plan import Diagnostic
-
-# Virtual motors have their zero by definition.
-_NOT_CALIBRATABLE = ("mock_motor_config", "sim_config")
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for an actuator with a zero to find, and for the robot's id."""
     entries = actions(context)
     blocks = [block_of(entry.owner)[0] for entry in entries]
-    if not any(block not in _NOT_CALIBRATABLE for block in blocks):
+    if not any(block not in VIRTUAL_BLOCKS for block in blocks):
         virtual = bool(entries)
         yield lacks(
             context,

@@ -17,6 +17,9 @@ DEVICE_BLOCKS = tuple(
     field.name for field in pb.SinglePerception.DESCRIPTOR.oneofs_by_name["device_config"].fields
 )
 
+# Actuators without hardware: their zero is known by definition.
+VIRTUAL_BLOCKS = ("mock_motor_config", "sim_config")
+
 # An action type that is not named here fits every actuator block.
 _ACTION_BLOCKS = {
     pb.ACTION_MOCK: ("mock_motor_config",),

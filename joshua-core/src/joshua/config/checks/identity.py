@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import VIRTUAL_BLOCKS, block_of
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Finds ids and names that two nodes share, and process groups that cannot be one process."""
     yield from _ids(context)
     yield from _names(context)
+    yield from _arms(context)
     yield from _process_groups(context)
 
 
@@ -68,6 +71,29 @@ def _names(context: Context) -> Iterator[Diagnostic]:
                 remedy="Rename one of the two",
                 related=context.see(f"{other.path}.node_name", "first node of this name"),
             )
+
+
+def _arms(context: Context) -> Iterator[Diagnostic]:
+    """A calibration knows its actuator by node_name alone: no namespace tells two of them apart."""
+    first: dict[str, NodeEntry] = {}
+    for entry in context.entries:
+        block, name = block_of(entry.owner)[0], entry.node.node_name
+        if not isinstance(entry.owner, pb.SingleAction) or not name or block in ("", *VIRTUAL_BLOCKS):
+            continue
+        other = first.setdefault(name, entry)
+        if other is entry or other.full_name == entry.full_name:
+            continue  # two of one full name are reported for that
+        path = f"{entry.path}.node_name"
+        yield context.error(
+            "actuator-name-shared",
+            f"{entry.full_name} and {other.full_name} have one node_name, and a calibration knows its "
+            "actuator by that alone: both would take the same one",
+            path,
+            found=context.found(path, name),
+            allowed=(f'"{entry.namespace.strip("/").replace("/", "_") or "other"}_{name}"',),
+            remedy="Give each actuator a node_name of its own",
+            related=context.see(f"{other.path}.node_name", "first actuator of this name"),
+        )
 
 
 def _process_groups(context: Context) -> Iterator[Diagnostic]:
