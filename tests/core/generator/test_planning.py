@@ -267,3 +267,39 @@ def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path
     assert finding.message == (
         "joshua-core has no native implementation for follower, leader: the Python implementation runs."
     )
+
+
+@pytest.mark.parametrize(
+    ("rmw", "block", "field"),
+    [
+        ("rmw_cyclonedds_cpp", 'listen_endpoints: "tcp/localhost:7447"', "listen_endpoints"),
+        ("", 'network_interface: "eth0"', "network_interface"),
+    ],
+)
+def test_what_the_chosen_middleware_does_not_use_is_refused(tmp_path, monkeypatch, rmw, block, field):
+    monkeypatch.setenv("RMW_IMPLEMENTATION", rmw)
+    monkeypatch.setattr("joshua.generator.transport_choice.dds_installed", lambda: True)
+    path = teleoperation(tmp_path, f"transport {{ {block} }}")
+    found = [item for item in examine(Request(path)).diagnostics if item.code == "transport-field-unused"]
+    assert found[0].field_path == f"transport.{field}"
+    assert found[0].remedy.startswith("Write kind: TRANSPORT_")
+    assert found[0].severity is Severity.ERROR
+
+
+def test_relative_paths_start_at_the_file_that_names_them(tmp_path, monkeypatch):
+    (tmp_path / "net").mkdir()
+    tls = 'root_ca_file: "ca.pem" certificate_file: "a.pem" private_key_file: "a.key"'
+    net = f'transport {{ kind: TRANSPORT_ZENOH listen_endpoints: "tls/localhost:7447" tls {{ {tls} }} }}'
+    (tmp_path / "net" / "net.pbtxt").write_text(net)
+    for name in ("ca.pem", "a.pem", "a.key"):
+        (tmp_path / "net" / name).write_text("")
+    monkeypatch.chdir("/")
+    path = teleoperation(tmp_path, 'include: "net/net.pbtxt"')
+    Path(path).write_text(
+        Path(path).read_text().replace("node_id: 1", 'node_id: 1 python: "venv/bin/python"')
+    )
+
+    examination = examine(Request(str(path)))
+    assert examination.plan.transport.tls.root_ca_file == str(tmp_path / "net" / "ca.pem")
+    interpreters = {node.name: node.interpreter for node in examination.plan.nodes}
+    assert interpreters == {"leader": str(tmp_path / "venv" / "bin" / "python"), "follower": ""}

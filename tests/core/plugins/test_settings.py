@@ -45,6 +45,12 @@ class SerialSettings(BlockSettings):
     port: Annotated[str, FromField("comm.serial.port")]
 
 
+class BrokenSettings(BlockSettings):
+    @classmethod
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: Mapping[str, Any]) -> dict[str, Any]:
+        return {"stroke_m": values["no_such_field"]}
+
+
 class FakePositions:
     def __init__(self, known: dict[str, Position]) -> None:
         self.known = known
@@ -192,3 +198,12 @@ def test_a_settings_model_that_leads_nowhere_is_a_diagnostic(
 
 def test_a_provision_without_settings_needs_none() -> None:
     assert make_settings(provision(""), config_pb2.MockMotorConfig()) == (None, [])
+
+
+def test_a_defect_of_the_plugins_own_code_is_a_finding() -> None:
+    settings, (finding,) = make_settings(
+        provision(f"{__name__}:BrokenSettings"), config_pb2.MockMotorConfig(), field_path="robot.actions[0]"
+    )
+    assert settings is None
+    assert finding.code == "broken-plugin"
+    assert "BrokenSettings cannot read the block: KeyError: 'no_such_field'" in finding.message

@@ -25,7 +25,7 @@ class Positions(Protocol):
 
 
 def with_absolute_paths(block: _Block, block_path: str, positions: Positions, source: str) -> _Block:
-    """Makes the paths of input files absolute, for drivers that run in another folder.
+    """Makes the paths of input files and interpreters absolute, for drivers that run in another folder.
 
     Args:
         block: a configuration block.
@@ -69,4 +69,4 @@ def _absolute(
 def _is_file(kind: int, value: str) -> bool:
     if kind == rules.KIND_CAMERA_SOURCE:
         return source_kind(value) in (SourceKind.FILE, SourceKind.PICTURES)
-    return kind == rules.KIND_INPUT_FILE
+    return kind in (rules.KIND_INPUT_FILE, rules.KIND_INTERPRETER)

@@ -30,6 +30,7 @@ class NodePlanner:
 
     Args:
         joints: joints of each actuator by field path of its node block.
+        source: the configuration file, at whose folder relative paths start.
     """
 
     def __init__(
@@ -38,7 +39,9 @@ class NodePlanner:
         registry: Registry,
         joints: Mapping[str, list[dict[str, Any]]],
         findings: Findings,
+        source: str,
     ) -> None:
+        self._source = source
         self._registry = registry
         self._joints = joints
         self._findings = findings
@@ -83,10 +86,19 @@ class NodePlanner:
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),
             process_group=node.process_group or (PHYSICS_GROUP if want.block_name in PHYSICS_BLOCKS else ""),
-            interpreter=node.python,
+            interpreter=self._interpreter(want),
             host=node.host,
             restart=RESTART.get(node.restart, "on-failure"),
         )
+
+    def _interpreter(self, want: Wanted) -> str:
+        """The interpreter of a node; a relative path starts at the file that names it, as in the checks."""
+        if not want.entry.node.python:
+            return ""
+        from joshua.config.input_paths import with_absolute_paths
+
+        positions = self._findings.positions
+        return with_absolute_paths(want.entry.node, want.entry.path, positions, self._source).python
 
     def _own(self, want: Wanted, *, publishers: bool) -> list[Endpoint]:
         return [

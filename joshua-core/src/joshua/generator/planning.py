@@ -59,7 +59,7 @@ class Planning:
         from joshua.plan import Plan
 
         config, request = self._config, self._request
-        planner = NodePlanner(config, self._registry, self._resolver.joints, self._findings)
+        planner = NodePlanner(config, self._registry, self._resolver.joints, self._findings, request.path)
         nodes = planner.specs(self._nodes)
         nodes += [service_spec(resolved, self._registry) for resolved in self._services]
         if config.simulation.use_sim_time:

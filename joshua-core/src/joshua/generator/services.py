@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,11 +73,12 @@ def resolve_services(
                 service.path, service.kind, service.enum_value, registry, required=required
             )
         else:
-            context: dict[str, Any] = {"folder": _folder(service, findings, source)}
+            context: dict[str, Any] = {"folder": _folder(service.path, findings, source)}
             if request.physics_socket and service.kind is ProvisionKind.SIMULATOR:
                 context["physics_socket"] = request.physics_socket
             if service.kind is ProvisionKind.SIMULATOR and config.ai.HasField("data_store"):
-                context["data_store"] = _data_store(config.ai.data_store, source)
+                folder = _folder("ai.data_store.local_path", findings, source)
+                context["data_store"] = _data_store(config.ai.data_store, folder)
             settings = _settings(service, provision, context, findings)
             resolved.append(ResolvedService(service, provision, settings, context))
     return resolved
@@ -98,21 +100,19 @@ def _settings(service: Service, provision: Provision, context: dict[str, Any], f
     return settings
 
 
-def _data_store(block: pb.DataStore, source: str) -> dict[str, Any]:
+def _data_store(block: pb.DataStore, folder: str) -> dict[str, Any]:
     """What a simulator that replays episodes must know of the data set."""
-    path = Path(block.local_path).expanduser()
+    path = block.local_path
     return {
-        "path": str(path if path.is_absolute() else Path(source).absolute().parent / path)
-        if block.local_path
-        else "",
+        "path": str(Path(folder) / os.path.expanduser(path)) if path else "",  # noqa: PTH111 (as the checks)
         "episodes": list(block.episodes),
         "format": _name(pb.DataFormat, block.format),
     }
 
 
-def _folder(service: Service, findings: Findings, source: str) -> str:
-    """Folder of the file that holds a block."""
-    position = findings.positions.value(service.path)
+def _folder(path: str, findings: Findings, source: str) -> str:
+    """Folder of the file that holds a block or field."""
+    position = findings.positions.value(path)
     named_in = position.file if position is not None and Path(position.file).is_file() else source
     return str(Path(named_in).absolute().parent)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from joshua.plan import Severity, TlsSpec, TransportSpec
@@ -14,12 +13,15 @@ if TYPE_CHECKING:
     from joshua.generator.findings import Findings
     from joshua.schema import config_pb2 as pb
 
+_ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
+_DDS_FIELDS = ("network_interface", "peers")
+
 
 def transport_spec(config: pb.Config, source: str, findings: Findings) -> TransportSpec | None:
     """Chooses the transport; a wrong environment or a missing extra becomes a finding, and None."""
     has_dds = dds_installed()
     try:
-        spec = choose_transport(_block(config.transport, Path(source).parent), os.environ, has_dds=has_dds)
+        spec = choose_transport(_block(config.transport, source, findings), os.environ, has_dds=has_dds)
     except TransportChoiceError as error:
         findings.add(
             "transport-environment",
@@ -30,6 +32,7 @@ def transport_spec(config: pb.Config, source: str, findings: Findings) -> Transp
             remedy=error.remedy,
         )
         return None
+    _refuse_unused(config.transport, spec, findings)
     if spec.kind == "dds" and not has_dds:
         findings.add(
             "extra-missing",
@@ -41,13 +44,31 @@ def transport_spec(config: pb.Config, source: str, findings: Findings) -> Transp
     return spec
 
 
-def _block(block: transport_pb2.TransportConfig, folder: Path) -> TransportBlock:
+def _refuse_unused(block: transport_pb2.TransportConfig, spec: TransportSpec, findings: Findings) -> None:
+    """Settings of one middleware where the environment has chosen the other; the checks know a named kind."""
+    if _kind(block) != "auto":
+        return
+    chosen, other = ("DDS", "Zenoh") if spec.kind == "dds" else ("Zenoh", "DDS")
+    fields = _ZENOH_FIELDS if other == "Zenoh" else _DDS_FIELDS
+    written = {field.name for field, _ in block.ListFields()}
+    for field in (name for name in fields if name in written):
+        findings.add(
+            "transport-field-unused",
+            Severity.ERROR,
+            f"{field} is a setting of {other}, and {chosen} was chosen: {spec.reason}",
+            f"transport.{field}",
+            found=field,
+            remedy=f"Write kind: TRANSPORT_{other.upper()} into transport, or remove {field}",
+        )
+
+
+def _block(block: transport_pb2.TransportConfig, source: str, findings: Findings) -> TransportBlock:
     return TransportBlock(
         kind=_kind(block),
         domain_id=block.domain_id if block.HasField("domain_id") else None,
         listen_endpoints=tuple(block.listen_endpoints),
         connect_endpoints=tuple(block.connect_endpoints),
-        tls=_tls(block, folder),
+        tls=_tls(block, source, findings),
         network_interface=block.network_interface,
         peers=tuple(block.peers),
     )
@@ -59,11 +80,14 @@ def _kind(block: transport_pb2.TransportConfig) -> Literal["auto", "zenoh", "dds
     return "dds" if block.kind == transport_pb2.TRANSPORT_DDS else "auto"
 
 
-def _tls(block: transport_pb2.TransportConfig, folder: Path) -> TlsSpec | None:
+def _tls(block: transport_pb2.TransportConfig, source: str, findings: Findings) -> TlsSpec | None:
     if not block.HasField("tls"):
         return None
+    from joshua.config.input_paths import with_absolute_paths
+
+    tls = with_absolute_paths(block.tls, "transport.tls", findings.positions, source)
     return TlsSpec(
-        root_ca_file=str((folder / block.tls.root_ca_file).absolute()),
-        certificate_file=str((folder / block.tls.certificate_file).absolute()),
-        private_key_file=str((folder / block.tls.private_key_file).absolute()),
+        root_ca_file=tls.root_ca_file,
+        certificate_file=tls.certificate_file,
+        private_key_file=tls.private_key_file,
     )

@@ -152,20 +152,25 @@ def make_settings(
                 f"{provision.settings} is not derived from joshua.plugins.settings.BlockSettings"
             )
     except TargetError as error:
-        return None, [
-            Diagnostic(
-                code="broken-plugin",
-                severity=Severity.ERROR,
-                message=as_sentence(f"The plugin that provides {provision.block} is broken: {error}"),
-                position=_nearest_position(positions, field_path),
-                field_path=field_path,
-                remedy="Install the plugin anew, or block it; joshua plugins --check lists the reasons.",
-            )
-        ]
+        return None, [_broken(provision, str(error), field_path, positions)]
     try:
         return settings_type.from_block(block, node, context), []
     except ValidationError as error:
         return None, settings_diagnostics(error, settings_type, block, field_path, positions)
+    except Exception as error:  # noqa: BLE001 (a plugin's code: its defect is a finding, not a crash)
+        reason = f"{provision.settings} cannot read the block: {type(error).__name__}: {error}"
+        return None, [_broken(provision, reason, field_path, positions)]
+
+
+def _broken(provision: Provision, reason: str, field_path: str, positions: Positions | None) -> Diagnostic:
+    return Diagnostic(
+        code="broken-plugin",
+        severity=Severity.ERROR,
+        message=as_sentence(f"The plugin that provides {provision.block} is broken: {reason}"),
+        position=_nearest_position(positions, field_path),
+        field_path=field_path,
+        remedy="Install the plugin anew, or block it; joshua plugins --check lists the reasons.",
+    )
 
 
 def settings_diagnostics(
