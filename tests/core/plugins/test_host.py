@@ -127,6 +127,18 @@ def provision_source(arguments: str) -> str:
             "data type 'sensor_msgs/LaserScan' is unknown; allowed: sensor_msgs/msg/LaserScan, ",
         ),
         (
+            "ProvisionKind.ENVIRONMENT, 'training', 'a:make'",
+            "environments belong to a provision of kind ENVIRONMENT, which has at least one",
+        ),
+        (
+            "ProvisionKind.ENVIRONMENT, 'training', 'a:make', environments=('acme/Reach-v0',)",
+            "environments is not a tuple of joshua.plugins.Environment",
+        ),
+        (
+            "ProvisionKind.ENVIRONMENT, 'training', 'a:make', environments=(Environment('a/Reach-v0', ()),)",
+            "environment 'a/Reach-v0' offers no reward",
+        ),
+        (
             "ProvisionKind.SENSOR, 'lidar_config', 'a:B', data_types='sensor_msgs/msg/LaserScan'",
             "data_types is str, not a tuple of ROS 2 types",
         ),

@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from joshua.plugins import PluginRow, PluginStatus, Provision, ProvisionKind, Registry
+from joshua.plugins import Environment, PluginRow, PluginStatus, Provision, ProvisionKind, Registry
 
 LIDAR = Provision(
     kind=ProvisionKind.SENSOR, block="lidar_config", implementation="a:B", enum_values=("PERCEPTION_LIDAR",)
@@ -22,6 +22,40 @@ def row(distribution: str, *provisions: Provision, status: PluginStatus = Plugin
         status=status,
         reasons=("no module named cv2",) if status is PluginStatus.BROKEN else (),
         provisions=provisions,
+    )
+
+
+REACH = Environment("acme/Reach-v0", ("reach",))
+PUSH = Environment("acme/Push-v0", ("push",))
+TASKS = Provision(
+    kind=ProvisionKind.ENVIRONMENT,
+    block="training",
+    implementation="a:make",
+    enum_values=("BACKEND_MJX",),
+    environments=(REACH, PUSH),
+)
+
+
+def test_several_plugins_may_offer_environments_of_different_names() -> None:
+    other = replace(TASKS, implementation="x:make", environments=(Environment("b/Reach-v0", ("reach",)),))
+    registry = Registry((row("acme-one", TASKS), row("acme-two", other)))
+    assert [found.id for found, _ in registry.environments()] == [
+        "acme/Reach-v0",
+        "acme/Push-v0",
+        "b/Reach-v0",
+    ]
+    assert registry.environments("BACKEND_ISAAC") == ()
+    assert {offer.implementation for _, offer in registry.environments("BACKEND_MJX")} == {"a:make", "x:make"}
+    same = Registry((row("acme-one", TASKS), row("acme-two", replace(TASKS, environments=(PUSH,)))))
+    assert same.environments() == ()
+    assert "both provide acme/Push-v0 with training" in same.rows()[0].reasons[0]
+
+
+def test_installed_plugin_that_lacks_something_is_not_to_be_installed() -> None:
+    registry = Registry((row("joshua-lidar"),))
+    assert registry.missing("front", ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") == (
+        "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, and 1 does not provide it: "
+        "pip install --upgrade joshua-lidar"
     )
 
 

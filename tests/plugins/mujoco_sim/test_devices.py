@@ -11,7 +11,9 @@ from joshua.devices.actuator import DeviceError
 from joshua.testing import check_actuator, check_sensor
 from joshua_mujoco_sim.actuator import SimActuator
 from joshua_mujoco_sim.camera import SimCamera
-from joshua_mujoco_sim.rendering import RenderingError, choose_gl
+from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError, choose_gl
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimCameraSettings, SimulationSettings
 from joshua_mujoco_sim.world import leave_world, shared_world
 
@@ -95,6 +97,34 @@ def test_camera_sees_the_arm_move(rendering) -> None:
     finally:
         eye.disconnect()
         arm.disconnect()
+
+
+def test_pictures_show_the_time_at_which_they_were_due(rendering) -> None:
+    """The same steps give the same pictures, however late the drawing thread is."""
+    facts = context()
+    world = shared_world(SimulationSettings.model_validate(facts["simulation"]).world())
+    world.pause()
+    eye = camera(facts)
+    eye.connect()
+    try:
+        group = world.physics.group(())
+        group.set_command(group.range_max_rad)
+        world.step_paused(1)
+        first = eye.read(5)
+        world.step_paused(40)  # a frame is due after 25 steps
+        second = eye.read(5)
+    finally:
+        eye.disconnect()
+        leave_world(world)
+    physics = Physics(load_model("so_arm100/scene.xml"))
+    physics.group(()).set_command(physics.group(()).range_max_rad)
+    renderer = CameraRenderer(physics.model, "top", 160, 120)
+    for reading, steps in ((first, 1), (second, 24)):
+        physics.step(steps)
+        renderer.look(physics.data)
+        assert np.array_equal(reading.data, renderer.draw())
+    renderer.close()
+    assert not np.array_equal(first.data, second.data)
 
 
 def test_devices_of_one_file_share_one_physics() -> None:

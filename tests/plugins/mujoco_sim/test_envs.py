@@ -119,6 +119,14 @@ def test_ended_episodes_start_anew_with_the_next_step() -> None:
     assert np.isfinite(observations).all()
 
 
+def test_gymnasium_makes_many_at_once() -> None:
+    many = gymnasium.make_vec("joshua/SoArm100Reach-v0", num_envs=2, max_episode_steps=3)
+    assert isinstance(many, TermVectorEnv)
+    many.reset(seed=0)
+    cut = [many.step(np.zeros((2, 6)))[3].tolist() for _ in range(3)]
+    assert cut == [[False, False], [False, False], [True, True]]
+
+
 def test_many_run_on_any_number_of_cores_alike() -> None:
     results = []
     for threads in (1, 2):
@@ -164,10 +172,10 @@ def test_weights_change_and_take_out_terms() -> None:
 
 
 def test_reward_function_is_chosen_by_name() -> None:
-    environment = make_environment("joshua/SoArm100Reach-v0", "sparse")
+    environment = make_environment("joshua/SoArm100Reach-v0", "reach_sparse")
     environment.reset(seed=0)
     assert list(environment.step(np.zeros(6))[4]["reward_terms"]) == ["reached"]
-    with pytest.raises(ValueError, match="no reward function 'spare': choose dense or sparse"):
+    with pytest.raises(ValueError, match="no reward function 'spare': choose reach or reach_sparse"):
         make_environment("joshua/SoArm100Reach-v0", "spare")
 
 

@@ -59,8 +59,8 @@ def test_passive_says_what_is_wrong_with_its_file(tmp_path: Path) -> None:
         'simulation { mode: PASSIVE model_path: "so_arm100/scene.xml" trajectory_path: "no.csv" }\n'
     )
     ended = run(path)
-    assert ended.returncode != 0
-    assert "no.csv does not exist: name a .csv" in ended.stderr
+    assert ended.returncode == 2
+    assert "recording does not exist: looked for" in " ".join(ended.stderr.split())
 
 
 def test_interactive_without_a_screen_says_what_to_do() -> None:

@@ -90,3 +90,49 @@ def test_own_model_is_found_beside_the_file(tmp_path) -> None:
     )
     text = simulation_file(arm='actuators: "drive"').replace("so_arm100/scene.xml", "mine.xml")
     assert [i for i in examination(tmp_path, text).diagnostics if i.severity is Severity.ERROR] == []
+
+
+def passive_file(recording: str) -> str:
+    return f"""
+general {{ mode: MODE_SIMULATION name: "p" id: "passive-test" }}
+simulation {{ mode: PASSIVE model_path: "so_arm100/scene.xml" trajectory_path: "{recording}" }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "text"),
+    [
+        (
+            "wave.csv",
+            "time_s,shoulder_pan\n0,0\n0.1\n",
+            "line 3: 1 columns, and line 1 names 2 (time_s, shoulder_pan)",
+        ),
+        (
+            "wave.csv",
+            "time_s,shoulder_pna\n0,0\n",
+            "no column fits a joint of the model: it has shoulder_p",
+        ),
+        ("wave.csv", "time_s,shoulder_pan\n0,nan\n", "sample 1 holds a value that is not a finite number"),
+        ("wave.jsonl", '{"time_s": 0, "action": [1, 2]}\n', "2 columns without names, and the model has 6"),
+        ("wave.txt", "", ".txt is no known form"),
+    ],
+)
+def test_bad_recording_is_found_before_the_start(tmp_path, name: str, content: str, text: str) -> None:
+    (tmp_path / name).write_text(content)
+    found = error(tmp_path, passive_file(name))
+    assert found.field_path == "simulation.trajectory_path"
+    assert found.position.line == 3
+    assert text in found.message
+
+
+def test_missing_recording_is_an_error_at_launch(tmp_path) -> None:
+    assert not examination(tmp_path, passive_file("no.csv"), Purpose.VALIDATE).errors
+    (found,) = examination(tmp_path, passive_file("no.csv")).errors
+    assert (found.code, found.field_path) == ("input-file-missing", "simulation.trajectory_path")
+    assert "The recording does not exist: looked for" in found.message
+
+
+def test_recording_that_nothing_replays_is_an_error(tmp_path) -> None:
+    found = error(tmp_path, simulation_file(simulation='trajectory_path: "wave.csv"'))
+    assert found.field_path == "simulation.trajectory_path"
+    assert "has no effect with mode: OFFSCREEN" in found.message

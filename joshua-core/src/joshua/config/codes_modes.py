@@ -99,4 +99,8 @@ MODE_CODES: dict[str, CodeDoc] = {
         "The data set to upload, replay or train on is not there.",
         "Record it first, or correct its name or path.",
     ),
+    "dataset-exists": CodeDoc(
+        "Episodes are to be made, and the folder of their data set is not empty.",
+        "Name another local_path, or move the folder away: a data set is never overwritten.",
+    ),
 }

@@ -45,6 +45,18 @@ PLANNING_CODES: dict[str, CodeDoc] = {
         "ROS 2's Zenoh middleware does not apply deadline, lifespan, lease duration and manual liveliness.",
         "Nothing between JOSHUA nodes, where they act; choose DDS where ROS 2 nodes must apply them too.",
     ),
+    "environment-unknown": CodeDoc(
+        "environment_id names no environment that an installed plugin offers.",
+        "Correct the id; the message lists those that are known, the nearest first.",
+    ),
+    "reward-unknown": CodeDoc(
+        "reward_function names no reward of the environment, or of any environment where none is named.",
+        "Correct the name; the message lists those that the environment offers, the nearest first.",
+    ),
+    "environment-needed": CodeDoc(
+        "Learning in simulation, and neither environment_id nor reward_function says which task.",
+        "Name an environment in ai.training.environment_id.",
+    ),
     "unknown-host": CodeDoc(
         "--host names a machine that no node of the file names.",
         "Name a host of the file, or set `host` in its nodes.",

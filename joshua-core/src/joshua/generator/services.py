@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from joshua.generator.environments import choose_environment
 from joshua.generator.findings import Findings
 from joshua.generator.request import Request
 from joshua.modes.share import ModeShare, Need
@@ -65,6 +66,7 @@ def resolve_services(
     """
     source = request.path
     resolved = []
+    chosen = choose_environment(config, registry, findings) if "training" in share.services else None
     for service in _present(config, share):
         provision = registry.find(service.kind, service.name, service.enum_value)
         if provision is None:
@@ -78,7 +80,9 @@ def resolve_services(
                 context["physics_socket"] = request.physics_socket
             if service.kind is ProvisionKind.SIMULATOR and config.ai.HasField("data_store"):
                 folder = _folder("ai.data_store.local_path", findings, source)
-                context["data_store"] = _data_store(config.ai.data_store, folder)
+                context["data_store"] = _data_store(config, registry, findings, folder)
+            if service.kind is ProvisionKind.TRAINER and chosen is not None:
+                context["environment"] = chosen.as_context()
             settings = _settings(service, provision, context, findings)
             resolved.append(ResolvedService(service, provision, settings, context))
     return resolved
@@ -100,14 +104,29 @@ def _settings(service: Service, provision: Provision, context: dict[str, Any], f
     return settings
 
 
-def _data_store(block: pb.DataStore, folder: str) -> dict[str, Any]:
-    """What a simulator that replays episodes must know of the data set."""
+def _data_store(config: pb.Config, registry: Registry, findings: Findings, folder: str) -> dict[str, Any]:
+    """What a simulator that replays or makes episodes must know of the data set."""
+    block = config.ai.data_store
     path = block.local_path
+    value = _name(pb.DataFormat, block.format)
+    writer = registry.find(ProvisionKind.EPISODE_WRITER, "data_store", value)
+    if writer is None and makes_episodes(config):
+        findings.service_missing(
+            "ai.data_store", ProvisionKind.EPISODE_WRITER, value, registry, required=True
+        )
     return {
+        "writer": writer.implementation if writer else "",
+        "task": block.task or block.dataset_name,
+        "robot_type": config.general.robot_type,
         "path": str(Path(folder) / os.path.expanduser(path)) if path else "",  # noqa: PTH111 (as the checks)
         "episodes": list(block.episodes),
-        "format": _name(pb.DataFormat, block.format),
+        "format": value,
     }
+
+
+def makes_episodes(config: pb.Config) -> bool:
+    """Whether the simulator writes the data set itself, so that nothing else records into it."""
+    return config.general.mode == pb.MODE_SIMULATION and config.simulation.HasField("generate")
 
 
 def _folder(path: str, findings: Findings, source: str) -> str:
@@ -151,7 +170,7 @@ def service_spec(resolved: ResolvedService, registry: Registry) -> NodeSpec:
 def _present(config: pb.Config, share: ModeShare) -> list[Service]:
     ai = config.ai
     services = []
-    if "data_store" in share.services and ai.HasField("data_store"):
+    if "data_store" in share.services and ai.HasField("data_store") and not makes_episodes(config):
         value = _name(pb.DataFormat, ai.data_store.format)
         services.append(Service("ai.data_store", ProvisionKind.STORE, ai.data_store, value))
     if "training" in share.services and ai.HasField("training"):

@@ -38,6 +38,15 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy='Add trajectory_path: "recordings/wave.csv" to simulation, '
             "or ai { data_store { ... operation: DATA_STORE_REPLAY } }",
         )
+    if simulation.HasField("generate") and not context.config.ai.data_store.local_path:
+        yield context.error(
+            "mode-lacks-block",
+            "generate makes episodes, and no ai.data_store with a local_path says where they are kept",
+            "ai.data_store",
+            position=context.block_position("simulation.generate"),
+            remedy="Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
+            'dataset_name: ... local_path: "datasets/mine" task: ... } }',
+        )
     if simulation.mode == sim.MIRROR:
         yield from _mirror(context, simulation)
     elif simulation.mirror_topic_mappings and simulation.mode in sim.SimulationMode.values()[1:]:

@@ -34,6 +34,17 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy="Add robot { actions { ... } }, or choose ENV_SIMULATION",
         )
     yield from _data_set(context)
+    if ai.training.environment_id and (
+        ai.training.environment == pb.ENV_REAL or ai.training.method == pb.METHOD_IMITATION
+    ):
+        path = "ai.training.environment_id"
+        yield context.note(
+            "block-unused",
+            "environment_id has no effect here: environments are simulated, and a data set needs none",
+            path,
+            found=context.found(path, ai.training.environment_id),
+            remedy="Remove it, or set environment: ENV_SIMULATION with METHOD_RL or METHOD_EVAL",
+        )
 
 
 def _data_set(context: Context) -> Iterator[Diagnostic]:

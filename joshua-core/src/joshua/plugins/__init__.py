@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins.provision import Environment, Provision, ProvisionKind
 
 if TYPE_CHECKING:
     from joshua.plugins.hooks import hookimpl
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from joshua.plugins.registry import PluginRow, PluginStatus, Registry
 
 __all__ = [
+    "Environment",
     "PluginRow",
     "PluginStatus",
     "Provision",

@@ -16,6 +16,23 @@ class ProvisionKind(str, Enum):
     TRAINER = "trainer"
     SIMULATOR = "simulator"
     EMULATOR = "emulator"
+    ENVIRONMENT = "environment"
+    EPISODE_WRITER = "episode writer"
+
+
+@dataclass(frozen=True)
+class Environment:
+    """A task that trainers can learn, as data.
+
+    Attributes:
+        id: what ``environment_id`` takes, such as ``joshua/SoArm100Reach-v0``.
+        rewards: what ``reward_function`` takes, the default first.
+        summary: one line for people.
+    """
+
+    id: str
+    rewards: tuple[str, ...]
+    summary: str = ""
 
 
 @dataclass(frozen=True)
@@ -53,6 +70,8 @@ class Provision:
             and stops by itself when nothing comes; 0 takes the one of the kind.
         ready_timeout_s: time that the node may take to open its device; 0 takes the one of the kind.
         terminal: the node reads the terminal that the run was started from; one node of a run may.
+        environments: of a provision of kind ENVIRONMENT, whose implementation is a function that makes any of
+            them: ``make(environment_id, reward_function=…, num_envs=…, seed=…)`` returns a vectorised one.
     """
 
     kind: ProvisionKind
@@ -73,3 +92,4 @@ class Provision:
     hang_after_s: float = 0.0
     ready_timeout_s: float = 0.0
     terminal: bool = False
+    environments: tuple[Environment, ...] = ()

@@ -7,7 +7,7 @@ from enum import Enum
 
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins.provision import Environment, Provision, ProvisionKind
 from joshua.plugins.targets import TargetError, load_target
 
 
@@ -44,6 +44,9 @@ def _overlap(first: Provision, second: Provision) -> tuple[str, ...] | None:
     """Enum values that both answer for; ``()`` where one answers for all; None where they do not meet."""
     if (first.kind, first.block) != (second.kind, second.block):
         return None
+    if first.kind is ProvisionKind.ENVIRONMENT:  # many may offer some, as long as each is another one
+        ids = [offer.id for offer in second.environments]
+        return tuple(offer.id for offer in first.environments if offer.id in ids) or None
     if not first.enum_values or not second.enum_values:
         return ()
     common = tuple(value for value in first.enum_values if value in second.enum_values)
@@ -126,6 +129,16 @@ class Registry:
                 answer = False
         return answer
 
+    def environments(self, backend: str = "") -> tuple[tuple[Environment, Provision], ...]:
+        """The environments that trainers can be given, each with the provision that makes it.
+
+        Args:
+            backend: name of a ``SimulatorBackend``; "" asks for none in particular.
+        """
+        kind = ProvisionKind.ENVIRONMENT
+        fitting = [offer for offer, _ in self._usable if _answers(offer, kind, backend)]
+        return tuple((environment, offer) for offer in fitting for environment in offer.environments)
+
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""
         modules = (p.message_module for row in self._rows for p in row.provisions if p.message_module)
@@ -164,6 +177,11 @@ class Registry:
                 return (
                     f"{node_name}: {what} needs the plugin {distribution}, which is broken "
                     f"({'; '.join(row.reasons)}): pip install --force-reinstall {distribution}"
+                )
+            if row.distribution == distribution and row.status is PluginStatus.OK:
+                return (
+                    f"{node_name}: {what} needs the plugin {distribution}, and {row.version} does not "
+                    f"provide it: pip install --upgrade {distribution}"
                 )
         return f"{node_name}: {what} needs the plugin {distribution}: pip install {distribution}"
 

@@ -18,6 +18,7 @@ _BASE_CLASSES = {
     ProvisionKind.SENSOR: "joshua.devices.sensor:Sensor",
     ProvisionKind.MODEL: "joshua.models.model:Model",
     ProvisionKind.EMULATOR: "joshua.plugins.emulator:DeviceEmulator",
+    ProvisionKind.EPISODE_WRITER: "joshua.plugins.episodes:EpisodeWriter",
 }
 _BEHAVIOUR_BASE = "joshua.node.behaviour:NodeBehaviour"
 _SETTINGS_BASE = "joshua.plugins.settings:BlockSettings"

@@ -12,7 +12,7 @@ from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
 from google.protobuf.message import Message
 
 from joshua.plugins.block_values import default_values
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins.provision import Environment, Provision, ProvisionKind
 from joshua.schema import config_pb2, simulation_pb2
 from joshua.schema.data_types import type_names
 
@@ -45,6 +45,8 @@ def blocks_of(kind: ProvisionKind) -> tuple[str, ...]:
         ProvisionKind.TRAINER: ("training", *_message_fields(config_pb2.Training)),
         ProvisionKind.SIMULATOR: ("simulation",),
         ProvisionKind.EMULATOR: actuators + sensors,
+        ProvisionKind.ENVIRONMENT: ("training",),
+        ProvisionKind.EPISODE_WRITER: ("data_store",),
     }[kind]
 
 
@@ -61,6 +63,8 @@ def enum_values_of(kind: ProvisionKind) -> tuple[str, ...]:
         ProvisionKind.TRAINER: (config_pb2.TrainingMethod.DESCRIPTOR, backends),
         ProvisionKind.SIMULATOR: (simulation_pb2.SimulationMode.DESCRIPTOR, backends),
         ProvisionKind.EMULATOR: (actions, perceptions),
+        ProvisionKind.ENVIRONMENT: (backends,),
+        ProvisionKind.EPISODE_WRITER: (config_pb2.DataFormat.DESCRIPTOR,),
     }[kind]
     return tuple(
         value.name for enum in enums for value in enum.values if not value.name.endswith("UNSPECIFIED")
@@ -106,6 +110,7 @@ def _problems(provision: Provision) -> list[str]:
         *_block_problems(provision),
         *_import_string_problems(provision),
         *_data_type_problems(provision),
+        *_environment_problems(provision),
     ]
 
 
@@ -183,6 +188,17 @@ def _data_type_problems(provision: Provision) -> list[str]:
         f"data type {name!r} is unknown; {_nearest(str(name), known, 3)}"
         for name in types
         if name not in known
+    ]
+
+
+def _environment_problems(provision: Provision) -> list[str]:
+    offers: object = provision.environments
+    if not isinstance(offers, tuple) or not all(isinstance(offer, Environment) for offer in offers):
+        return ["environments is not a tuple of joshua.plugins.Environment"]
+    if bool(offers) != (provision.kind is ProvisionKind.ENVIRONMENT):
+        return ["environments belong to a provision of kind ENVIRONMENT, which has at least one"]
+    return [
+        f"environment {offer.id!r} offers no reward" for offer in provision.environments if not offer.rewards
     ]
 
 

@@ -627,7 +627,7 @@ class DataStore(_message.Message):
     def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class Training(_message.Message):
-    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config")
+    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id")
     ENVIRONMENT_FIELD_NUMBER: _ClassVar[int]
     METHOD_FIELD_NUMBER: _ClassVar[int]
     SIMULATOR_BACKEND_FIELD_NUMBER: _ClassVar[int]
@@ -635,6 +635,7 @@ class Training(_message.Message):
     IMITATION_CONFIG_FIELD_NUMBER: _ClassVar[int]
     EVAL_CONFIG_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    ENVIRONMENT_ID_FIELD_NUMBER: _ClassVar[int]
     environment: TrainingEnvironment
     method: TrainingMethod
     simulator_backend: SimulatorBackend
@@ -642,7 +643,8 @@ class Training(_message.Message):
     imitation_config: ImitationConfig
     eval_config: EvalConfig
     plugin_config: _any_pb2.Any
-    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
+    environment_id: str
+    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., environment_id: _Optional[str] = ...) -> None: ...
 
 class RLConfig(_message.Message):
     __slots__ = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "gamma", "clip_range", "batch_size", "reward_function")

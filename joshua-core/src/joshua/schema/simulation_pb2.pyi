@@ -30,7 +30,7 @@ DIVERGENCE_RESET: DivergencePolicy
 DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "on_divergence", "joint_state_rate_hz", "use_sim_time", "renders", "attached")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "seed", "on_divergence", "joint_state_rate_hz", "use_sim_time", "renders", "attached", "generate", "variation")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
@@ -39,11 +39,14 @@ class SimulationConfig(_message.Message):
     REPLAY_SPEED_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FACTOR_FIELD_NUMBER: _ClassVar[int]
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
     ON_DIVERGENCE_FIELD_NUMBER: _ClassVar[int]
     JOINT_STATE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     USE_SIM_TIME_FIELD_NUMBER: _ClassVar[int]
     RENDERS_FIELD_NUMBER: _ClassVar[int]
     ATTACHED_FIELD_NUMBER: _ClassVar[int]
+    GENERATE_FIELD_NUMBER: _ClassVar[int]
+    VARIATION_FIELD_NUMBER: _ClassVar[int]
     mode: SimulationMode
     model_path: str
     mirror_topic_mappings: _containers.RepeatedCompositeFieldContainer[MirrorTopicMapping]
@@ -52,12 +55,45 @@ class SimulationConfig(_message.Message):
     replay_speed: float
     real_time_factor: float
     keyframe: str
+    seed: int
     on_divergence: DivergencePolicy
     joint_state_rate_hz: float
     use_sim_time: bool
     renders: _containers.RepeatedCompositeFieldContainer[RenderOutput]
     attached: _containers.RepeatedCompositeFieldContainer[AttachedModel]
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ...) -> None: ...
+    generate: GeneratedEpisodes
+    variation: SceneVariation
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., seed: _Optional[int] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ..., generate: _Optional[_Union[GeneratedEpisodes, _Mapping]] = ..., variation: _Optional[_Union[SceneVariation, _Mapping]] = ...) -> None: ...
+
+class GeneratedEpisodes(_message.Message):
+    __slots__ = ("count", "duration_s", "fps", "cameras", "width", "height")
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    FPS_FIELD_NUMBER: _ClassVar[int]
+    CAMERAS_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    count: int
+    duration_s: float
+    fps: int
+    cameras: _containers.RepeatedScalarFieldContainer[str]
+    width: int
+    height: int
+    def __init__(self, count: _Optional[int] = ..., duration_s: _Optional[float] = ..., fps: _Optional[int] = ..., cameras: _Optional[_Iterable[str]] = ..., width: _Optional[int] = ..., height: _Optional[int] = ...) -> None: ...
+
+class SceneVariation(_message.Message):
+    __slots__ = ("joint_rad", "object_m", "light", "camera_m", "camera_rad")
+    JOINT_RAD_FIELD_NUMBER: _ClassVar[int]
+    OBJECT_M_FIELD_NUMBER: _ClassVar[int]
+    LIGHT_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_M_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_RAD_FIELD_NUMBER: _ClassVar[int]
+    joint_rad: float
+    object_m: float
+    light: float
+    camera_m: float
+    camera_rad: float
+    def __init__(self, joint_rad: _Optional[float] = ..., object_m: _Optional[float] = ..., light: _Optional[float] = ..., camera_m: _Optional[float] = ..., camera_rad: _Optional[float] = ...) -> None: ...
 
 class RenderOutput(_message.Message):
     __slots__ = ("camera", "width", "height", "fps", "output")

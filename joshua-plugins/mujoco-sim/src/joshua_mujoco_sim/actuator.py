@@ -186,6 +186,8 @@ class SimActuator(Actuator):
 
     def _own_motion(self, physics: Physics) -> FloatArray:
         assert self._motion is not None
+        if physics.time_s < self._motion_start_s:  # the simulation was reset
+            self._motion_start_s = physics.time_s
         goal, _ = self._motion.at(physics.time_s - self._motion_start_s)
         return np.clip(goal, self._limits.position_min_rad, self._limits.position_max_rad)
 

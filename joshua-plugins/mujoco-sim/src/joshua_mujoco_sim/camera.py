@@ -50,6 +50,9 @@ class SimCamera(Sensor):
         self._leaving = threading.Event()
         self._drawn = threading.Condition()
         self._newest: Reading | None = None
+        self._renderer: CameraRenderer | None = None
+        self._taken = (0, 0)
+        self._drawing = self._late = False
         self._error = ""
         self._next_s = 0.0
         self._frame = 0
@@ -81,6 +84,7 @@ class SimCamera(Sensor):
         with world.lock:
             self._next_s = self._last_time_s = world.physics.time_s
         self._world, self._frame, self._newest, self._error = world, 0, None, ""
+        self._renderer, self._drawing, self._late = None, False, False
         self._leaving.clear()
         self._thread = threading.Thread(target=self._draw_all, args=(world,), name="render", daemon=True)
         self._thread.start()
@@ -138,24 +142,29 @@ class SimCamera(Sensor):
             self._error = str(error)
             self._ready.set()
             return
+        self._renderer = renderer
         self._ready.set()
         try:
             while not self._leaving.is_set():
                 if not self._due.wait(LEAVING_CHECK_S):
                     continue
-                with world.lock:
-                    self._due.clear()
-                    renderer.look(world.physics.data)
-                    stamp_ns, sequence = self._stamps.now_ns(), self._frame
-                picture = renderer.draw()
+                self._due.clear()
+                if self._leaving.is_set():
+                    break
+                stamp_ns, sequence = self._taken
+                reading = Reading(stamp_ns, sequence, renderer.draw())
+                self._drawing = False
                 with self._drawn:
-                    self._newest = Reading(stamp_ns, sequence, picture)
+                    self._newest = reading
                     self._drawn.notify()
         finally:
             renderer.close()
 
     def _watch(self, physics: Physics) -> None:
-        """Calls for a frame when its simulated time has come; a reset of the time starts anew."""
+        """Takes in a frame at its very simulated time, or as soon as the one before it is drawn.
+
+        A reset of the time starts anew.
+        """
         now_s = physics.time_s
         if now_s < self._last_time_s:
             self._next_s = now_s
@@ -165,6 +174,11 @@ class SimCamera(Sensor):
             frames = max(1, int((now_s - self._next_s) / period_s + 1e-9) + 1)
             self._next_s += period_s * frames
             self._frame += frames
+            self._late = True
+        if self._late and not self._drawing and self._renderer is not None:
+            self._late, self._drawing = False, True
+            self._renderer.look(physics.data)
+            self._taken = (self._stamps.now_ns(), self._frame)
             self._due.set()
 
     def _camera_info(self, reading: Reading, frame_id: str) -> Any:

@@ -28,7 +28,7 @@ class ClockPublisher:
     def __init__(self, world: World, context: NodeContext) -> None:
         self._publisher = context.publisher(CLOCK)
         self._published_s = -PERIOD_S
-        self._unhook = world.after_step(self._tick)
+        self._unhook = world.after_step(self._tick, first=True)  # what is stamped afterwards has its time
 
     def close(self) -> None:
         """Ends it."""

@@ -11,7 +11,7 @@ from joshua.node.behaviour import NodeContext
 from joshua.plan import TopicSpec
 
 from joshua_mujoco_sim.physics import Physics
-from joshua_mujoco_sim.settings import TopicMapping
+from joshua_mujoco_sim.settings_parts import TopicMapping
 from joshua_mujoco_sim.world import World
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

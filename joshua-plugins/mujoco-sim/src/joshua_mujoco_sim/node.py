@@ -12,10 +12,13 @@ from joshua.devices.errors import DeviceError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.plan import TopicSpec
+from joshua.plugins.episodes import EpisodeError
+from joshua.plugins.targets import TargetError
 
 from joshua_mujoco_sim.clock import ClockPublisher
 from joshua_mujoco_sim.control_topics import ControlTopics
 from joshua_mujoco_sim.coupling import BusServer
+from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.joint_commands import Commands
 from joshua_mujoco_sim.mirror import Mirror
 from joshua_mujoco_sim.model_file import ModelError
@@ -24,6 +27,7 @@ from joshua_mujoco_sim.render_files import RenderFile
 from joshua_mujoco_sim.rendering import RenderingError
 from joshua_mujoco_sim.replay import Replay
 from joshua_mujoco_sim.settings import SimulationSettings
+from joshua_mujoco_sim.settings_parts import DatasetSettings
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError
 from joshua_mujoco_sim.window import SHOW_RATE_HZ, Window, WindowError, check_display
@@ -61,6 +65,7 @@ class SimulatorNode(NodeBehaviour):
         self._clock: ClockPublisher | None = None
         self._buses: BusServer | None = None
         self._files: list[RenderFile] = []
+        self._maker: EpisodeMaker | None = None
         self._reported = 0
 
     def configure(self) -> None:
@@ -85,6 +90,8 @@ class SimulatorNode(NodeBehaviour):
             self._files = [RenderFile(world, render) for render in settings.renders]
         except (RenderingError, OSError) as error:
             raise DeviceError(str(error)) from error
+        if settings.generate is not None:
+            self._maker = self._make_episodes(world, settings, settings.generate)
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
             self._mirror.subscribe()
@@ -105,6 +112,9 @@ class SimulatorNode(NodeBehaviour):
             self._replayed_s = time.monotonic()
             self.context.create_timer(REPLAY_PERIOD_S, self._advance_replay, name="replay")
         else:
+            with world.lock:
+                if self._maker is not None:
+                    self._maker.begin()
             world.start()
         if self._window is not None:
             self.context.create_timer(1 / SHOW_RATE_HZ, self._show, name="window")
@@ -131,6 +141,10 @@ class SimulatorNode(NodeBehaviour):
                     file.close()
                 self.context.log.info("%d pictures in %s", file.count, file.output)
             self._files = []
+            if self._maker is not None:
+                with world.lock:
+                    self._maker.close()
+                self.context.log.info("%s", self._maker.report())
             if self._replay is None:
                 self.context.log.info("real-time factor %.3f", world.real_time_factor)
             leave_world(world)
@@ -159,6 +173,16 @@ class SimulatorNode(NodeBehaviour):
             recordings = read_trajectories(Path(settings.trajectory_path), settings.episodes)
             return Replay(world.physics, recordings, settings.replay_speed)
         except TrajectoryError as error:
+            raise DeviceError(str(error)) from error
+
+    def _make_episodes(
+        self, world: World, settings: SimulationSettings, made: DatasetSettings
+    ) -> EpisodeMaker:
+        try:
+            recordings = read_trajectories(Path(settings.trajectory_path)) if settings.trajectory_path else []
+            with world.lock:
+                return EpisodeMaker(world, made, recordings, self.context.log)
+        except (TrajectoryError, EpisodeError, TargetError) as error:
             raise DeviceError(str(error)) from error
 
     def _advance_replay(self) -> None:
@@ -210,6 +234,10 @@ class SimulatorNode(NodeBehaviour):
             self.context.log.error("%s; the model was put back to its start", text)
         self._reported = len(world.divergences)
         broken = [file.error for file in self._files if file.error]
+        if self._maker is not None:
+            broken += filter(None, [self._maker.error])
+            if self._maker.done:
+                self.context.end_run(self._maker.report())
         if world.failure or broken:
             self.context.fail(world.failure or broken[0])
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.variation import Variation, Varier
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -46,12 +47,15 @@ class Physics:
     Args:
         model: the compiled model.
         keyframe: state to start and reset at; "" takes ``home`` where the model has it, else its default.
+        variation: varies the scene at each start; None leaves it as it is.
 
     Raises:
         ModelError: the model has no keyframe of that name.
     """
 
-    def __init__(self, model: mujoco.MjModel, *, keyframe: str = "") -> None:
+    def __init__(
+        self, model: mujoco.MjModel, *, keyframe: str = "", variation: Variation | None = None
+    ) -> None:
         self.model = model
         # MuJoCo would reset a diverged state without a word; the check below speaks up instead.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -69,6 +73,9 @@ class Physics:
             if name.endswith(f"/{wanted}")
         ]
         self._speed: FloatArray = np.zeros(model.nv)
+        self._varier = Varier(model, variation) if variation else None
+        self._starts = 0
+        self._begin: tuple[ActuatorGroup, FloatArray] | None = None
         self.reset()
 
     @property
@@ -81,15 +88,30 @@ class Physics:
         """Simulated time of one step."""
         return float(self.model.opt.timestep)
 
-    def reset(self) -> None:
-        """Puts the model back to its start, time zero."""
+    def reset(self, start: int | None = None) -> None:
+        """Puts the model back to its start, time zero.
+
+        Args:
+            start: which start of a varied scene, from 0; None takes the next one.
+        """
         if self._key >= 0:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self._key)
         else:
             mujoco.mj_resetData(self.model, self.data)
         for key, prefix in self._further_keys:
             self._take_from_keyframe(key, prefix)
+        if self._begin is not None:
+            group, position = self._begin
+            group.set_position(position)
+            group.set_command(position)
+        if self._varier is not None:
+            self._varier.apply(self.data, self._starts if start is None else start)
+            self._starts = 1 + (self._starts if start is None else start)
         mujoco.mj_forward(self.model, self.data)
+
+    def begin_at(self, group: ActuatorGroup, position: FloatArray) -> None:
+        """From now on every start has these joints there, in place of the keyframe's, shape (N,)."""
+        self._begin = (group, np.array(position))
 
     def step(self, count: int = 1) -> None:
         """Steps. Raises DivergenceError."""
@@ -163,6 +185,8 @@ class ActuatorGroup:
         self._ctrl: IntArray = ids
         self._qpos: IntArray = model.jnt_qposadr[joints].astype(np.int64)
         self._dof: IntArray = model.jnt_dofadr[joints].astype(np.int64)
+        #: What each actuator is told: a position (radians), a velocity (rad/s) or a torque (N·m).
+        self.drives = tuple(_drive(model, int(index)) for index in ids)
         limited = model.jnt_limited[joints].astype(bool)
         ranges = model.jnt_range[joints]
         self.range_min_rad: FloatArray = np.where(limited, ranges[:, 0], -np.inf)
@@ -210,3 +234,9 @@ class ActuatorGroup:
         """Puts the joints somewhere, at rest, shape (N,); the caller runs ``mj_forward`` when all is set."""
         self._data.qpos[self._qpos] = values
         self._data.qvel[self._dof] = 0.0
+
+
+def _drive(model: mujoco.MjModel, actuator: int) -> str:
+    if model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_AFFINE:
+        return "torque"
+    return "position" if model.actuator_biasprm[actuator, 1] < 0 else "velocity"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from joshua.plugins.hooks import hookimpl
 from joshua.plugins.provision import Provision, ProvisionKind
 
+from joshua_mujoco_sim.environments import ENVIRONMENTS
+
 
 @hookimpl
 def joshua_provisions() -> list[Provision]:
@@ -38,5 +40,13 @@ def joshua_provisions() -> list[Provision]:
             settings="joshua_mujoco_sim.settings:SimCameraSettings",
             summary="camera of the simulated model",
             virtual=True,
+        ),
+        Provision(
+            kind=ProvisionKind.ENVIRONMENT,
+            block="training",
+            enum_values=("BACKEND_MJX",),
+            implementation="joshua_mujoco_sim.envs:make_vector_environment",
+            environments=ENVIRONMENTS,
+            summary="tasks that trainers can learn: reaching, picking and placing, the ant",
         ),
     ]

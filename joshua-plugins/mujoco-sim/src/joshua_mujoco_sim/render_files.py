@@ -10,7 +10,7 @@ from joshua.devices.png import encode_png
 
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.rendering import CameraRenderer, Picture, RenderingError
-from joshua_mujoco_sim.settings import Render
+from joshua_mujoco_sim.settings_parts import Render
 from joshua_mujoco_sim.world import World
 
 

@@ -6,68 +6,37 @@ and cameras: a file with a simulation is checked as a whole before anything star
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
-from functools import lru_cache
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import Field, model_validator
+
+from joshua_mujoco_sim.model_facts import (
+    AttachedModel,
+    ModelFacts,
+    attachments,
+    facts_of,
+    known_name,
+    model_facts,
+)
+from joshua_mujoco_sim.settings_parts import (
+    DatasetSettings,
+    Render,
+    TopicMapping,
+    VariationSettings,
+    check_output,
+    check_recording,
+    variation,
+    variation_defaults,
+)
 
 if TYPE_CHECKING:
-    from joshua_mujoco_sim.model_file import Attachment
     from joshua_mujoco_sim.world import WorldSettings
 
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
-
-
-class ModelFacts(BaseModel):
-    """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint."""
-
-    model_config = ConfigDict(frozen=True)
-
-    actuators: tuple[str, ...]
-    joints: dict[str, str]
-    ranges: dict[str, tuple[float, float]]
-    cameras: tuple[str, ...]
-    keyframes: tuple[str, ...]
-
-
-class TopicMapping(BaseModel):
-    """One actuator that follows a topic: position · scale + offset."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    ros_topic: str
-    mujoco_actuator: str
-    offset: float
-    scale: float
-    joint: str
-
-
-class Render(BaseModel):
-    """Pictures of one camera that go into files; ``output`` is absolute."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    camera: str
-    width: int
-    height: int
-    fps: int
-    output: str
-
-
-class AttachedModel(BaseModel):
-    """A further model in the scene, see ``model_file.Attachment``."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    model_path: str
-    prefix: str
-    position_m: tuple[float, float, float]
-    yaw_rad: float = 0.0
 
 
 class SimulationSettings(BlockSettings):
@@ -84,6 +53,9 @@ class SimulationSettings(BlockSettings):
         attached: further models in the scene; renders: pictures that go into files.
         trajectory_path: recording that PASSIVE replays, absolute; episodes: of a data set, () for all.
         replay_speed: how many times faster than recorded; 0 for as fast as possible.
+        seed: of the variation of the scene, None for none; variation: how far.
+        generate: episodes that go into a data set.
+        examining: the file is being checked, so that recordings are looked into; not part of the plan.
     """
 
     mode: Literal["INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"]
@@ -99,19 +71,29 @@ class SimulationSettings(BlockSettings):
     trajectory_path: str
     replay_speed: float
     episodes: tuple[int, ...] = ()
+    seed: int | None = None
+    variation: VariationSettings | None = None
+    generate: DatasetSettings | None = None
+    examining: Annotated[bool, Field(exclude=True)] = False
 
     @classmethod
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Adds the folder of the configuration, and the data set where no recording is named."""
-        result = super().si_values(values, node, context) | {"folder": context.get("folder", "")}
+        """Adds the folder of the configuration, and the data set that is replayed or made."""
+        result = super().si_values(values, node, context)
+        result |= {"folder": context.get("folder", ""), "examining": True}
         folder = Path(result["folder"])
         result["renders"] = [
             render | {"output": str(folder / Path(render["output"]).expanduser())}
             for render in result.get("renders", ())
         ]
         path, stored = result["trajectory_path"], context.get("data_store", {})
+        if made := result.get("generate"):
+            known = {name: stored.get(name, "") for name in ("task", "robot_type", "writer")}
+            result["generate"] = made | known | {"folder": stored.get("path", "")}
+        if result.get("seed") is not None and result.get("variation") is None:
+            result["variation"] = variation_defaults()
         if path:
             result["trajectory_path"] = str(Path(result["folder"]) / Path(path).expanduser())
         elif result["mode"] == "PASSIVE":
@@ -122,13 +104,17 @@ class SimulationSettings(BlockSettings):
     def _check(self) -> SimulationSettings:
         facts = model_facts(self.model_path, self.folder, self.attached)
         if self.keyframe:
-            _known("keyframe", "keyframe", self.keyframe, facts.keyframes)
+            known_name("keyframe", "keyframe", self.keyframe, facts.keyframes)
         for index, mapping in enumerate(self.mirror_topic_mappings):
             field = f"mirror_topic_mappings[{index}].mujoco_actuator"
-            _known(field, "actuator", mapping.mujoco_actuator, facts.actuators)
+            known_name(field, "actuator", mapping.mujoco_actuator, facts.actuators)
         for index, render in enumerate(self.renders):
-            _known(f"renders[{index}].camera", "camera", render.camera, facts.cameras)
-            _check_output(index, render.output)
+            known_name(f"renders[{index}].camera", "camera", render.camera, facts.cameras)
+            check_output(index, render.output)
+        self._check_variation()
+        self._check_generated(facts)
+        if self.examining and self.trajectory_path:
+            check_recording(self.trajectory_path, self.episodes, facts)
         if self.renders and self.mode != "OFFSCREEN":
             raise FieldError(
                 "renders",
@@ -136,6 +122,47 @@ class SimulationSettings(BlockSettings):
                 remedy="set mode: OFFSCREEN, or remove them",
             )
         return self
+
+    def _check_variation(self) -> None:
+        if self.variation is not None and self.seed is None:
+            raise FieldError(
+                "variation",
+                "variation has an effect only with a seed, which decides what the scene becomes",
+                remedy="add seed: 1, or remove variation",
+            )
+
+    def _check_generated(self, facts: ModelFacts) -> None:
+        made = self.generate
+        if self.trajectory_path and not (self.mode == "PASSIVE" or (self.mode == "OFFSCREEN" and made)):
+            raise FieldError(
+                "trajectory_path",
+                f"a recording has no effect with mode: {self.mode}",
+                remedy="set mode: PASSIVE to look at it, or OFFSCREEN with generate to make episodes of it",
+            )
+        if made is None:
+            return
+        if self.mode != "OFFSCREEN":
+            raise FieldError(
+                "generate",
+                f"episodes are made only with mode: OFFSCREEN, and the mode is {self.mode}",
+                remedy="set mode: OFFSCREEN, or remove generate",
+            )
+        for index, camera in enumerate(made.cameras):
+            known_name(f"generate.cameras[{index}]", "camera", camera, facts.cameras)
+        for name, size in (("width", made.width), ("height", made.height)):
+            if made.cameras and size % 2:
+                raise FieldError(
+                    f"generate.{name}",
+                    f"a video needs an even width and height, and {name} is {size}",
+                    allowed=(str(size - 1), str(size + 1)),
+                    remedy=f"set {name}: {size + 1}",
+                )
+        if made.duration_s is None and not self.trajectory_path:
+            raise FieldError(
+                "generate",
+                "the length of an episode is not known: there is neither duration_s nor a recording",
+                remedy="add duration_s: 8, or trajectory_path",
+            )
 
     def world(self) -> WorldSettings:
         """What the physics of this simulation needs; equal for every node of the file."""
@@ -148,6 +175,7 @@ class SimulationSettings(BlockSettings):
             real_time_factor=self.real_time_factor,
             reset_on_divergence=self.on_divergence == "DIVERGENCE_RESET",
             attached=attachments(self.attached),
+            variation=variation(self.seed, self.variation.model_dump() if self.variation else {}),
         )
 
 
@@ -196,7 +224,7 @@ class SimActuatorSettings(BlockSettings):
     def _check(self) -> SimActuatorSettings:
         for index, (name, joint) in enumerate(zip(self.actuators, self.joint_ranges, strict=False)):
             if not joint["known"]:
-                _known(f"actuators[{index}]", "actuator", name, joint["allowed"])
+                known_name(f"actuators[{index}]", "actuator", name, joint["allowed"])
         if self.motion == "file" and not self.motion_file:
             raise FieldError(
                 "motion_file",
@@ -232,76 +260,5 @@ class SimCameraSettings(BlockSettings):
     @model_validator(mode="after")
     def _check(self) -> SimCameraSettings:
         if self.cameras:
-            _known("camera", "camera", self.camera, self.cameras)
+            known_name("camera", "camera", self.camera, self.cameras)
         return self
-
-
-def _check_output(index: int, output: str) -> None:
-    """Refuses a file name that no writer takes. Raises FieldError."""
-    field, path = f"renders[{index}].output", Path(output)
-    if path.suffix == ".png":
-        try:
-            numbered = (path.name % 1) != (path.name % 2)
-        except (TypeError, ValueError):
-            numbered = False
-        if not numbered:
-            raise FieldError(
-                field,
-                f"{path.name} is one file, and every picture needs its own",
-                allowed=(f"{path.stem}_%05d.png",),
-                remedy="put the number of the picture into the name, such as %05d",
-            )
-    elif path.suffix != ".mp4":
-        raise FieldError(
-            field,
-            f"{path.suffix or 'no ending'} is no known form of pictures",
-            allowed=(".mp4", "_%05d.png"),
-            remedy="name a .mp4 file, or PNG files by a pattern",
-        )
-
-
-def attachments(attached: Sequence[AttachedModel]) -> tuple[Attachment, ...]:
-    """The same as what the model is compiled with."""
-    from joshua_mujoco_sim.model_file import Attachment
-
-    return tuple(Attachment(**model.model_dump()) for model in attached)
-
-
-def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
-    """What the model of a simulation has, given its settings as plain values."""
-    attached = tuple(AttachedModel.model_validate(values) for values in simulation.get("attached", ()))
-    return model_facts(simulation["model_path"], simulation["folder"], attached)
-
-
-@lru_cache(maxsize=8)
-def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
-    """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
-    from joshua_mujoco_sim.model_file import ModelError, load_model
-    from joshua_mujoco_sim.summary import actuated_joints, summarise
-
-    try:
-        model = load_model(model_path, Path(folder) if folder else None, attachments(attached))
-    except ModelError as error:
-        raise FieldError("model_path", str(error), remedy="correct model_path or the file") from error
-    facts = summarise(model)
-    joints = actuated_joints(model)
-    return ModelFacts(
-        actuators=tuple(facts["actuators"]),
-        joints={name: joint for name, (joint, _, _) in joints.items()},
-        ranges={name: (low, high) for name, (_, low, high) in joints.items()},
-        cameras=tuple(facts["cameras"]),
-        keyframes=tuple(facts["keyframes"]),
-    )
-
-
-def _known(field: str, what: str, name: str, known: Sequence[str]) -> None:
-    """Refuses a name that the model does not have. Raises FieldError with the nearest name first."""
-    if name in known:
-        return
-    near = get_close_matches(name, known, n=3, cutoff=0.5)
-    raise FieldError(
-        field,
-        f"the model has no {what} named {name!r}",
-        allowed=(*near, *(other for other in known if other not in near)),
-        remedy=f"did you mean {near[0]}?" if near else f"name one of the model's {what}s; see joshua models",
-    )

@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+from joshua.plugins.block_values import block_values
 from joshua.plugins.stand_in import CoupledArm, RealDevice, StandInError
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2 as sim
 
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
 from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.settings_parts import variation, variation_defaults
 from joshua_mujoco_sim.summary import actuated_joints, summarise
 
 SCENE = "so_arm100/scene.xml"
@@ -71,7 +73,10 @@ def stand_in(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
 
 def _start_rad(simulation: Any, actuators: Sequence[str]) -> tuple[float, ...]:
     """Where the joints are at first, about the middle of their ranges."""
-    group = Physics(_model(simulation), keyframe=simulation.keyframe).group(actuators)
+    seed = simulation.seed if simulation.HasField("seed") else None
+    amounts = block_values(simulation.variation) if simulation.HasField("variation") else variation_defaults()
+    physics = Physics(_model(simulation), keyframe=simulation.keyframe, variation=variation(seed, amounts))
+    group = physics.group(actuators)
     return tuple(float(value) for value in group.position_rad - group.middle_rad)
 
 

@@ -17,6 +17,7 @@ import mujoco
 from joshua_mujoco_sim.model_file import Attachment, load_model
 from joshua_mujoco_sim.pacing import Pacer
 from joshua_mujoco_sim.physics import DivergenceError, Physics
+from joshua_mujoco_sim.variation import Variation
 
 #: Shortest sleep of the stepping thread: bounds the delay between a command and its effect.
 TICK_S = 0.001
@@ -34,6 +35,7 @@ class WorldSettings:
         real_time_factor: 1 for real time, 0 for as fast as possible.
         reset_on_divergence: start anew instead of ending with an error.
         attached: further models in the scene.
+        variation: varies the scene at each start; None leaves it as it is.
     """
 
     model_path: str
@@ -42,6 +44,7 @@ class WorldSettings:
     real_time_factor: float = 1.0
     reset_on_divergence: bool = True
     attached: tuple[Attachment, ...] = ()
+    variation: Variation | None = None
 
 
 class World:
@@ -58,7 +61,9 @@ class World:
         folder = Path(settings.folder) if settings.folder else None
         self.settings = settings
         self.physics = Physics(
-            load_model(settings.model_path, folder, settings.attached), keyframe=settings.keyframe
+            load_model(settings.model_path, folder, settings.attached),
+            keyframe=settings.keyframe,
+            variation=settings.variation,
         )
         self.lock = threading.RLock()
         self.failure = ""
@@ -76,11 +81,15 @@ class World:
 
     def before_step(self, hook: Hook) -> Callable[[], None]:
         """Calls ``hook`` under the lock before each step; returns how to end that."""
-        return self._hooked(self._before, hook)
+        return self._hooked(self._before, hook, len(self._before))
 
-    def after_step(self, hook: Hook) -> Callable[[], None]:
-        """Calls ``hook`` under the lock after each step; returns how to end that. It must be short."""
-        return self._hooked(self._after, hook)
+    def after_step(self, hook: Hook, *, first: bool = False) -> Callable[[], None]:
+        """Calls ``hook`` under the lock after each step; returns how to end that. It must be short.
+
+        Args:
+            hook: what is called; first: before all the others that are there.
+        """
+        return self._hooked(self._after, hook, 0 if first else len(self._after))
 
     def start(self) -> None:
         """Starts to step; a second call does nothing."""
@@ -175,14 +184,14 @@ class World:
                 self.failure = str(error)
                 self._stop.set()
 
-    def _hooked(self, hooks: list[Hook], hook: Hook) -> Callable[[], None]:
+    def _hooked(self, hooks: list[Hook], hook: Hook, index: int) -> Callable[[], None]:
         def remove() -> None:
             with self.lock:
                 if hook in hooks:
                     hooks.remove(hook)
 
         with self.lock:
-            hooks.append(hook)
+            hooks.insert(index, hook)
         return remove
 
 

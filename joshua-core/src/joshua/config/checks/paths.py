@@ -90,6 +90,10 @@ class _Search:
         passive = config.simulation.mode == simulation_pb2.PASSIVE
         if config.general.mode == pb.MODE_SIMULATION and passive and store.local_path:
             yield from self._data_set("ai.data_store.local_path", store.local_path, "replay")
+        if config.general.mode == pb.MODE_SIMULATION and config.simulation.trajectory_path:
+            yield from self._recording("simulation.trajectory_path", config.simulation.trajectory_path)
+        if config.general.mode == pb.MODE_SIMULATION and config.simulation.HasField("generate"):
+            yield from self._fresh_folder("ai.data_store.local_path", store.local_path)
         if config.general.mode == pb.MODE_TRAINING and config.ai.training.method == pb.METHOD_IMITATION:
             name = config.ai.training.imitation_config.dataset_name
             if store.local_path and name:
@@ -223,6 +227,28 @@ class _Search:
                 path,
                 value,
                 "Record the data set first, or correct local_path",
+            )
+
+    def _recording(self, path: str, value: str) -> Iterator[Diagnostic]:
+        place = self._resolve(path, value)
+        if not _exists(place):
+            yield self._missing(
+                "input-file-missing",
+                f"The recording does not exist: looked for {place}",
+                path,
+                value,
+                "Correct the path, or put the file or the folder of the data set there",
+            )
+
+    def _fresh_folder(self, path: str, value: str) -> Iterator[Diagnostic]:
+        place = self._resolve(path, value)
+        if value and _is_directory(place) and any(place.iterdir()):
+            yield self._missing(
+                "dataset-exists",
+                f"The folder {place} is not empty, and a data set is never overwritten",
+                path,
+                value,
+                "Name another local_path, or move the folder away",
             )
 
     def _missing(self, code: str, message: str, path: str, value: str, remedy: str) -> Diagnostic:

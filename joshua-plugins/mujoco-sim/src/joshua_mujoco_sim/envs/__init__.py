@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import Any
 
 import gymnasium
@@ -10,7 +11,7 @@ from joshua_mujoco_sim.envs.single import TermEnv
 from joshua_mujoco_sim.envs.tasks import TASKS
 from joshua_mujoco_sim.envs.vector import TermVectorEnv
 
-__all__ = ["TASKS", "TermEnv", "TermVectorEnv", "make_environment", "register"]
+__all__ = ["TASKS", "TermEnv", "TermVectorEnv", "make_environment", "make_vector_environment", "register"]
 
 
 def register() -> None:
@@ -43,6 +44,42 @@ def make_environment(environment_id: str, reward_function: str = "", **options: 
     if reward_function:
         options["reward_function"] = reward_function
     return gymnasium.make(environment_id, **options)
+
+
+def make_vector_environment(
+    environment_id: str,
+    *,
+    reward_function: str = "",
+    num_envs: int = 1,
+    seed: int | None = None,
+    **options: Any,
+) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+    """Makes many environments at once, as the training block of a file chooses them.
+
+    They run on all cores where MuJoCo 4 is installed, else one after the other.
+
+    Args:
+        environment_id: such as ``joshua/SoArm100Reach-v0``.
+        reward_function: name of a reward of its task; "" for the default.
+        num_envs: how many; seed: of the first one, the k-th has ``seed + k``; None for none in particular.
+        options: further arguments of the environment, such as ``randomise=True``.
+
+    Raises:
+        ValueError: the id or the reward is unknown; lists those that are known.
+    """
+    if environment_id not in TASKS and environment_id not in gymnasium.registry:
+        raise ValueError(f"no environment {environment_id!r}: choose {', '.join(TASKS)}")
+    if reward_function:
+        options["reward_function"] = reward_function
+    together = importlib.util.find_spec("mujoco.batch") is not None
+    made = gymnasium.make_vec(
+        environment_id,
+        num_envs=num_envs,
+        vectorization_mode="vector_entry_point" if together else "sync",
+        **options,
+    )
+    made.reset(seed=seed)
+    return made
 
 
 register()

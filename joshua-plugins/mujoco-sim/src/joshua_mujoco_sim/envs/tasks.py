@@ -43,16 +43,16 @@ ARM_RANDOMISATION = (
 )
 
 
-def reach(reward: str = "dense") -> Task:
-    """The grip goes to a place in front of the arm. Rewards: ``dense``, ``sparse``."""
+def reach(reward: str = "reach") -> Task:
+    """The grip goes to a place in front of the arm. Rewards: ``reach``, ``reach_sparse``."""
     sites = {"first": "gripper", "second": "goal"}
     rewards = {
-        "dense": (
+        "reach": (
             RewardTerm("closeness", arm.closeness, 1.0, {**sites, "scale_m": 0.1}),
             RewardTerm("fine_closeness", arm.closeness, 1.0, {**sites, "scale_m": 0.02}),
             *_SMOOTH,
         ),
-        "sparse": (RewardTerm("reached", arm.within_reward, 1.0, {**sites, "radius_m": 0.02}),),
+        "reach_sparse": (RewardTerm("reached", arm.within_reward, 1.0, {**sites, "radius_m": 0.02}),),
     }
     return Task(
         model_path="so_arm100/reach.xml",
@@ -78,11 +78,11 @@ def reach(reward: str = "dense") -> Task:
     )
 
 
-def pick_place(reward: str = "dense") -> Task:
-    """The cube goes onto the goal, and the jaw lets go. Rewards: ``dense``, ``sparse``."""
+def pick_place(reward: str = "pick_place") -> Task:
+    """The cube goes onto the goal, and the jaw lets go. Rewards: ``pick_place``, ``pick_place_sparse``."""
     to_cube = {"first": "gripper", "second": "cube"}
     rewards = {
-        "dense": (
+        "pick_place": (
             RewardTerm(
                 "near_cube", arm.closeness, 1.0, {"first": "gripper", "second": "cube", "scale_m": 0.1}
             ),
@@ -91,7 +91,7 @@ def pick_place(reward: str = "dense") -> Task:
             RewardTerm("placed", arm.placed_reward, 50.0, {"radius_m": 0.02}),
             *_SMOOTH,
         ),
-        "sparse": (RewardTerm("placed", arm.placed_reward, 1.0, {"radius_m": 0.02}),),
+        "pick_place_sparse": (RewardTerm("placed", arm.placed_reward, 1.0, {"radius_m": 0.02}),),
     }
     sector = {"radius_m": (0.19, 0.27), "angle_rad": 0.8}
     return Task(

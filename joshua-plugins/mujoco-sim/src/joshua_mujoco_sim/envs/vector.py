@@ -24,6 +24,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
 
     Args:
         task: makes the task; num_envs: N; threads: cores to use, 0 for all.
+        max_episode_steps: length after which an episode is cut off; None for the task's.
         reward_function, weights, randomise: as for a single environment.
     """
 
@@ -32,12 +33,14 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         task: Callable[..., Task],
         num_envs: int,
         *,
+        max_episode_steps: int | None = None,
         threads: int = 0,
         reward_function: str = "",
         weights: Mapping[str, float] | None = None,
         randomise: bool = False,
     ) -> None:
         self.task = make_task(task, reward_function, weights, randomise)
+        self._max_steps = max_episode_steps or self.task.max_steps
         model = load_model(self.task.model_path)
         self.num_envs = num_envs
         self.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
@@ -91,7 +94,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
             self._reset(ids)
             reward[ids] = 0.0
             ended[ids] = success[ids] = False
-        truncated = (state.elapsed_steps >= self.task.max_steps) & ~ended
+        truncated = (state.elapsed_steps >= self._max_steps) & ~ended
         self._ended = ended | truncated
         info = {"reward_terms": terms, "is_success": success}
         return evaluator.observation(), reward, ended, truncated, info

@@ -14,6 +14,12 @@ FORMS = "a .csv, .jsonl or .parquet file, the folder of a LeRobot data set, an .
 _TABLES = {".csv": read_csv, ".jsonl": read_json_lines, ".parquet": read_parquet}
 
 
+def size_bytes(path: Path) -> int:
+    """Size of a recording, videos of a data set left out."""
+    files = [path] if path.is_file() else [file for file in path.rglob("*") if file.suffix != ".mp4"]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
 def read_trajectories(path: Path, episodes: Sequence[int] = ()) -> list[Trajectory]:
     """Reads a recording.
 

@@ -10,7 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
+from joshua_mujoco_sim.trajectories.trajectory import (
+    FloatArray,
+    MissingExtraError,
+    Trajectory,
+    TrajectoryError,
+)
 
 TIME_COLUMNS = ("time_s", "timestamp")
 
@@ -79,7 +84,7 @@ def parquet_columns(path: Path) -> dict[str, list[Any]]:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise TrajectoryError(
+        raise MissingExtraError(
             f"{path}: Parquet needs an extra: pip install 'joshua-mujoco-sim[parquet]'"
         ) from error
     try:

@@ -19,6 +19,10 @@ class TrajectoryError(Exception):
     """A recording cannot be read or does not fit the model; the message says where, why and what to do."""
 
 
+class MissingExtraError(TrajectoryError):
+    """A recording cannot be read here, since a library is not installed; the message says which."""
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Positions over time.

@@ -1,0 +1,179 @@
+"""Writes a data set in the layout of LeRobot v3.
+
+Each episode has files of its own, one table and one video for each camera, and the metadata are replaced
+when it ends. So an episode that was dropped leaves nothing behind, and a data set is whole at any time, even
+when the program is killed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import av
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from joshua.plugins.episodes import DatasetLayout, EpisodeError, EpisodeWriter
+
+from joshua_dataset import statistics
+from joshua_dataset.metadata import CHUNK_SIZE, DATA_PATH, STAMP, VIDEO_PATH, data_schema, write_metadata
+from joshua_dataset.statistics import Statistics
+from joshua_dataset.video import VideoFile
+
+#: Every how many frames a picture counts for the statistics.
+PICTURE_STRIDE = 10
+
+
+class LeRobotWriter(EpisodeWriter):
+    """See ``EpisodeWriter``. Pictures become H.264 videos; numbers become float32.
+
+    Args:
+        layout: what the data set holds; pictures have even widths and heights.
+    """
+
+    def __init__(self, layout: DatasetLayout) -> None:
+        super().__init__(layout)
+        self._schema: Any = data_schema(layout)
+        self._rows: list[dict[str, Any]] = []
+        self._statistics: list[dict[str, Statistics]] = []
+        self._tasks: list[str] = []
+        self._frames = 0
+        self._videos: dict[str, VideoFile] = {}
+        self._clear()
+
+    def open(self) -> None:
+        """Makes the folder. Raises EpisodeError."""
+        layout = self.layout
+        odd = [p for p in layout.pictures if p.width % 2 or p.height % 2]
+        if odd:
+            raise EpisodeError(
+                f"{odd[0].key} is {odd[0].width} x {odd[0].height}: a video needs an even width and height"
+            )
+        try:
+            if layout.folder.exists() and any(layout.folder.iterdir()):
+                raise EpisodeError(
+                    f"{layout.folder} is not empty, and data sets are never overwritten: "
+                    "name another local_path, or move the folder away"
+                )
+            layout.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise EpisodeError(f"{layout.folder} cannot be made: {error.strerror or error}") from error
+
+    def add_frame(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
+        """Adds a frame. Raises EpisodeError."""
+        layout = self.layout
+        numbers = {}
+        for vector in layout.vectors:
+            numbers[vector.key] = row = np.asarray(values[vector.key], dtype=np.float32)
+            if row.shape != (len(vector.names),):
+                raise EpisodeError(
+                    f"{vector.key} has the shape {row.shape}, and {len(vector.names)} numbers are kept "
+                    f"({', '.join(vector.names)})"
+                )
+        for picture in layout.pictures:
+            size = (picture.height, picture.width, 3)
+            if np.shape(values[picture.key]) != size:
+                raise EpisodeError(
+                    f"{picture.key} has the shape {np.shape(values[picture.key])}, and {size} is kept"
+                )
+        try:
+            for picture in layout.pictures:
+                self._add_picture(picture.key, values[picture.key])
+        except (OSError, av.FFmpegError) as error:
+            raise EpisodeError(f"{layout.folder} takes no picture: {error}") from error
+        for key, row in numbers.items():
+            self._vectors[key].append(row)
+        self._stamps.append(stamp_ns)
+
+    def end_episode(self, task: str) -> None:
+        """Ends the episode: its files are completed, then the metadata replaced. Raises EpisodeError."""
+        count = len(self._stamps)
+        if not count:
+            raise EpisodeError(f"{self.layout.folder}: an episode without a frame cannot be kept")
+        if task not in self._tasks:
+            self._tasks.append(task)
+        columns = {
+            **{key: np.stack(rows) for key, rows in self._vectors.items()},
+            "timestamp": np.arange(count, dtype=np.float32) / np.float32(self.layout.fps),
+            STAMP: np.array(self._stamps, dtype=np.int64),
+            "frame_index": np.arange(count),
+            "episode_index": np.full(count, self.episodes),
+            "index": np.arange(self._frames, self._frames + count),
+            "task_index": np.full(count, self._tasks.index(task)),
+        }
+        found = {key: statistics.of_rows(values.reshape(count, -1)) for key, values in columns.items()} | {
+            key: statistics.of_pictures(pictures) for key, pictures in self._samples.items()
+        }
+        try:
+            for video in self._videos.values():
+                video.close()
+            self._videos.clear()
+            self._write_data(columns)
+            self._rows.append(self._episode_row(count, task, found))
+            self._statistics.append(found)
+            write_metadata(self.layout, self._rows, self._statistics, self._tasks)
+        except (OSError, av.FFmpegError, pa.ArrowException) as error:
+            raise EpisodeError(f"{self.layout.folder}: the episode cannot be kept: {error}") from error
+        self.episodes += 1
+        self._frames += count
+        self._clear()
+
+    def drop_episode(self) -> None:
+        """Forgets the present episode and removes its videos."""
+        for video in self._videos.values():
+            video.drop()
+        self._clear()
+
+    @property
+    def _place(self) -> dict[str, int]:
+        """Where the files of the present episode stand."""
+        return {"chunk_index": self.episodes // CHUNK_SIZE, "file_index": self.episodes % CHUNK_SIZE}
+
+    def _clear(self) -> None:
+        self._vectors: dict[str, list[Any]] = {vector.key: [] for vector in self.layout.vectors}
+        self._samples: dict[str, list[Any]] = {picture.key: [] for picture in self.layout.pictures}
+        self._videos.clear()
+        self._stamps: list[int] = []
+
+    def _add_picture(self, key: str, picture: Any) -> None:
+        if key not in self._videos:
+            path = self.layout.folder / VIDEO_PATH.format(video_key=key, **self._place)
+            height, width, _ = picture.shape
+            self._videos[key] = VideoFile(path, width, height, self.layout.fps)
+        self._videos[key].add(picture)
+        if len(self._stamps) % PICTURE_STRIDE == 0:
+            self._samples[key].append(picture.copy())
+
+    def _write_data(self, columns: Mapping[str, Any]) -> None:
+        path = self.layout.folder / DATA_PATH.format(**self._place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        arrays = [
+            pa.FixedSizeListArray.from_arrays(pa.array(columns[field.name].reshape(-1)), field.type.list_size)
+            if pa.types.is_fixed_size_list(field.type)
+            else pa.array(columns[field.name], field.type)
+            for field in self._schema
+        ]
+        pq.write_table(pa.Table.from_arrays(arrays, schema=self._schema), path, compression="snappy")
+
+    def _episode_row(self, count: int, task: str, found: Mapping[str, Statistics]) -> dict[str, Any]:
+        place = self._place
+        row: dict[str, Any] = {
+            "episode_index": self.episodes,
+            "tasks": [task],
+            "length": count,
+            "data/chunk_index": place["chunk_index"],
+            "data/file_index": place["file_index"],
+            "dataset_from_index": self._frames,
+            "dataset_to_index": self._frames + count,
+        }
+        for picture in self.layout.pictures:
+            row |= {
+                f"videos/{picture.key}/chunk_index": place["chunk_index"],
+                f"videos/{picture.key}/file_index": place["file_index"],
+                f"videos/{picture.key}/from_timestamp": 0.0,
+                f"videos/{picture.key}/to_timestamp": count / self.layout.fps,
+            }
+        for key, values in found.items():
+            row |= {f"stats/{key}/{name}": value for name, value in statistics.as_json(values).items()}
+        return row | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}

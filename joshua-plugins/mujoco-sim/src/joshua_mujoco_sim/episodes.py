@@ -1,0 +1,223 @@
+"""Episodes that OFFSCREEN makes by itself and hands to the writer of a data set, frame by exact frame."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joshua.plugins.episodes import (
+    DatasetLayout,
+    EpisodeError,
+    EpisodeWriter,
+    PictureFeature,
+    VectorFeature,
+)
+from joshua.plugins.targets import load_target
+
+from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
+from joshua_mujoco_sim.settings_parts import DatasetSettings
+from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
+from joshua_mujoco_sim.world import World
+
+STATE, ACTION, PICTURES = "observation.state", "action", "observation.images."
+
+#: Episodes that may be lost in a row, by a divergence or a reset from outside, before this gives up.
+MOST_LOST = 5
+
+
+class RecordedDrive:
+    """Commands the joints of a recording, straight between its samples.
+
+    Args:
+        physics: of the model; trajectory: the recording.
+
+    Raises:
+        TrajectoryError: it does not fit the model, or moves a joint without a position drive.
+    """
+
+    def __init__(self, physics: Physics, trajectory: Trajectory) -> None:
+        everything = physics.group(())
+        ranges = {
+            joint: (float(low), float(high))
+            for joint, low, high in zip(
+                everything.joints, everything.range_min_rad, everything.range_max_rad, strict=True
+            )
+        }
+        joints, self._position = trajectory.for_joints(everything.joints, ranges)
+        chosen = [everything.joints.index(joint) for joint in joints]
+        unfit = [everything.joints[index] for index in chosen if everything.drives[index] != "position"]
+        if unfit:
+            raise TrajectoryError(
+                f"{trajectory.source} moves {', '.join(unfit)}, and only a position drive can follow it"
+            )
+        self.group: ActuatorGroup = physics.group([everything.names[index] for index in chosen])
+        self._time_s = trajectory.time_s
+
+    @property
+    def first(self) -> FloatArray:
+        """Where it begins."""
+        first: FloatArray = self._position[0]
+        return first
+
+    def command(self, time_s: float) -> None:
+        """Commands what is due at a time of the recording; after its end, its last sample."""
+        at = int(np.searchsorted(self._time_s, time_s, side="right"))
+        if at in (0, len(self._time_s)):
+            self.group.set_command(self._position[min(at, len(self._time_s) - 1)])
+            return
+        before, after = self._time_s[at - 1], self._time_s[at]
+        part = (time_s - before) / (after - before)
+        self.group.set_command(self._position[at - 1] * (1 - part) + self._position[at] * part)
+
+
+class EpisodeMaker:
+    """Makes episodes, one start of the scene after the other. The physics waits for each frame.
+
+    Args:
+        world: what is recorded; settings: how many, how long, and where they go.
+        recordings: what drives the joints, in turn; () leaves that to the nodes of the file.
+        log: for each episode.
+
+    Raises:
+        EpisodeError: the data set cannot be made; TrajectoryError: a recording does not fit the model.
+
+    Attributes:
+        error: why it gave up; "" while all is well.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        settings: DatasetSettings,
+        recordings: Sequence[Trajectory],
+        log: logging.Logger | Any,
+    ) -> None:
+        physics = world.physics
+        self._world, self._settings, self._log = world, settings, log
+        self._group = physics.group(())
+        self._drives = [RecordedDrive(physics, recording) for recording in recordings]
+        lengths = [settings.duration_s or recording.duration_s for recording in recordings]
+        self._frames = [max(1, round(s * settings.fps)) for s in lengths or [settings.duration_s or 0.0]]
+        commanded = [
+            joint if drive == "position" else f"{joint}.{drive}"
+            for joint, drive in zip(self._group.joints, self._group.drives, strict=True)
+        ]
+        self._keys = {camera: PICTURES + camera.replace("/", "_") for camera in settings.cameras}
+        self._writer: EpisodeWriter = load_target(settings.writer)(
+            DatasetLayout(
+                folder=Path(settings.folder),
+                robot_type=settings.robot_type,
+                fps=settings.fps,
+                vectors=(VectorFeature(STATE, self._group.joints), VectorFeature(ACTION, tuple(commanded))),
+                pictures=tuple(
+                    PictureFeature(key, settings.width, settings.height) for key in self._keys.values()
+                ),
+            )
+        )
+        self._writer.open()
+        self._renderers: dict[str, CameraRenderer] = {}
+        self._pending: dict[str, Any] | None = None
+        self._frame = self._lost = 0
+        self._last_s = 0.0
+        self.error = ""
+        self._hooks: list[Callable[[], None]] = []
+
+    @property
+    def done(self) -> bool:
+        """Whether every episode is written."""
+        return self._writer.episodes >= self._settings.count
+
+    def begin(self) -> None:
+        """Starts the first episode; the caller holds the world's lock."""
+        self._hooks = [self._world.before_step(self._look), self._world.after_step(self._keep)]
+        self._start(0)
+
+    def close(self) -> None:
+        """Forgets an episode that has not ended; after the physics has stopped."""
+        for unhook in self._hooks:
+            unhook()
+        self._hooks = []
+        self._writer.close()
+
+    def report(self) -> str:
+        """What was made, in one sentence."""
+        return f"{self._writer.episodes} of {self._settings.count} episodes in {self._settings.folder}"
+
+    @property
+    def _drive(self) -> RecordedDrive | None:
+        return self._drives[self._writer.episodes % len(self._drives)] if self._drives else None
+
+    def _start(self, start: int | None) -> None:
+        physics, drive = self._world.physics, self._drive
+        if drive is not None:
+            physics.begin_at(drive.group, drive.first)
+        physics.reset(start)
+        self._frame, self._last_s, self._pending = 0, 0.0, None
+
+    def _look(self, physics: Physics) -> None:
+        """Drives the joints, and takes in a frame where one is due (before each step)."""
+        if self.done or self.error:
+            return
+        try:
+            if physics.time_s < self._last_s:
+                self._lose(physics)
+            self._last_s = physics.time_s
+            if (drive := self._drive) is not None:
+                drive.command(physics.time_s)
+            if physics.time_s >= self._frame / self._settings.fps - 1e-9:
+                self._pending = {STATE: self._group.position_rad} | self._pictures(physics)
+        except (EpisodeError, RenderingError) as error:
+            self.error = str(error)
+
+    def _keep(self, physics: Physics) -> None:
+        """Completes the frame by what was commanded in its step (after each step)."""
+        if self._pending is None or self.error:
+            return
+        frame, self._pending = self._pending, None
+        stamp_ns = round((physics.time_s - physics.timestep_s) * 1e9)
+        try:
+            self._writer.add_frame(stamp_ns, frame | {ACTION: self._group.command})
+            self._frame += 1
+            number = self._writer.episodes
+            if self._frame >= self._frames[number % len(self._frames)]:
+                self._writer.end_episode(self._settings.task)
+                self._lost = 0
+                self._log.info("episode %d of %d is written", number + 1, self._settings.count)
+                if self.done:
+                    self._free()
+                else:
+                    self._start(None)
+        except EpisodeError as error:
+            self.error = str(error)
+
+    def _lose(self, physics: Physics) -> None:
+        """The simulation went back in time by itself: the episode is not what it should be."""
+        self._writer.drop_episode()
+        self._lost += 1
+        if self._lost > MOST_LOST:
+            raise EpisodeError(
+                f"{MOST_LOST + 1} episodes in a row were cut off by a reset or a divergence: correct the "
+                "model or the motion; the episodes before them are kept"
+            )
+        self._log.warning("episode %d was cut off, and is made anew", self._writer.episodes + 1)
+        self._start(None)
+
+    def _pictures(self, physics: Physics) -> dict[str, Any]:
+        settings = self._settings
+        for camera in settings.cameras:
+            if camera not in self._renderers:  # on the thread of the physics, to which OpenGL binds it
+                self._renderers[camera] = CameraRenderer(
+                    physics.model, camera, settings.width, settings.height
+                )
+        for renderer in self._renderers.values():
+            renderer.look(physics.data)
+        return {self._keys[camera]: renderer.draw() for camera, renderer in self._renderers.items()}
+
+    def _free(self) -> None:
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers = {}

@@ -1,0 +1,85 @@
+"""What a compiled model has, so that the names in a file are checked before anything starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from joshua.plugins.settings import FieldError
+from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from joshua_mujoco_sim.model_file import Attachment
+
+
+class ModelFacts(BaseModel):
+    """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint."""
+
+    model_config = ConfigDict(frozen=True)
+
+    actuators: tuple[str, ...]
+    joints: dict[str, str]
+    ranges: dict[str, tuple[float, float]]
+    cameras: tuple[str, ...]
+    keyframes: tuple[str, ...]
+
+
+class AttachedModel(BaseModel):
+    """A further model in the scene, see ``model_file.Attachment``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    model_path: str
+    prefix: str
+    position_m: tuple[float, float, float]
+    yaw_rad: float = 0.0
+
+
+def attachments(attached: Sequence[AttachedModel]) -> tuple[Attachment, ...]:
+    """The same as what the model is compiled with."""
+    from joshua_mujoco_sim.model_file import Attachment
+
+    return tuple(Attachment(**model.model_dump()) for model in attached)
+
+
+def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
+    """What the model of a simulation has, given its settings as plain values."""
+    attached = tuple(AttachedModel.model_validate(values) for values in simulation.get("attached", ()))
+    return model_facts(simulation["model_path"], simulation["folder"], attached)
+
+
+@lru_cache(maxsize=8)
+def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
+    """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
+    from joshua_mujoco_sim.model_file import ModelError, load_model
+    from joshua_mujoco_sim.summary import actuated_joints, summarise
+
+    try:
+        model = load_model(model_path, Path(folder) if folder else None, attachments(attached))
+    except ModelError as error:
+        raise FieldError("model_path", str(error), remedy="correct model_path or the file") from error
+    facts = summarise(model)
+    joints = actuated_joints(model)
+    return ModelFacts(
+        actuators=tuple(facts["actuators"]),
+        joints={name: joint for name, (joint, _, _) in joints.items()},
+        ranges={name: (low, high) for name, (_, low, high) in joints.items()},
+        cameras=tuple(facts["cameras"]),
+        keyframes=tuple(facts["keyframes"]),
+    )
+
+
+def known_name(field: str, what: str, name: str, known: Sequence[str]) -> None:
+    """Refuses a name that the model does not have. Raises FieldError with the nearest name first."""
+    if name in known:
+        return
+    near = get_close_matches(name, known, n=3, cutoff=0.5)
+    raise FieldError(
+        field,
+        f"the model has no {what} named {name!r}",
+        allowed=(*near, *(other for other in known if other not in near)),
+        remedy=f"did you mean {near[0]}?" if near else f"name one of the model's {what}s; see joshua models",
+    )

@@ -1,0 +1,139 @@
+"""Parts of the settings of a simulation: what follows topics, goes into files, and varies with a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.plugins.settings import FieldError
+from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from joshua_mujoco_sim.model_facts import ModelFacts
+    from joshua_mujoco_sim.variation import Variation
+
+#: Recordings up to this size are read while a file is checked.
+LARGEST_CHECKED_BYTES = 20_000_000
+
+
+class TopicMapping(BaseModel):
+    """One actuator that follows a topic: position · scale + offset."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    ros_topic: str
+    mujoco_actuator: str
+    offset: float
+    scale: float
+    joint: str
+
+
+class Render(BaseModel):
+    """Pictures of one camera that go into files; ``output`` is absolute."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    camera: str
+    width: int
+    height: int
+    fps: int
+    output: str
+
+
+class DatasetSettings(BaseModel):
+    """Episodes that OFFSCREEN writes into a data set.
+
+    Attributes:
+        count: episodes; duration_s: of each, None for that of its recording; fps: frames per second.
+        cameras, width, height: pictures of each frame.
+        folder: of the data set, absolute; task, robot_type: what it shows.
+        writer: import string of the ``EpisodeWriter``.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    count: int
+    duration_s: float | None
+    fps: int
+    cameras: tuple[str, ...]
+    width: int
+    height: int
+    folder: str
+    task: str
+    robot_type: str
+    writer: str
+
+
+class VariationSettings(BaseModel):
+    """How far the seed varies the scene, see ``Variation``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    joint_rad: float
+    object_m: float
+    light: float
+    camera_m: float
+    camera_rad: float
+
+
+def check_output(index: int, output: str) -> None:
+    """Refuses a file name that no writer takes. Raises FieldError."""
+    field, path = f"renders[{index}].output", Path(output)
+    if path.suffix == ".png":
+        try:
+            numbered = (path.name % 1) != (path.name % 2)
+        except (TypeError, ValueError):
+            numbered = False
+        if not numbered:
+            raise FieldError(
+                field,
+                f"{path.name} is one file, and every picture needs its own",
+                allowed=(f"{path.stem}_%05d.png",),
+                remedy="put the number of the picture into the name, such as %05d",
+            )
+    elif path.suffix != ".mp4":
+        raise FieldError(
+            field,
+            f"{path.suffix or 'no ending'} is no known form of pictures",
+            allowed=(".mp4", "_%05d.png"),
+            remedy="name a .mp4 file, or PNG files by a pattern",
+        )
+
+
+def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> None:
+    """Refuses a recording that cannot be read or does not fit the model.
+
+    One that is not there yet, is large, or needs an extra is left to the launch. Raises FieldError.
+    """
+    from joshua_mujoco_sim.trajectories.reading import read_trajectories, size_bytes
+    from joshua_mujoco_sim.trajectories.trajectory import MissingExtraError, TrajectoryError
+
+    place = Path(path)
+    if not place.exists() or size_bytes(place) > LARGEST_CHECKED_BYTES:
+        return
+    ranges = {facts.joints[actuator]: limits for actuator, limits in facts.ranges.items()}
+    try:
+        for recording in read_trajectories(place, episodes):
+            recording.for_joints(list(ranges), ranges)
+    except MissingExtraError:
+        return
+    except TrajectoryError as error:
+        raise FieldError(
+            "trajectory_path", str(error), remedy="correct the recording, or name another one"
+        ) from error
+
+
+def variation_defaults() -> dict[str, float]:
+    """How far a seed varies a scene where the file does not say."""
+    from joshua.plugins.block_values import default_values
+    from joshua.schema.simulation_pb2 import SceneVariation
+
+    return default_values(SceneVariation.DESCRIPTOR)
+
+
+def variation(seed: int | None, amounts: Mapping[str, float]) -> Variation | None:
+    """The variation of a scene; None without a seed."""
+    from joshua_mujoco_sim.variation import Variation
+
+    return None if seed is None else Variation(seed=seed, **amounts)
