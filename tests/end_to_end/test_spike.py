@@ -23,6 +23,7 @@ def test_the_preset_passes_on_an_emulated_hub(joshua_run: JoshuaProgram) -> None
     assert "emulated: spike_hub at tcp-client:127.0.0.1:" in said
     for check in (
         "rate of /spike/joint_states",
+        "rate of /spike/battery",
         "positions",
         "commands on /test/oscillation",
         "tracking error",
@@ -55,7 +56,7 @@ def test_two_hubs_run_in_one_file(joshua_run: JoshuaProgram, tmp_path: Path) -> 
     second = (
         block.replace("spike_hub", "second_hub")
         .replace("node_id: 1", "node_id: 3")
-        .replace("/spike/joint_states", "/second/joint_states")
+        .replace("/spike/", "/second/")
         .replace('"Pybricks Hub"', '"Second Hub"')
     )
     path = tmp_path / "two_hubs.pbtxt"
@@ -71,7 +72,7 @@ def test_the_same_hub_twice_is_refused(joshua_run: JoshuaProgram, tmp_path: Path
     text = Path(PRESET).read_text(encoding="utf-8")
     block = text[text.index("  # The hub's motors.") : text.index("  # The pattern.")]
     second = block.replace("spike_hub", "second_hub").replace("node_id: 1", "node_id: 3")
-    second = second.replace("/spike/joint_states", "/second/joint_states")
+    second = second.replace("/spike/", "/second/")
     path = tmp_path / "twice.pbtxt"
     path.write_text(text.replace("  # The pattern.", second + "  # The pattern."), encoding="utf-8")
     result = joshua_run("--config", str(path), "--validate-only")

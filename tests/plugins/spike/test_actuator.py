@@ -8,9 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from joshua.devices.diagnostics import OK, WARN
+from joshua.messages import decode, encode
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike.actuator import SpikeActuator
 from joshua_spike.client import DEAD_MAN_S
+from joshua_spike.diagnostics import BATTERY_STATE
 from joshua_spike.errors import LinkLost, NotCalibrated, NotEnabled, SafetyTripped
 
 MakeActuator = Callable[..., SpikeActuator]
@@ -215,6 +217,7 @@ def test_the_battery_and_the_link_are_in_the_diagnostics(
 ) -> None:
     actuator = make_actuator()
     assert actuator.diagnostics() == ()
+    assert actuator.further_message(BATTERY_STATE, "hub") is None
     actuator.connect()
     actuator.read()
     rows = {row.name: row for row in actuator.diagnostics()}
@@ -226,6 +229,13 @@ def test_the_battery_and_the_link_are_in_the_diagnostics(
     wait_until(lambda: actuator.read() is not None and "6.50" in str(actuator.diagnostics()))
     low = next(row for row in actuator.diagnostics() if row.name == "battery")
     assert (low.level, low.message) == (WARN, "low: charge the hub soon")
+    message = actuator.further_message(BATTERY_STATE, "hub")
+    assert message.__msgtype__ == BATTERY_STATE
+    assert (message.voltage, message.percentage, message.present) == (6.5, 0.0, True)
+    assert message.serial_number == actuator.identity
+    assert np.isnan([message.current, message.temperature, message.charge, message.capacity]).all()
+    assert message.header.frame_id == "hub"
+    assert decode(BATTERY_STATE, encode(message)).voltage == pytest.approx(6.5)
 
 
 def test_two_hubs_are_driven_side_by_side(hub: EmulatedHub, make_actuator: MakeActuator) -> None:

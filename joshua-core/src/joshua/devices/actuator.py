@@ -150,6 +150,18 @@ class Actuator(ABC):
         """
         return ()
 
+    @property
+    def further_types(self) -> tuple[str, ...]:
+        """ROS 2 types that it can publish besides its joints, such as ``sensor_msgs/msg/BatteryState``."""
+        return ()
+
+    def further_message(self, type_name: str, frame_id: str) -> Any | None:
+        """A message of one of ``further_types``, as last read; None while nothing was read.
+
+        Called between two control cycles: no input or output here.
+        """
+        raise NotImplementedError(f"{type(self).__name__} offers {type_name} and does not make it")
+
     def calibration_target(self) -> CalibrationTarget:
         """What a calibration works on, which opens the device itself; this object stays unconnected.
 

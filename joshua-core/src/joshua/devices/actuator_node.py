@@ -55,7 +55,8 @@ class ActuatorNode(NodeBehaviour):
         super().__init__(context)
         spec = context.spec
         self._is_leader = spec.role == "ACTION_LEADER"
-        self._rate_hz = max((topic.rate_hz for topic in spec.publishers), default=CONTROL_RATE_HZ)
+        states_hz = [topic.rate_hz for topic in spec.publishers if topic.type_name == JOINT_STATE]
+        self._rate_hz = max(states_hz, default=CONTROL_RATE_HZ)
         self._actuator: Actuator | None = None
         self._goals: GoalGenerator | None = None
         self._readers: list[CommandReader] = []
@@ -75,7 +76,7 @@ class ActuatorNode(NodeBehaviour):
         spec = self.context.spec
         implementation, settings = load_implementation(spec, Actuator)
         actuator: Actuator = implementation(settings, dict(spec.context))
-        self._check_topics()
+        self._check_topics(actuator)
         self._actuator = actuator
         actuator.stopping = lambda: self.context.stopping
         actuator.letting_go = self._safety.letting_go
@@ -198,13 +199,14 @@ class ActuatorNode(NodeBehaviour):
             raise RuntimeError(f"{self.context.spec.full_name}: activate came before configure")
         return self._actuator, self._goals
 
-    def _check_topics(self) -> None:
+    def _check_topics(self, actuator: Actuator) -> None:
         spec = self.context.spec
+        offered = (JOINT_STATE, *actuator.further_types)
         for topic in spec.publishers:
-            if topic.type_name != JOINT_STATE:
+            if topic.type_name not in offered:
                 raise DeviceError(
                     f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: "
-                    "an actuator publishes its state; set data_type: JOINT_STATE"
+                    f"{type(actuator).__name__} offers {', '.join(offered)}; set data_type: JOINT_STATE"
                 )
         for topic in spec.subscriptions:
             if topic.type_name not in (JOINT_STATE, JOINT_TRAJECTORY):
@@ -240,8 +242,10 @@ class ActuatorNode(NodeBehaviour):
             return
         for publisher, limit, meter in self._states:
             if limit is None or limit.passes(reading.stamp_ns):
-                publisher.publish(self._message(reading))
-                meter.add()
+                message = self._message(reading, publisher.topic.type_name)
+                if message is not None:
+                    publisher.publish(message)
+                    meter.add()
         self._test.state(reading, actuator.limits)
         if not self._energised:
             return
@@ -321,8 +325,10 @@ class ActuatorNode(NodeBehaviour):
         self._status.fault = ""
         self.context.fault("")
 
-    def _message(self, reading: JointReading) -> Any:
+    def _message(self, reading: JointReading, type_name: str) -> Any | None:
         assert self._actuator is not None
+        if type_name != JOINT_STATE:
+            return self._actuator.further_message(type_name, self.context.spec.frame_id)
         return joint_state(
             self._actuator.joint_names,
             reading.position_rad,

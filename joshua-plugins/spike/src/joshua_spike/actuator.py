@@ -15,7 +15,7 @@ from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceError
 
 from joshua_spike.client import DEAD_MAN_S, HubClient
-from joshua_spike.diagnostics import battery_row, joint_rows, link_row
+from joshua_spike.diagnostics import BATTERY_STATE, battery_message, battery_row, joint_rows, link_row
 from joshua_spike.errors import NotCalibrated, NotEnabled, ProgramFailed, SafetyTripped
 from joshua_spike.joint_map import RADIANS_PER_DEGREE, JointMap
 from joshua_spike.session import Counters, StampedState
@@ -221,6 +221,20 @@ class SpikeActuator(Actuator):
                 battery_row(state, self._hub.status, self.identity),
                 link_row(self._counted, before, state, self.identity),
             ]
+
+    @property
+    def further_types(self) -> tuple[str, ...]:
+        """The battery."""
+        return (BATTERY_STATE,)
+
+    def further_message(self, type_name: str, frame_id: str) -> Any | None:
+        """The battery as last read."""
+        del type_name  # there is one
+        with self._lock:
+            if self._last is None:
+                return None
+            _, stamped = self._last
+            return battery_message(stamped.state, stamped.stamp_ns, frame_id, self.identity)
 
     def calibration_target(self) -> CalibrationTarget:
         """The motors as a calibration sees them."""

@@ -1,11 +1,16 @@
-"""The state of a hub as rows of ``/diagnostics``: its motors, its battery, its link."""
+"""The state of a hub as rows of ``/diagnostics`` (its motors, its battery, its link), and as BatteryState."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
 from joshua.devices.actuator import JointReading
 from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
+from joshua.messages import message_class
+from joshua.messages.make import header
 
 from joshua_spike.lines import HubState
 from joshua_spike.pybricks import Status
@@ -13,6 +18,8 @@ from joshua_spike.session import Counters
 
 #: Voltage of the SPIKE hub's two lithium cells below which the firmware warns, and at which it is full.
 LOW_MV, FULL_MV = 6_800, 8_300
+
+BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 
 
 def joint_rows(
@@ -47,9 +54,37 @@ def battery_row(state: HubState, status: Status, hardware_id: str) -> Diagnostic
         level, message = WARN, "a high current flows: see what blocks a motor"
     elif status & Status.BATTERY_LOW or state.battery_mv < LOW_MV:
         level, message = WARN, "low: charge the hub soon"
-    share = min(max((state.battery_mv - LOW_MV) / (FULL_MV - LOW_MV), 0.0), 1.0)
-    values = {"voltage_v": f"{state.battery_mv / 1000:.2f}", "charge_estimate_percent": f"{share * 100:.0f}"}
+    percent = _charge(state) * 100
+    values = {"voltage_v": f"{state.battery_mv / 1000:.2f}", "charge_estimate_percent": f"{percent:.0f}"}
     return DiagnosticStatus(level, "battery", message, hardware_id, values)
+
+
+def battery_message(state: HubState, stamp_ns: int, frame_id: str, hardware_id: str) -> Any:
+    """A ``BatteryState``; what the hub does not measure is NaN or unknown, as the message asks for."""
+    kind = message_class(BATTERY_STATE)
+    return kind(
+        header=header(frame_id, stamp_ns),
+        voltage=state.battery_mv / 1000,
+        temperature=math.nan,
+        current=math.nan,
+        charge=math.nan,
+        capacity=math.nan,
+        design_capacity=math.nan,
+        percentage=_charge(state),
+        power_supply_status=kind.POWER_SUPPLY_STATUS_UNKNOWN,
+        power_supply_health=kind.POWER_SUPPLY_HEALTH_UNKNOWN,
+        power_supply_technology=kind.POWER_SUPPLY_TECHNOLOGY_LION,
+        present=True,
+        cell_voltage=np.empty(0, np.float32),
+        cell_temperature=np.empty(0, np.float32),
+        location="",
+        serial_number=hardware_id,
+    )
+
+
+def _charge(state: HubState) -> float:
+    """Estimate of the charge by the voltage, 0 to 1."""
+    return min(max((state.battery_mv - LOW_MV) / (FULL_MV - LOW_MV), 0.0), 1.0)
 
 
 def link_row(counters: Counters, before: Counters, state: HubState, hardware_id: str) -> DiagnosticStatus:

@@ -46,7 +46,10 @@ class Messages(NamedTuple):
     hears: tuple[int, ...] | None
 
 
-_ACTUATOR = Messages((types.JOINT_STATE,), (types.JOINT_STATE, types.JOINT_TRAJECTORY))
+_COMMANDS = (types.JOINT_STATE, types.JOINT_TRAJECTORY)
+_ACTUATOR = Messages((types.JOINT_STATE,), _COMMANDS)
+# Actuators that publish more than their joints.
+_ACTUATORS = {"spike_motor_config": Messages((types.JOINT_STATE, types.BATTERY_STATE), _COMMANDS)}
 _PERCEPTIONS = {
     pb.PERCEPTION_CAMERA: Messages((types.IMAGE, types.COMPRESSED_IMAGE, types.CAMERA_INFO), ()),
     pb.PERCEPTION_ENCODER: Messages((types.JOINT_STATE,), ()),
@@ -89,8 +92,9 @@ def messages_of(owner: Any) -> Messages:
     """
     if isinstance(owner, pb.SingleModel):
         return Messages(None, None) if owner.HasField("plugin_config") else _MODEL
-    if block_of(owner)[0] == "plugin_config":
+    block_name, _ = block_of(owner)
+    if block_name == "plugin_config":
         return Messages(None, None)
     if isinstance(owner, pb.SingleAction):
-        return _ACTUATOR
+        return _ACTUATORS.get(block_name, _ACTUATOR)
     return _PERCEPTIONS.get(owner.perception_type, Messages(None, None))
