@@ -26,7 +26,7 @@ LOCK_TIMEOUT_S = 5.0
 
 HEADER = """# Calibration of the arms of one robot, written by joshua.
 # Every configuration with its general.id loads it.
-# The same values stand in the servos: calibrate again instead of changing them here.
+# Servos that remember their calibration hold the same values: calibrate again instead of changing them here.
 
 """
 
