@@ -13,6 +13,7 @@ from joshua.devices.stamps import StampClock
 from joshua_encoder.amt21 import ANSWER_LENGTH, position
 from joshua_encoder.lines import MAGNET_FOUND, Count, LineParser
 from joshua_encoder.settings import AS5600, AS5600_RESOLUTION, EncoderSettings
+from joshua_encoder.trust import Trust
 
 #: A microcontroller that restarts when its port is opened needs this long for its first line.
 FIRST_LINE_S = 4.0
@@ -32,6 +33,7 @@ _SURE = 3  # lines that are no accident
 _CHUNK_S = 0.002
 _LARGEST_CHUNK = 64
 _RETRIES = 2
+_MOST_ASKS = 6  # of one encoder in one round, while its line is in doubt
 _MICROSECONDS = 1 << 32  # of a microcontroller's 32-bit clock
 _NS_PER_US = 1_000
 
@@ -199,6 +201,7 @@ class Amt21Source(Source):
         self._period_s = 1.0 / settings.rate_hz
         self._due_s = self._good_s = time.monotonic()
         self._echo = False
+        self._trust = {address: Trust(settings.resolution) for address in settings.addresses}
 
     def start(self) -> None:
         """Asks each encoder."""
@@ -231,16 +234,24 @@ class Amt21Source(Source):
         return [Counts(stamp_ns, stamp_ns, tuple(counts))]
 
     def _ask(self, address: int) -> int | None:
-        for _ in range(_RETRIES):
+        """Asks one encoder until an answer counts; None where too many are missing or in doubt."""
+        trust, missing = self._trust[address], 0
+        trust.begin()
+        for _ in range(_MOST_ASKS):
             length = ANSWER_LENGTH + self._echo
             self.port.send(bytes((address,)))
             answer = self.port.receive(length, time.monotonic() + ANSWER_S)
             if len(answer) < length:  # late, or not at all: the line may be whole
+                missing += 1
+                if missing == _RETRIES:
+                    return None
                 continue
             count = position(answer[-ANSWER_LENGTH:], self.settings.resolution)
-            if count is not None:
+            if count is None:
+                self.damaged += 1
+                trust.damaged()
+            elif trust.take(count, time.monotonic()):
                 return count
-            self.damaged += 1
         return None
 
     def _answers(self, address: int, timeout_s: float = ANSWER_S) -> bool:
