@@ -179,6 +179,14 @@ def test_corrupt_frames_never_end_the_stream(emulator: EmulatedCamera, camera_at
     assert sequences == sorted(set(sequences))
 
 
+def test_a_stream_that_begins_in_the_middle_of_a_picture(emulator: EmulatedCamera, camera_at: Maker) -> None:
+    emulator.fault("dirty")
+    camera = camera_at(emulator.source)
+    camera.connect()
+    numbers = [code(next_reading(camera)).number for _ in range(5)]
+    assert numbers == sorted(set(numbers))
+
+
 def test_another_size_is_refused(emulator: EmulatedCamera, camera_at: Maker) -> None:
     camera = camera_at(emulator.source, width=640, height=480)
     with pytest.raises(DeviceError) as caught:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import socket
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
-from joshua_emulator import EmulatedBus
-from joshua_mujoco_sim.coupling import BusServer, ServoDrives
+from joshua_emulator import EmulatedBus, EmulatedCamera
+from joshua_mujoco_sim.coupling import CouplingServer, ServoDrives
 from joshua_mujoco_sim.model_file import load_model
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.world import World, WorldSettings
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.settings import Sts3215Settings
+from PIL import Image
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 
@@ -48,7 +53,7 @@ def positions(world: World, group: ActuatorGroup) -> np.ndarray:
 
 @pytest.fixture
 def bus(world: World, group: ActuatorGroup, tmp_path: Path) -> Iterator[EmulatedBus]:
-    server = BusServer(world, tmp_path / "bus.sock", logging.getLogger("test"))
+    server = CouplingServer(world, tmp_path / "bus.sock", logging.getLogger("test"))
     start = positions(world, group) - group.middle_rad
     with EmulatedBus(
         arm="so_arm100",
@@ -126,13 +131,79 @@ def test_bus_outlives_the_simulation_and_joins_the_next(bus, world, arm, tmp_pat
 
 
 def test_unknown_actuator_is_refused_with_the_reason(world, tmp_path, caplog) -> None:
-    server = BusServer(world, tmp_path / "s.sock", logging.getLogger("joshua.test"))
+    server = CouplingServer(world, tmp_path / "s.sock", logging.getLogger("joshua.test"))
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link:
         link.connect(str(tmp_path / "s.sock"))
         link.send(b'{"actuators": ["elbow"]}')
         assert b"did you mean elbow_flex" in link.recv(4096)
     server.close()
     assert "cannot join the simulation" in caplog.text
+
+
+@pytest.fixture
+def server(world: World, tmp_path: Path) -> Iterator[CouplingServer]:
+    made = CouplingServer(world, tmp_path / "bus.sock", logging.getLogger("joshua.test"))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> Iterator[EmulatedCamera]:
+    with EmulatedCamera(160, 120, 20, physics=tmp_path / "bus.sock", physics_camera="top") as emulated:
+        yield emulated
+
+
+def one_picture(camera: EmulatedCamera) -> np.ndarray:
+    with urllib.request.urlopen(camera.picture, timeout=20) as answer:
+        return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB"), np.int16)
+
+
+def drawn(camera: EmulatedCamera) -> np.ndarray:
+    wait(lambda: bool(one_picture(camera).max() > 0))  # in the dark until the simulation answers
+    return one_picture(camera)
+
+
+def test_emulated_camera_sees_the_scene_and_what_moves_in_it(world, camera, tmp_path) -> None:
+    assert one_picture(camera).max() == 0  # before there is a simulation
+    world.pause()  # a camera goes on while time stands still
+    server = CouplingServer(world, tmp_path / "bus.sock", logging.getLogger("joshua.test"))
+    before = drawn(camera)
+    renderer = CameraRenderer(world.physics.model, "top", 160, 120)
+    renderer.look(world.physics.data)
+    expected = renderer.draw().astype(np.int16)
+    renderer.close()
+    assert np.abs(before - expected).mean() < 6  # what JPEG takes away
+    with world.lock:
+        world.physics.data.qpos[0] += 1.0
+        mujoco.mj_forward(world.physics.model, world.physics.data)
+    assert np.abs(one_picture(camera) - before).max() > 60
+    server.close()
+
+
+def test_emulated_camera_changes_its_size_and_ends_with_the_simulation(server, camera) -> None:
+    drawn(camera)
+    camera.fault("size", "200x160")
+    assert drawn(camera).shape == (160, 200, 3)
+    stream = urllib.request.urlopen(camera.source, timeout=20)
+    entry = camera.wait_for(["frame"], timeout_s=20)
+    wait(lambda: len(camera.log("frame", since=entry["sequence"])) > 5)
+    sent = camera.log("frame")
+    assert [frame["number"] for frame in sent] == sorted({frame["number"] for frame in sent})
+    server.close()
+    last = camera.wait_for(["frame"])["sequence"]
+    time.sleep(0.3)
+    quiet = camera.log("frame", since=last)[-1]["sequence"]
+    time.sleep(0.3)
+    assert camera.log("frame", since=quiet) == []  # no old picture passes as a new one
+    stream.close()
+
+
+def test_unknown_camera_is_refused_with_the_reason(server, tmp_path, caplog) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link:
+        link.connect(str(tmp_path / "bus.sock"))
+        link.send(b'{"camera": "tap", "width": 64, "height": 48}')
+        assert b"no camera named 'tap'; it has top" in link.recv(4096)
+    assert "an emulated camera cannot join the simulation" in caplog.text
 
 
 def test_drives_limit_speed_and_torque() -> None:

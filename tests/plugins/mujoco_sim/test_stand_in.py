@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from google.protobuf import text_format
 from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
 from joshua.plugins import load_registry
+from joshua.plugins.stand_in import CoupledCamera
 from joshua.schema import config_pb2 as pb
 from joshua.testing.domain import reserved_domain
 
@@ -39,6 +41,15 @@ def test_cameras_go_by_the_words_of_their_name() -> None:
     cameras = {p.node.node_name: p.sim_camera_config.camera for p in config.robot.perceptions}
     assert cameras == {"camera_top": "top", "camera_wrist": "wrist"}
     assert config.robot.perceptions[0].sim_camera_config.width == 640
+
+
+def test_emulated_cameras_keep_their_driver_and_see_the_scene() -> None:
+    text = (CONFIGS / "teleop_so_arm100_camera.pbtxt").read_text()
+    config = text_format.Parse(text, pb.Config())
+    found = stand_in(config, load_registry(), emulated=True)
+    assert found.names == ("follower_arm", "camera_top", "camera_wrist")
+    assert found.coupled["camera_wrist"] == CoupledCamera("wrist")
+    assert config.robot.perceptions == text_format.Parse(text, pb.Config()).robot.perceptions
 
 
 def test_two_pairs_are_four_arms() -> None:
@@ -95,6 +106,16 @@ def test_teleoperation_runs_against_physics() -> None:
     assert "simulated: leader_arm, follower_arm" in ended.stdout
     assert "follows /leader_arm: shoulder_pan → shoulder_pan" in ended.stderr
     assert "/follower_arm/command" in ended.stdout
+
+
+def test_camera_on_the_wire_shows_the_simulation() -> None:
+    small = "robot.perceptions[0].camera_config.width=160", "robot.perceptions[0].camera_config.height=120"
+    arguments = ("--emulate", "--sim", "--duration", "2", "--set", small[0], "--set", small[1])
+    ended = run("--config", str(CONFIGS / "test_camera.pbtxt"), *arguments)
+    assert "simulated: camera" in ended.stdout
+    assert "emulated: camera at http://127.0.0.1:" in ended.stdout
+    for row in ("readings in order", "picture has content"):
+        assert re.search(rf"^PASS +/camera +{row}", ended.stdout + ended.stderr, re.MULTILINE), ended.stderr
 
 
 def test_nothing_to_replace_starts_nothing() -> None:

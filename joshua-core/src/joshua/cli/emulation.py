@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
     from joshua.generator.emulation import EmulatedRig
     from joshua.generator.examination import Checked
-    from joshua.plugins.emulator import PhysicsLink
+    from joshua.plugins.emulator import Coupling
 
 
 def start_rig(
     checked: Checked,
     arguments: argparse.Namespace,
     stack: ExitStack,
-    physics: Mapping[str, PhysicsLink] | None = None,
+    physics: Mapping[str, Coupling] | None = None,
 ) -> EmulatedRig | int:
     """Starts the emulators; ``stack`` ends them. Returns an exit code where something is refused.
 
     Args:
-        physics: by node name, what moves the joints of an emulated actuator.
+        physics: by node name, what moves the joints or draws the pictures of an emulated device.
     """
     from joshua.cli.report import show_findings
     from joshua.generator.emulation import EmulatedRig, EmulationError, parse_faults

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from joshua.generator.examination import Checked, Examination
     from joshua.generator.fork_server import ForkServer
     from joshua.plan import Plan, RunReport
-    from joshua.plugins.emulator import PhysicsLink
+    from joshua.plugins.emulator import Coupling
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
         checked = check(arguments)
         if arguments.open and not is_calibration(checked) and not checked.examination.errors:
             return without_effect("--open shows the page of a calibration, and this file's mode is another")
-        links: dict[str, PhysicsLink] = {}
+        links: dict[str, Coupling] = {}
         if arguments.sim and not checked.examination.errors:
             simulated = simulate(checked, arguments, stack)
             if isinstance(simulated, int):
@@ -75,7 +75,7 @@ def check(arguments: argparse.Namespace) -> Checked:
 
 
 def emulate(
-    checked: Checked, arguments: argparse.Namespace, stack: ExitStack, physics: dict[str, PhysicsLink]
+    checked: Checked, arguments: argparse.Namespace, stack: ExitStack, physics: dict[str, Coupling]
 ) -> EmulatedRig | int:
     """Puts emulators in place of the devices; returns an exit code where that is refused."""
     from joshua.cli.emulation import start_rig
@@ -85,7 +85,7 @@ def emulate(
 
 def simulate(
     checked: Checked, arguments: argparse.Namespace, stack: ExitStack
-) -> tuple[Checked, dict[str, PhysicsLink]] | int:
+) -> tuple[Checked, dict[str, Coupling]] | int:
     """Puts the simulation in place of actuators and cameras; returns an exit code where that is refused."""
     from joshua.cli.simulation import start_simulation
 

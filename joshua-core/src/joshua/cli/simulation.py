@@ -14,23 +14,24 @@ from joshua.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from joshua.generator.examination import Checked
-    from joshua.plugins.emulator import PhysicsLink
+    from joshua.plugins.emulator import Coupling
 
 
 def start_simulation(
     checked: Checked, stack: ExitStack, *, emulated: bool
-) -> tuple[Checked, dict[str, PhysicsLink]] | int:
+) -> tuple[Checked, dict[str, Coupling]] | int:
     """Rewrites the configuration.
 
     Args:
         checked: the file; stack: tidies up after the run.
-        emulated: buses are emulated, and the simulation moves their joints.
+        emulated: devices are emulated, and the simulation moves their joints and draws their pictures.
 
     Returns:
-        The file and the links of emulated buses by node name; an exit code where that is refused.
+        The file and the links of emulated devices by node name; an exit code where that is refused.
     """
     from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
-    from joshua.plugins.emulator import PhysicsLink
+    from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
+    from joshua.plugins.stand_in import CoupledCamera
 
     try:
         simulated = stand_in(checked.loaded.config, checked.registry, emulated=emulated)
@@ -39,10 +40,15 @@ def start_simulation(
         return ExitCode.NOT_INSTALLED if isinstance(error, NoSimulatorError) else ExitCode.INVALID
     sys.stdout.write(f"simulated: {', '.join(simulated.names)}\n")
     sys.stdout.flush()
-    if not simulated.arms:
+    if not simulated.coupled:
         return checked, {}
     folder = tempfile.mkdtemp(prefix="joshua-physics-")  # for this user only
     stack.callback(shutil.rmtree, folder, ignore_errors=True)
     socket = Path(folder) / "bus.sock"
-    links = {name: PhysicsLink(socket, arm.actuators, arm.start_rad) for name, arm in simulated.arms.items()}
+    links: dict[str, Coupling] = {}
+    for name, device in simulated.coupled.items():
+        if isinstance(device, CoupledCamera):
+            links[name] = PhysicsCamera(socket, device.camera)
+        else:
+            links[name] = PhysicsLink(socket, device.actuators, device.start_rad)
     return replace(checked, request=replace(checked.request, physics_socket=str(socket))), links

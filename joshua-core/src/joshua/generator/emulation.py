@@ -16,7 +16,7 @@ from joshua.generator.devices import Wanted, unpack, wanted_nodes
 from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
-from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice, EmulationError, PhysicsLink
+from joshua.plugins.emulator import Coupling, DeviceEmulator, EmulatedDevice, EmulationError
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
@@ -33,7 +33,7 @@ class EmulatedRig:
         config: the loaded file; ``start`` puts the emulators' endpoints into it.
         registry: installed plugins.
         faults: by node name, in the emulators' own words.
-        physics: by node name, what moves the joints of an emulated actuator.
+        physics: by node name, what moves the joints or draws the pictures of an emulated device.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class EmulatedRig:
         config: pb.Config,
         registry: Registry,
         faults: Mapping[str, Sequence[str]],
-        physics: Mapping[str, PhysicsLink] | None = None,
+        physics: Mapping[str, Coupling] | None = None,
     ) -> None:
         self._config = config
         self._registry = registry

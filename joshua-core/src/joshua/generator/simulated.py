@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from joshua.generator.devices import Wanted, joints_of, wanted_nodes
 from joshua.modes.share import mode_share
 from joshua.plugins import ProvisionKind, Registry
-from joshua.plugins.stand_in import CoupledArm, RealDevice, StandInError
+from joshua.plugins.stand_in import CoupledArm, CoupledCamera, RealDevice, StandInError
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
@@ -27,11 +27,12 @@ class Simulated:
     """What became part of the simulation.
 
     Attributes:
-        names: nodes whose devices are simulated; arms: those whose buses are emulated, by node name.
+        names: nodes whose devices are simulated; coupled: those that are emulated, and whose joints the
+            simulation moves or whose pictures it draws, by node name.
     """
 
     names: tuple[str, ...]
-    arms: Mapping[str, CoupledArm]
+    coupled: Mapping[str, CoupledArm | CoupledCamera]
 
 
 def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -> Simulated:
@@ -40,7 +41,7 @@ def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -
     Args:
         config: the loaded file, which is changed.
         registry: installed plugins.
-        emulated: buses of actuators are emulated, and the simulation only moves their joints.
+        emulated: devices are emulated, and the simulation only moves their joints and draws their pictures.
 
     Raises:
         StandInError: no simulator is installed, or it cannot stand for a device.
@@ -54,12 +55,11 @@ def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -
             "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
         )
     try:
-        arms = load_target(provision.stand_in)(config, devices, emulated)
+        coupled = load_target(provision.stand_in)(config, devices, emulated)
     except TargetError as error:
         raise StandInError(f"the simulator is broken: {error}") from error
-    cameras = [device.node_name for device in devices if not device.joints]
-    names = [*arms, *cameras] if emulated else [device.node_name for device in devices]
-    return Simulated(tuple(names), arms)
+    names = coupled if emulated else [device.node_name for device in devices]
+    return Simulated(tuple(names), coupled)
 
 
 def _replaceable(config: pb.Config, registry: Registry) -> list[Wanted]:

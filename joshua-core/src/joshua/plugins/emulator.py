@@ -31,6 +31,22 @@ class PhysicsLink:
 
 
 @dataclass(frozen=True)
+class PhysicsCamera:
+    """Where the simulation draws what an emulated camera sees (``--emulate --sim``).
+
+    Attributes:
+        socket: as that of ``PhysicsLink``; camera: name of a camera of the model.
+    """
+
+    socket: Path
+    camera: str
+
+
+#: What an emulated device is joined to.
+Coupling = PhysicsLink | PhysicsCamera
+
+
+@dataclass(frozen=True)
 class EmulatedDevice:
     """The device that an emulator stands for.
 
@@ -39,7 +55,8 @@ class EmulatedDevice:
         block: its configuration block.
         state_folder: where what a real device would remember is kept from run to run.
         faults: faults to bring about, each in the emulator's own words, such as ``drop=0.01``.
-        physics: what moves the joints; None leaves that to the emulator.
+        physics: what moves the joints of an actuator or draws the pictures of a camera; None leaves that to
+            the emulator.
     """
 
     node_name: str
@@ -47,7 +64,7 @@ class EmulatedDevice:
     block: Message
     state_folder: Path
     faults: tuple[str, ...] = ()
-    physics: PhysicsLink | None = None
+    physics: Coupling | None = None
 
 
 class DeviceEmulator(ABC):

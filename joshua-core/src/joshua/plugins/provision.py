@@ -63,8 +63,8 @@ class Provision:
             returns the path of the file of that name which ships with the plugin, or None; "" if none.
         stand_in: import string of what ``--sim`` asks of a simulator: a function that takes the
             configuration, its ``RealDevice``s and whether their buses are emulated. It puts blocks of
-            simulated devices in their place, and returns the ``CoupledArm`` of each emulated bus by node
-            name; "" if none.
+            simulated devices in their place, and returns the ``CoupledArm`` or ``CoupledCamera`` of each
+            emulated device by node name; "" if none.
         virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
         hang_after_s: silence of the node's loop that counts as a hang, for a device that waits for a radio
             and stops by itself when nothing comes; 0 takes the one of the kind.

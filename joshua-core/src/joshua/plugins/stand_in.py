@@ -40,3 +40,10 @@ class CoupledArm:
 
     actuators: tuple[str, ...]
     start_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CoupledCamera:
+    """A camera that is emulated and whose pictures the simulation draws; ``camera`` is one of the model."""
+
+    camera: str

@@ -6,7 +6,13 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from google.protobuf.message import Message
-from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice, EmulationError
+from joshua.plugins.emulator import (
+    DeviceEmulator,
+    EmulatedDevice,
+    EmulationError,
+    PhysicsCamera,
+    PhysicsLink,
+)
 from joshua.schema.calibration_pb2 import ArmCalibration, MotorCalibration
 
 from joshua_emulator.camera.process import EmulatedCamera
@@ -77,7 +83,7 @@ class ServoBusEmulator(ProcessEmulator):
     def physics_options(self) -> dict[str, Any]:
         """Options of the command line for joints that a simulation moves."""
         link = self.device.physics
-        if link is None:
+        if not isinstance(link, PhysicsLink):
             return {}
         return {
             "physics": link.socket,
@@ -129,12 +135,15 @@ class DynamixelBusEmulator(ServoBusEmulator):
 
 
 class CameraEmulator(ProcessEmulator):
-    """A camera that serves Motion JPEG on loopback."""
+    """A camera that serves Motion JPEG on loopback: a test scene, or what a camera of the simulation sees."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedCamera:
         """Makes the camera with the size and the rate of the block."""
         del folder  # a camera remembers nothing
-        return EmulatedCamera(block.width, block.height, block.fps, fault=list(self.device.faults))
+        options: dict[str, Any] = {}
+        if isinstance(link := self.device.physics, PhysicsCamera):
+            options = {"physics": link.socket, "physics_camera": link.camera}
+        return EmulatedCamera(block.width, block.height, block.fps, fault=list(self.device.faults), **options)
 
     def amend(self, block: Message) -> None:
         """Puts the address of the stream in place of the device."""

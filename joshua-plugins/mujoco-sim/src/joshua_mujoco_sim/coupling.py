@@ -1,9 +1,13 @@
-"""Emulated servo buses whose joints this physics moves (``--emulate --sim``), over a UNIX socket.
+"""Emulated devices that are part of this physics (``--emulate --sim``), over a UNIX socket.
 
 A bus introduces itself by a JSON packet with its actuators; the answer holds the middle of each joint's range
 in radians. From then on it sends what its servos want (target in radians, torque as fraction of stall, speed
 in rad/s for each joint, torque 0 for a servo that is off), and each time gets what its joints do (position in
 radians, speed in rad/s, load as fraction of stall).
+
+A camera introduces itself by name, width and height; the answer repeats the size. From then on each packet
+that it sends asks for a picture, which comes as rows of RGB bytes, in packets of at most
+``PICTURE_PACKET_SIZE`` bytes. It comes also while time stands still, as that of a real camera would.
 """
 
 from __future__ import annotations
@@ -14,22 +18,33 @@ import logging
 import socket
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
+from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
 from joshua_mujoco_sim.world import World
 
 #: Longest packet: 64 joints, three numbers each.
 PACKET_SIZE = 64 * 3 * 8
 
+#: Part of a picture that fits into one packet on every system.
+PICTURE_PACKET_SIZE = 32_768
 
-class BusServer:
-    """Answers emulated buses for as long as the world lives.
+#: Pixels of a picture that a camera may ask for.
+MAX_SIDE = 4096
+
+#: How long the end of a thread that draws is waited for.
+JOIN_S = 2.0
+
+
+class CouplingServer:
+    """Answers emulated buses and cameras for as long as the world lives.
 
     Args:
-        world: the physics; path: of the socket; log: for what buses come and go.
+        world: the physics; path: of the socket; log: for devices that cannot join.
 
     Raises:
         OSError: the socket cannot be made.
@@ -41,11 +56,12 @@ class BusServer:
         self._path = path
         self._closed = False
         self._connections: list[socket.socket] = []
+        self._threads: list[threading.Thread] = []
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         path.unlink(missing_ok=True)  # of a process that was killed
         self._listener.bind(str(path))
         self._listener.listen()
-        threading.Thread(target=self._accept, name="buses", daemon=True).start()
+        threading.Thread(target=self._accept, name="coupling", daemon=True).start()
 
     def close(self) -> None:
         """Ends all connections; a second call does nothing."""
@@ -54,6 +70,8 @@ class BusServer:
             with contextlib.suppress(OSError):
                 link.shutdown(socket.SHUT_RDWR)
             link.close()
+        for thread in self._threads:  # each frees its OpenGL context itself
+            thread.join(JOIN_S)
         self._path.unlink(missing_ok=True)
 
     def _accept(self) -> None:
@@ -62,31 +80,70 @@ class BusServer:
                 link, _ = self._listener.accept()
             except OSError:
                 return  # closed
+            thread = threading.Thread(target=self._serve, args=(link,), name="coupled", daemon=True)
             self._connections.append(link)
-            threading.Thread(target=self._serve, args=(link,), name="bus", daemon=True).start()
+            self._threads.append(thread)
+            thread.start()
 
     def _serve(self, link: socket.socket) -> None:
         with link, contextlib.suppress(OSError):
+            kind = "device"
             try:
                 hello = json.loads(link.recv(PACKET_SIZE))
+                kind = "camera" if "camera" in hello else "bus"
                 with self._world.lock:
-                    drives = ServoDrives(self._world.physics, hello["actuators"])
-            except (ValueError, KeyError, TypeError, ModelError) as error:
-                self._log.error("an emulated bus cannot join the simulation: %s", error)
+                    joined = self._renderer(hello) if kind == "camera" else self._drives(hello)
+            except (ValueError, KeyError, TypeError, ModelError, RenderingError) as error:
+                self._log.error("an emulated %s cannot join the simulation: %s", kind, error)
                 link.send(json.dumps({"error": str(error)}).encode())
                 return
-            link.send(json.dumps({"middle_rad": drives.middle_rad.tolist()}).encode())
-            remove = self._world.before_step(drives.drive)
-            try:
-                while packet := link.recv(PACKET_SIZE):
-                    with self._world.lock:
-                        drives.want(np.frombuffer(packet, np.float64))
-                        state = drives.state()
-                    link.send(state)
-            except ValueError as error:
-                self._log.error("an emulated bus sent nonsense: %s", error)
-            finally:
-                remove()
+            if isinstance(joined, ServoDrives):
+                self._serve_bus(link, joined)
+            else:
+                self._serve_camera(link, joined)
+
+    def _drives(self, hello: dict[str, Any]) -> ServoDrives:
+        return ServoDrives(self._world.physics, hello["actuators"])
+
+    def _serve_bus(self, link: socket.socket, drives: ServoDrives) -> None:
+        link.send(json.dumps({"middle_rad": drives.middle_rad.tolist()}).encode())
+        remove = self._world.before_step(drives.drive)
+        try:
+            while packet := link.recv(PACKET_SIZE):
+                with self._world.lock:
+                    drives.want(np.frombuffer(packet, np.float64))
+                    state = drives.state()
+                link.send(state)
+        except ValueError as error:
+            self._log.error("an emulated bus sent nonsense: %s", error)
+        finally:
+            remove()
+
+    def _renderer(self, hello: dict[str, Any]) -> CameraRenderer:
+        """Opens OpenGL for a camera, on the thread that is to draw."""
+        width, height = int(hello["width"]), int(hello["height"])
+        if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+            raise ValueError(f"{width} × {height} is no size of a picture; allowed: up to {MAX_SIDE} a side")
+        model = self._world.physics.model
+        known = [model.camera(number).name for number in range(model.ncam)]
+        if hello["camera"] not in known:
+            raise ModelError(
+                f"the model has no camera named {hello['camera']!r}; it has {', '.join(known) or 'none'}"
+            )
+        return CameraRenderer(model, hello["camera"], width, height)
+
+    def _serve_camera(self, link: socket.socket, renderer: CameraRenderer) -> None:
+        try:
+            height, width, _ = renderer.shape
+            link.send(json.dumps({"width": width, "height": height}).encode())
+            while link.recv(PACKET_SIZE):
+                with self._world.lock:
+                    renderer.look(self._world.physics.data)
+                picture = renderer.draw().tobytes()
+                for start in range(0, len(picture), PICTURE_PACKET_SIZE):
+                    link.send(picture[start : start + PICTURE_PACKET_SIZE])
+        finally:
+            renderer.close()
 
 
 class ServoDrives:

@@ -17,7 +17,7 @@ from joshua.plugins.targets import TargetError
 
 from joshua_mujoco_sim.clock import ClockPublisher
 from joshua_mujoco_sim.control_topics import ControlTopics
-from joshua_mujoco_sim.coupling import BusServer
+from joshua_mujoco_sim.coupling import CouplingServer
 from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.joint_commands import Commands
 from joshua_mujoco_sim.mirror import Mirror
@@ -63,7 +63,7 @@ class SimulatorNode(NodeBehaviour):
         self._window: Window | None = None
         self._commands: Commands | None = None
         self._clock: ClockPublisher | None = None
-        self._buses: BusServer | None = None
+        self._coupling: CouplingServer | None = None
         self._files: list[RenderFile] = []
         self._maker: EpisodeMaker | None = None
         self._reported = 0
@@ -84,7 +84,7 @@ class SimulatorNode(NodeBehaviour):
         )
         self._clock = ClockPublisher(world, self.context)
         if path := spec.context.get("physics_socket"):
-            self._buses = BusServer(world, Path(path), self.context.log)
+            self._coupling = CouplingServer(world, Path(path), self.context.log)
         ControlTopics(world, self.context)
         try:
             self._files = [RenderFile(world, render) for render in settings.renders]
@@ -125,7 +125,7 @@ class SimulatorNode(NodeBehaviour):
         """Ends the physics, unless devices of this process still use it."""
         if self._window is not None:
             self._window.close()
-        for part in (self._clock, self._commands, self._buses):
+        for part in (self._clock, self._commands, self._coupling):
             if part is not None:
                 part.close()
         if self._replay is not None:

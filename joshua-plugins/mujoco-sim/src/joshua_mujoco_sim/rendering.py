@@ -109,6 +109,12 @@ class CameraRenderer:
         self._area = mujoco.MjrRect(0, 0, width, height)
         self._pixels: Picture = np.empty((height, width, 3), np.uint8)
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of the pictures."""
+        height, width, colours = self._pixels.shape
+        return height, width, colours
+
     def look(self, data: mujoco.MjData) -> None:
         """Takes in the state of the model; short, so that it can be done while the physics waits."""
         mujoco.mjv_updateScene(

@@ -11,7 +11,7 @@ from typing import Any
 
 import mujoco
 from joshua.plugins.block_values import block_values
-from joshua.plugins.stand_in import CoupledArm, RealDevice, StandInError
+from joshua.plugins.stand_in import CoupledArm, CoupledCamera, RealDevice, StandInError
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2 as sim
 
@@ -27,16 +27,18 @@ ARM = "so_arm100/so_arm100.xml"
 ARM_SPACING_M = 0.45
 
 
-def stand_in(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict[str, CoupledArm]:
+def stand_in(
+    config: Any, devices: Sequence[RealDevice], emulated: bool
+) -> dict[str, CoupledArm | CoupledCamera]:
     """Puts simulated devices in place of real ones.
 
     Args:
         config: the file, which is changed; devices: those to stand for.
-        emulated: buses are emulated, and the physics moves the joints of every arm but the leaders, which a
-            hand moves.
+        emulated: devices are emulated. The physics moves the joints of every arm but the leaders, which a
+            hand moves, and draws what the cameras see.
 
     Returns:
-        The arms of the emulated buses by node name.
+        What the emulated devices are joined to, by node name.
 
     Raises:
         StandInError: the model does not fit.
@@ -47,7 +49,7 @@ def stand_in(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
     arms = [device for device in devices if device.joints]
     if emulated:
         arms = [device for device in arms if device.role != "ACTION_LEADER"]
-    coupled = {}
+    chosen_by_arm = {}
     free = _facts(config.simulation)["actuators"]
     # followers first, so that the arm in the middle of the scene is one that does something
     for device in sorted(arms, key=lambda arm: arm.role == "ACTION_LEADER"):
@@ -58,17 +60,23 @@ def stand_in(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
         chosen = _actuators(device, free, prefix)
         free = [name for name in free if name not in chosen] if not prefix else []
         if emulated:
-            coupled[device.node_name] = chosen
+            chosen_by_arm[device.node_name] = chosen
         else:
             _replace_arm(device, chosen)
-    cameras = [name for name in _facts(config.simulation)["cameras"] if "/" not in name]
-    for device in devices:
-        if not device.joints:
-            _replace_camera(device, cameras)
-    return {
+    coupled: dict[str, CoupledArm | CoupledCamera] = {
         name: CoupledArm(tuple(chosen), _start_rad(config.simulation, chosen))
-        for name, chosen in coupled.items()
+        for name, chosen in chosen_by_arm.items()
     }
+    known = [name for name in _facts(config.simulation)["cameras"] if "/" not in name]
+    for device in devices:
+        if device.joints:
+            continue
+        camera = _camera(device, known)
+        if emulated:
+            coupled[device.node_name] = CoupledCamera(camera)
+        else:
+            _replace_camera(device, camera)
+    return coupled
 
 
 def _start_rad(simulation: Any, actuators: Sequence[str]) -> tuple[float, ...]:
@@ -118,19 +126,23 @@ def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
         action.action_type = pb.ACTION_SINGLE
 
 
-def _replace_camera(device: RealDevice, cameras: Sequence[str]) -> None:
-    block = device.owner.camera_config
-    width, height, fps = block.width, block.height, block.fps
-    words = device.node_name.split("_")
-    named = [name for name in cameras if name in words]
+def _camera(device: RealDevice, cameras: Sequence[str]) -> str:
+    """The camera of the model whose name is a word of the node's, else the first."""
     if not cameras:
         raise StandInError(
             f"{device.node_name}: the model has no camera: name another in simulation.model_path, "
             "such as so_arm100/scene.xml"
         )
+    words = device.node_name.split("_")
+    return next((name for name in cameras if name in words), cameras[0])
+
+
+def _replace_camera(device: RealDevice, camera: str) -> None:
+    block = device.owner.camera_config
+    width, height, fps = block.width, block.height, block.fps
     device.owner.ClearField(device.block_name)
     simulated = device.owner.sim_camera_config
-    simulated.camera = named[0] if named else cameras[0]
+    simulated.camera = camera
     simulated.width, simulated.height, simulated.fps = width, height, fps
 
 

@@ -21,6 +21,8 @@ def add_parser(protocols: Any) -> None:
     camera.add_argument("--port", type=int, default=0, help="TCP port on loopback; 0: a free one")
     camera.add_argument("--root", type=Path, help="folder of the control socket; default is a temporary one")
     camera.add_argument("--control", type=Path, help="control socket; default is control.sock in the folder")
+    camera.add_argument("--physics", type=Path, help="socket of a simulation that draws the pictures")
+    camera.add_argument("--physics-camera", default="", help="camera of its model")
     camera.add_argument("--seed", type=int, default=0, help="seed of the faults")
     camera.add_argument("--fault", action="append", default=[], help="corrupt=0.01, stall=1,at_s=2, …")
     camera.add_argument(
@@ -33,14 +35,16 @@ def make_server(options: argparse.Namespace, root: Path) -> CameraServer:
     from joshua_emulator.camera.frames import FrameSizeError
     from joshua_emulator.camera.operations import CameraOperations
     from joshua_emulator.camera.server import CameraServer
+    from joshua_emulator.camera.simulated_view import SimulatedView
     from joshua_emulator.camera.stream_faults import StreamFaults
     from joshua_emulator.control import ControlError, ControlServer
     from joshua_emulator.event_log import EventLog
 
     width, height = options.size
     faults = StreamFaults(options.seed)
+    view = SimulatedView(options.physics, options.physics_camera) if options.physics is not None else None
     try:
-        server = CameraServer(width, height, options.fps, EventLog(), faults, port=options.port)
+        server = CameraServer(width, height, options.fps, EventLog(), faults, port=options.port, view=view)
     except FrameSizeError as error:
         raise ControlError(str(error)) from error
     operations = CameraOperations(server)

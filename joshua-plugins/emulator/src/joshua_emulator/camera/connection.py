@@ -24,12 +24,14 @@ class Connection:
 
     Attributes:
         streaming: it has asked for the stream; wants_picture: it has asked for one picture.
+        begun: it has got a frame of the stream.
     """
 
     def __init__(self, peer: socket.socket) -> None:
         self.socket = peer
         self.streaming = False
         self.wants_picture = False
+        self.begun = False
         self.closed = False
         self._request = b""
         self._queue: deque[tuple[memoryview, Sent | None]] = deque()
@@ -68,6 +70,7 @@ class Connection:
 
     def send_frame(self, frame: bytes, number: int, sent: Sent) -> None:
         """Sends one frame of the stream; ``sent`` is called once its last byte is with the system."""
+        self.begun = True
         head = b"--%s\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\nX-Frame-Number: %d\r\n\r\n" % (
             BOUNDARY,
             len(frame),

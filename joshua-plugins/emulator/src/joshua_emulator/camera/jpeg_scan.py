@@ -35,15 +35,20 @@ class EncodedPicture:
         return join_segments(self.segments[first:], first) + _END
 
 
-def encode(pixels: npt.NDArray[np.uint8]) -> EncodedPicture:
-    """Encodes a picture of shape (H, W, 3), uint8, RGB, with 4:2:2 sampling as UVC cameras have it."""
+def encode_file(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """A JPEG file of a picture of shape (H, W, 3), uint8, RGB, with 4:2:2 sampling as UVC cameras have it."""
     from PIL import Image
 
     file = io.BytesIO()
     Image.fromarray(pixels).save(
         file, "JPEG", quality=_QUALITY, subsampling="4:2:2", restart_marker_blocks=CELLS_PER_SEGMENT
     )
-    data = file.getvalue()
+    return file.getvalue()
+
+
+def encode(pixels: npt.NDArray[np.uint8]) -> EncodedPicture:
+    """Encodes a picture and takes its scan apart."""
+    data = encode_file(pixels)
     start = data.index(_START_OF_SCAN)
     start += 2 + int.from_bytes(data[start + 2 : start + 4], "big")
     return EncodedPicture(data[:start], tuple(_RESTART.split(data[start : -len(_END)])))

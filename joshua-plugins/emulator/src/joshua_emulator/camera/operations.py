@@ -89,6 +89,7 @@ class CameraOperations:
             "stall": self._stall,
             "unplug": self._unplug,
             "replug": lambda _: server.plug,
+            "dirty": lambda _: lambda: setattr(server, "dirty", True),
             "size": self._size,
             "rate": self._rate,
         }
@@ -148,6 +149,7 @@ class CameraOperations:
         server = self._server
         width, height, fps = self._original
         server.faults.clear()
+        server.dirty = False
         self._go_on(self._stalls)
         server.plug()
         if (server.width, server.height) != (width, height):

@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection
 from joshua_emulator.camera.connection import Connection
 from joshua_emulator.camera.frame_code import FrameCode
 from joshua_emulator.camera.frames import frame_factory
+from joshua_emulator.camera.simulated_view import SimulatedView, dark_picture
 from joshua_emulator.camera.stream_faults import StreamFaults
 from joshua_emulator.control import ControlServer
 from joshua_emulator.event_log import EventLog
@@ -27,21 +28,35 @@ _READ_SIZE = 4096
 class CameraServer:
     """A camera that runs whether or not anybody looks: frame k is sent at start + k / rate.
 
-    A client that has not taken a frame when the next one is due misses the next one.
+    A client that has not taken a frame when the next one is due misses the next one. Pictures of a simulation
+    are asked for at the time of their frame, and sent as soon as they are drawn.
 
     Args:
         width, height: of the pictures, in pixels; fps: frames per second.
         port: of the loopback interface; 0 takes a free one.
+        view: what the camera sees; None for the test scene with the frame code.
     """
 
     def __init__(
-        self, width: int, height: int, fps: float, log: EventLog, faults: StreamFaults, *, port: int = 0
+        self,
+        width: int,
+        height: int,
+        fps: float,
+        log: EventLog,
+        faults: StreamFaults,
+        *,
+        port: int = 0,
+        view: SimulatedView | None = None,
     ) -> None:
         self.width, self.height, self.fps = width, height, fps
         self.log, self.faults = log, faults
         self.control: ControlServer | None = None
+        self.view = view
         self.number = 0
+        self._asked = FrameCode(0, 0)
+        self._late = False  # a frame was due while the one before was still being drawn
         self.stalled = False
+        self.dirty = False  # each stream begins with the second half of a picture
         self._listener: socket.socket | None = None
         self._clients: list[Connection] = []
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
@@ -128,6 +143,8 @@ class CameraServer:
     def close(self) -> None:
         """Cuts the clients off and closes the control channel."""
         self.unplug()
+        if self.view is not None:
+            self.view.close()
         if self.control is not None:
             self.control.close()
 
@@ -136,6 +153,8 @@ class CameraServer:
         self._clients = [client for client in self._clients if not client.closed]
         deadline_s = min([self._due_s, *(entry[0] for entry in self._timers[:1])])
         others = [*watched, *(self.control.descriptors() if self.control is not None else ())]
+        if self.view is not None:
+            others += self.view.descriptors()
         clients = {client.fileno(): client for client in self._clients}
         if self._listener is not None:
             others.append(self._listener.fileno())
@@ -152,7 +171,12 @@ class CameraServer:
                 clients[descriptor].receive()
         if self._listener is not None and self._listener.fileno() in readable:
             self._accept()
-        self._serve_pictures()
+        if self.view is None:
+            self._serve_pictures()
+        elif (picture := self.view.receive()) is not None and not self.stalled:
+            self._deliver(self._asked, picture)
+            if self._late:
+                self._ask(self._asked.number + 1)
         return set(readable)
 
     def _accept(self) -> None:
@@ -179,16 +203,34 @@ class CameraServer:
         number, self.number = self.number, self.number + 1
         if self.stalled or self.faults.drops():
             return
-        readers = [client for client in self._clients if client.streaming]
-        if not readers:
+        if not any(client.streaming or client.wants_picture for client in self._clients):
             return
         code = FrameCode(number, time.monotonic_ns())
-        frame = self.faults.disturb(frame_factory(self.width, self.height).frame(code))
-        for client in readers:
-            if client.sending:
-                self.log.add("skipped", time.monotonic(), number=number)
-                continue
-            client.send_frame(frame, number, lambda at_s: self._sent(code, len(frame), at_s))
+        if self.view is None:
+            self._deliver(code, frame_factory(self.width, self.height).frame(code))
+        elif self.view.answered:
+            self._ask(number)
+        else:
+            self.view.ask(self.width, self.height)  # looks for the simulation
+            self._deliver(code, dark_picture(self.width, self.height))
+
+    def _ask(self, number: int) -> None:
+        """Has the simulation draw a frame, as soon as it has drawn the one before."""
+        assert self.view is not None
+        self._late = not self.view.ask(self.width, self.height)
+        if not self._late:
+            self._asked = FrameCode(number, time.monotonic_ns())
+
+    def _deliver(self, code: FrameCode, picture: bytes) -> None:
+        frame = self.faults.disturb(picture)
+        for client in self._clients:
+            if client.wants_picture:
+                client.send_picture(picture)
+            elif client.streaming and client.sending:
+                self.log.add("skipped", time.monotonic(), number=code.number)
+            elif client.streaming:
+                part = frame if client.begun or not self.dirty else frame[len(frame) // 2 :]
+                client.send_frame(part, code.number, lambda at_s: self._sent(code, len(frame), at_s))
 
     def _sent(self, code: FrameCode, size: int, at_s: float) -> None:
         self.log.add("frame", at_s, number=code.number, start_ns=code.sent_ns, bytes=size)
