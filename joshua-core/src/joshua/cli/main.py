@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import errno
 import gc
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -24,8 +25,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             return print_completion(arguments.print_completion)
         if arguments.command:
             return int(arguments.run(arguments))
-        if arguments.config:
+        if arguments.config is not None:
             return run_configuration(arguments)
+        if parser.arguments:
+            parser.error("no file given: add --config PATH, or a command")
         parser.print_help()
     except KeyboardInterrupt:
         return ExitCode.INTERRUPTED
@@ -76,12 +79,30 @@ def program() -> None:
     A check is over in a moment. It collects no garbage meanwhile and is not taken apart at its end, which
     together are a fifth of its time.
     """
+    _ready_streams()
     if "--validate-only" in sys.argv:
         gc.disable()
     code = main()
     if "joshua.cli.validate" in sys.modules:
         os._exit(_flushed(code))
     sys.exit(code)
+
+
+def _ready_streams() -> None:
+    """Opens the standard streams that the shell has closed, and lets no character end the program.
+
+    Else a socket could get the number of a stream that native code writes to. A path may hold bytes that are
+    no text, and a terminal may know few characters.
+    """
+    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the lowest free number: this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _flushed(code: int) -> int:

@@ -121,7 +121,7 @@ class ScalarReader:
         if info.kind is Kind.ENUM:
             bare = _enum_name_of(info, text)
             allowed = nearest_first(bare, _names(info.enum))
-            if bare in info.enum.values_by_name:
+            if bare.isascii() and bare in info.enum.values_by_name:
                 remedy = f"Write {bare} without quotes."
                 allowed = [bare]
         elif literals.number(text) is not None or literals.boolean(text) is not None:

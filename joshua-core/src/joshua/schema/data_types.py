@@ -29,7 +29,7 @@ def number(name: str) -> int:
     found = _numbers_by_type_name.get(name)
     if found is not None:
         return found
-    value = DataType.DESCRIPTOR.values_by_name.get(name)
+    value = DataType.DESCRIPTOR.values_by_name.get(name) if name.isascii() else None
     if value is None or value.number == 0:
         raise ValueError(f"the DataType enum has no type {name!r}; write it as package/msg/Type or IMAGE")
     return int(value.number)

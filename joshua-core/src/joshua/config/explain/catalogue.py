@@ -174,6 +174,8 @@ class Catalogue:
 
     def _enum_value(self, word: str) -> list[Any]:
         name = word.rpartition(".")[2]
+        if not name.isascii():
+            return []
         found = [enum.values_by_name[name] for enum in self.enums.values() if name in enum.values_by_name]
         return found[:1]
 

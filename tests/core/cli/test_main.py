@@ -1,0 +1,62 @@
+"""The program as a shell starts it: closed streams, odd bytes, options without a file."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from joshua.cli.main import main
+from joshua.cli.presets import FOLDER
+
+PROGRAM = "import sys; from joshua.cli.main import program; program()"
+PRESET = FOLDER / "test_mock_hardware.pbtxt"
+STRICT = {**os.environ, "PYTHONIOENCODING": "utf-8:strict"}
+
+
+def joshua(*words: str, **options: object) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-c", PROGRAM, *words]
+    return subprocess.run(command, env=STRICT, capture_output=True, timeout=60, **options)
+
+
+def test_a_path_that_is_no_text_is_shown_all_the_same(tmp_path: Path) -> None:
+    path = os.fsdecode(os.fsencode(tmp_path) + b"/b\xff.pbtxt")
+    shutil.copy(PRESET, path)
+    checked = joshua("--config", path, "--validate-only")
+    assert checked.returncode == 0, checked.stderr
+    assert checked.stdout.endswith(b"b\\udcff.pbtxt: valid\n")
+
+
+def test_closed_streams_are_no_reason_to_fail(tmp_path: Path) -> None:
+    script = f'exec {sys.executable} -c "{PROGRAM}" --config {PRESET} --validate-only <&- >&-'
+    checked = subprocess.run(["sh", "-c", script], stderr=subprocess.PIPE, timeout=60)
+    assert (checked.returncode, checked.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("explain", "\udcff"),
+        ("--config", str(PRESET), "--set", 'general.mode="\udcff"', "--validate-only"),
+        ("topic", "pub", "/x", "\udcff"),
+    ],
+)
+def test_a_word_that_is_no_text_is_refused_like_any_other(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    assert capsys.readouterr().err
+
+
+def test_options_without_a_file_say_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--validate-only"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("joshua: error: no file given: add --config PATH")
+    assert main(["--config", ""]) == 2
+    assert "The path of the configuration file is empty" in capsys.readouterr().err
+    assert main([]) == 2
+    assert capsys.readouterr().out.startswith("usage:")
