@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from joshua.plan.diagnostic import Diagnostic
 from joshua.plan.node_spec import NodeSpec
@@ -51,7 +51,6 @@ class Plan(BaseModel):
         source: path of the configuration file; mode: ``MODE_…``; robot_id: ``general.id``.
         nodes: in start order; transport: how they talk.
         duration_s: length after which the run ends in good order; None runs until stopped.
-        mode_settings: settings of the mode, such as the length of a test.
         findings: warnings and notes that the start-up table shows.
     """
 
@@ -64,5 +63,4 @@ class Plan(BaseModel):
     nodes: tuple[NodeSpec, ...] = ()
     transport: TransportSpec = TransportSpec()
     duration_s: float | None = None
-    mode_settings: dict[str, Any] = Field(default_factory=dict)
     findings: tuple[Diagnostic, ...] = ()
