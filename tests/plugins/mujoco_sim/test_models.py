@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from joshua_mujoco_sim.catalog import PACKAGED_MODELS, find_packaged, packaged_names
-from joshua_mujoco_sim.model_file import ModelError, load_model, model_file
+from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model, model_file
 from joshua_mujoco_sim.physics import Physics
 
 #: Published ranges of the SO-ARM100, rad.
@@ -152,7 +152,7 @@ def test_own_file_is_found_relative_to_the_folder(tmp_path) -> None:
     assert load_model("mine.xml", tmp_path).ngeom == 1
 
 
-def test_urdf_is_read(tmp_path) -> None:
+def test_urdf_is_read_and_can_be_driven_and_seen(tmp_path) -> None:
     (tmp_path / "arm.urdf").write_text(
         '<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" '
         'iyy="1" iyz="0" izz="1"/></inertial></link><link name="tip"><inertial><mass value="1"/><inertia '
@@ -160,7 +160,34 @@ def test_urdf_is_read(tmp_path) -> None:
         'type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/><limit lower="-1" '
         'upper="1" effort="1" velocity="1"/></joint></robot>'
     )
-    assert load_model("arm.urdf", tmp_path).joint("elbow").range == pytest.approx((-1, 1))
+    model = load_model("arm.urdf", tmp_path)
+    assert model.joint("elbow").range == pytest.approx((-1, 1))
+    physics = Physics(model)
+    arm = physics.group(())
+    assert (arm.names, arm.joints, arm.drives) == (("elbow",), ("elbow",), ("position",))
+    assert arm.force_limit == pytest.approx([1.0])
+    arm.set_command(np.array([0.5]))
+    physics.step(2000)
+    assert arm.position_rad == pytest.approx([0.5], abs=0.02)
+    assert model.camera("overview").id == 0
+    link = Attachment("arm.urdf", "second/", (1.0, 0.0, 0.0))
+    together = load_model("arm.urdf", tmp_path, [link])
+    assert [together.actuator(k).name for k in range(together.nu)] == ["elbow", "second/elbow"]
+
+
+def test_links_of_a_urdf_do_not_collide_with_what_they_turn_on(tmp_path) -> None:
+    ball = "<collision><geometry><sphere radius='0.2'/></geometry></collision>"
+    mass = "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>"
+    (tmp_path / "arm.urdf").write_text(
+        f"<robot name='r'><link name='base'>{mass}{ball}</link><link name='tip'>{mass}{ball}</link>"
+        "<joint name='elbow' type='continuous'><parent link='base'/><child link='tip'/>"
+        "<axis xyz='0 0 1'/></joint></robot>"
+    )
+    physics = Physics(load_model("arm.urdf", tmp_path))
+    assert physics.data.ncon == 0
+    physics.group(()).set_command(np.array([1.0]))
+    physics.step(2000)
+    assert physics.group(()).position_rad == pytest.approx([1.0], abs=0.02)
 
 
 def test_unknown_name_says_the_nearest(tmp_path) -> None:

@@ -53,6 +53,9 @@ def test_changes_stay_within_their_sizes() -> None:
         assert np.linalg.norm(varied.data.qpos[9:13]) == pytest.approx(1.0)
         assert np.abs(varied.model.cam_pos - nominal.model.cam_pos).max() <= 0.005 + 1e-9
         assert np.linalg.norm(varied.model.cam_quat, axis=1) == pytest.approx(1.0)
+        for model in (nominal.model, varied.model):  # the lights still shine on the same place of the table
+            places = model.light_pos - model.light_dir * (model.light_pos[:, 2:] / model.light_dir[:, 2:])
+            assert places[0, :2] == pytest.approx([0.01, -0.18], abs=1e-6)
 
 
 @pytest.mark.parametrize("part", range(4))

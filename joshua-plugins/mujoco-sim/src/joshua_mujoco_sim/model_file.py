@@ -12,6 +12,7 @@ from pathlib import Path
 import mujoco
 
 from joshua_mujoco_sim.catalog import find_packaged, similar_names
+from joshua_mujoco_sim.urdf import is_urdf, read_urdf
 
 
 class ModelError(Exception):
@@ -68,9 +69,9 @@ def load_model(
     """
     path = model_file(model_path, folder)
     try:
-        if not attached:
+        if not attached and not is_urdf(path):
             return mujoco.MjModel.from_xml_path(str(path))
-        scene = mujoco.MjSpec.from_file(str(path))
+        scene = _read(path)
         for attachment in attached:
             _attach(scene, attachment, folder)
         with warnings.catch_warnings():
@@ -83,8 +84,12 @@ def load_model(
         raise ModelError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
+def _read(path: Path) -> mujoco.MjSpec:
+    return read_urdf(path) if is_urdf(path) else mujoco.MjSpec.from_file(str(path))
+
+
 def _attach(scene: mujoco.MjSpec, attachment: Attachment, folder: Path | None) -> None:
-    model = mujoco.MjSpec.from_file(str(model_file(attachment.model_path, folder)))
+    model = _read(model_file(attachment.model_path, folder))
     half = attachment.yaw_rad / 2
     frame = scene.worldbody.add_frame(
         pos=list(attachment.position_m), quat=[math.cos(half), 0, 0, math.sin(half)]

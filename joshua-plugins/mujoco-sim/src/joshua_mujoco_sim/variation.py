@@ -42,7 +42,7 @@ class Varier:
         self._model = model
         self._variation = variation
         self._light_pos = np.array(model.light_pos)
-        self._light_diffuse = np.array(model.light_diffuse)
+        self._light_diffuse, self._light_dir = np.array(model.light_diffuse), np.array(model.light_dir)
         self._headlight = np.array(model.vis.headlight.diffuse)
         self._cam_pos, self._cam_quat = np.array(model.cam_pos), np.array(model.cam_quat)
         driven = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_biasprm[:, 1] < 0)
@@ -89,6 +89,12 @@ class Varier:
         model.light_diffuse[:] = np.clip(self._light_diffuse * factor, 0.0, 1.0)
         sideways = part * chance.uniform(-1, 1, (count, 2)) * self._light_pos[:, 2:]
         model.light_pos[:, :2] = self._light_pos[:, :2] + sideways
+        for light in range(count):  # it still shines on the same place, and so do its shadows
+            down = -self._light_dir[light, 2]
+            if down > 0:
+                aim = self._light_pos[light] + self._light_dir[light] * self._light_pos[light, 2] / down
+                way = aim - model.light_pos[light]
+                model.light_dir[light] = way / np.linalg.norm(way)
         model.vis.headlight.diffuse = np.clip(self._headlight * (1 + part * chance.uniform(-1, 1)), 0.0, 1.0)
 
     def _cameras(self, chance: np.random.Generator) -> None:
