@@ -118,24 +118,25 @@ class RunDirectory:
             NodesInUseError: another run holds a node of the same name in the same domain.
             RunDirectoryError: the base cannot be made or is not this user's own.
         """
-        runs = _private(_private(base) / "runs")
-        locks = _private(base / "nodes")
-        run = secrets.token_hex(4)
         since = time.strftime("%Y-%m-%d %H:%M:%S")
-        info = RunInfo(run, os.getpid(), source, since, domain_id, tuple(nodes), robot, tuple(actuators))
-        try:
-            with _locked(base / LOCK_NAME):
-                remove_stale(runs)
-                descriptors = _take_nodes(locks, info)
-                path = runs / run
-                path.mkdir(mode=0o700)
-                descriptors.append(_lock(path / LOCK_NAME, wait=True))
-                (path / INFO_NAME).write_text(json.dumps(asdict(info)))
-        except OSError as error:
-            raise RunDirectoryError(
-                f"{base}: {error.strerror or error}; free space, or set XDG_RUNTIME_DIR to another folder"
-            ) from error
-        return cls(path, info, descriptors)
+        run, process_id = secrets.token_hex(4), os.getpid()
+        info = RunInfo(run, process_id, source, since, domain_id, tuple(nodes), robot, tuple(actuators))
+        return cls(base / "runs" / run, info, _make(base, info))
+
+    def restore(self) -> bool:
+        """Makes the directory anew where somebody has removed it; returns whether that was needed.
+
+        The system does so at the last log-out of a user, and with files below /tmp that have become old.
+
+        Raises:
+            NodesInUseError: another run has taken the nodes meanwhile.
+            RunDirectoryError: it cannot be made now.
+        """
+        if (self.path / INFO_NAME).exists() and (self.path / LOCK_NAME).exists():
+            return False
+        self._let_go()
+        self._descriptors = _make(self.path.parents[1], self.info)
+        return True
 
     @property
     def socket_path(self) -> Path:
@@ -161,8 +162,35 @@ class RunDirectory:
     def close(self) -> None:
         """Removes the directory and lets the nodes go; a second call does nothing."""
         shutil.rmtree(self.path, ignore_errors=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
         while self._descriptors:
             os.close(self._descriptors.pop())
+
+
+def _make(base: Path, info: RunInfo) -> list[int]:
+    """Makes the directory of a run; returns the locks that it holds."""
+    runs = _private(_private(base) / "runs")
+    locks = _private(base / "nodes")
+    descriptors: list[int] = []
+    try:
+        with _locked(base / LOCK_NAME):
+            remove_stale(runs)
+            _take_nodes(locks, info, descriptors)
+            path = runs / info.run
+            path.mkdir(mode=0o700)
+            descriptors.append(_lock(path / LOCK_NAME, wait=True))
+            (path / INFO_NAME).write_text(json.dumps(asdict(info)))
+    except (OSError, NodesInUseError) as error:
+        for descriptor in descriptors:
+            os.close(descriptor)
+        if isinstance(error, NodesInUseError):
+            raise
+        raise RunDirectoryError(
+            f"{base}: {error.strerror or error}; free space, or set XDG_RUNTIME_DIR to another folder"
+        ) from error
+    return descriptors
 
 
 def latch_folder(base: Path) -> Path:
@@ -253,8 +281,8 @@ def _lock(path: Path, *, wait: bool = False) -> int:
     return descriptor
 
 
-def _take_nodes(locks: Path, info: RunInfo) -> list[int]:
-    descriptors: list[int] = []
+def _take_nodes(locks: Path, info: RunInfo, descriptors: list[int]) -> None:
+    """Locks each node, and adds the descriptors that hold the locks. Raises NodesInUseError."""
     held: dict[str, list[str]] = {}
     for node in info.nodes:
         path = locks / f"{info.domain_id}{node.replace('/', '.')}"
@@ -263,18 +291,15 @@ def _take_nodes(locks: Path, info: RunInfo) -> list[int]:
         except BlockingIOError:
             held.setdefault(_holder(path), []).append(node)
             continue
+        descriptors.append(descriptor)
         os.ftruncate(descriptor, 0)
         os.write(descriptor, json.dumps(asdict(info)).encode())
-        descriptors.append(descriptor)
     if held:
-        for descriptor in descriptors:
-            os.close(descriptor)
         lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
         raise NodesInUseError(
             "another run has these nodes: " + "; ".join(lines) + ". Stop it with Ctrl-C or `joshua stop`, "
             "or run this file in another ROS_DOMAIN_ID"
         )
-    return descriptors
 
 
 def _holder(path: Path) -> str:

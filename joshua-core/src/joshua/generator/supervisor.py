@@ -11,7 +11,6 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from joshua.generator.control_server import ControlServer
 from joshua.generator.fork_server import ForkServer
 from joshua.generator.heartbeats import CHECK_PERIOD_S, HELD_UP_S
 from joshua.generator.launcher import Launcher
@@ -23,6 +22,7 @@ from joshua.generator.options import SupervisorOptions
 from joshua.generator.process_groups import process_groups
 from joshua.generator.reactor import Reactor
 from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError
+from joshua.generator.run_place import RunPlace
 from joshua.generator.run_requests import RunRequests
 from joshua.generator.run_view import run_status, start_table
 from joshua.generator.status import RunEvent, RunStatus
@@ -147,15 +147,9 @@ class Supervisor:
             self._reason = str(error)
             self._logbook.write(logging.ERROR, self._reason)
             return False
-        closers.append(directory.close)
-        directory.point_to_log(self._logbook.path)
+        self._place = RunPlace(self._reactor, self._logbook, directory, self._requests.handlers())
+        closers.append(self._place.close)
         self._run_context = directory.context(self._logbook.path)
-        try:
-            server = ControlServer(self._reactor, directory.socket_path, self._requests.handlers())
-        except OSError as error:
-            self._logbook.write(logging.WARNING, f"no control socket, so no `joshua status`: {error}")
-        else:
-            closers.append(server.close)
         return True
 
     def _start(self, closers: list[Callable[[], None]]) -> None:
@@ -389,6 +383,7 @@ class Supervisor:
 
     def _show_status(self) -> None:
         if self._phase is not Phase.ENDED:
+            self._place.look()
             self.on_shown()
             self._reactor.call_later(self._options.status_period_s, self._show_status)
 
