@@ -113,13 +113,21 @@ def test_a_reboot_ends_a_hardware_error(emulator: EmulatedBus, open_bus: Any) ->
         assert bus.read(1, reg.HARDWARE_ERROR) == 1 << 5
         with pytest.raises(ServoRefused, match="id 1 refuses torque_enable = 1: it cannot do that"):
             bus.write(1, reg.TORQUE_ENABLE, 1)
-        bus.reboot(1)
+        bus.reboot((1,))
         bus.write(1, reg.TORQUE_ENABLE, 1)
         assert emulator.servo(1)["energised"]
         assert bus.alerted(IDS) == ()
         emulator.fault("silent", 1)
         with pytest.raises(NoReply, match="id 1 does not come back after a reboot"):
-            bus.reboot(1)
+            bus.reboot((1,))
+
+
+def test_servos_boot_at_the_same_time(emulator: EmulatedBus, open_bus: Any) -> None:
+    with open_bus(emulator) as bus:
+        bus.reboot(IDS)
+        events = [entry["event"] for entry in emulator.log() if entry["event"] in ("reboot", "ping")]
+        assert events[:3] == ["reboot"] * 3
+        assert all(bus.ping(servo_id) for servo_id in IDS)
 
 
 def test_an_adapter_that_echoes(open_bus: Any) -> None:

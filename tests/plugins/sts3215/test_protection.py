@@ -74,6 +74,23 @@ def test_torque_is_read_back(arm_emulator: EmulatedBus, make_arm: Any) -> None:
         arm.read_torque()
 
 
+def test_a_joint_beyond_its_servos_limits_gets_no_torque(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    """With torque the servo itself would jump to its limit, at full speed."""
+    highest = arm_emulator.calibration()["motors"][1]["range_max"]
+    arm_emulator.hand({2: highest})
+    arm_emulator.ask("set_register", id=2, name="max_position_limit", value=highest - 600)
+    arm = make_arm(arm_emulator, calibration=arm_emulator.calibration())
+    arm.connect()
+    with pytest.raises(
+        SafetyTripped, match=r"shoulder_lift \(id 2\) stands at \d+ ticks, beyond the limits of"
+    ):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+    arm_emulator.hand({2: highest - 590})
+    arm.enable()
+    assert energised(arm_emulator) == {True}
+
+
 def test_an_open_arm_is_checked_again(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator)
     with pytest.raises(DeviceError, match="the device is not open: call connect first"):

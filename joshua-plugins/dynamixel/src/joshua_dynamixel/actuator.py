@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from joshua.devices.errors import DeviceError
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.arm import ServoArm
 from joshua.devices.servo.feedback import Feedback
-from joshua.devices.servo.inspection import ServoSetup
+from joshua.devices.servo.inspection import ServoSetup, check_start
 from joshua.devices.servo.torque import MoveValues
 
 from joshua_dynamixel.bus import Bus
@@ -81,16 +80,9 @@ class DynamixelActuator(ServoArm):
             for servo_id, reading in zip(self.settings.motor_ids, readings, strict=True)
             if reading.status
         ]
-        for servo_id in faulty:
-            self._bus.reboot(servo_id)
+        self._bus.reboot(faulty)
         return bool(faulty)
 
     def check_start(self, positions: Sequence[int]) -> None:
-        """Refuses a servo in position mode that stands beyond its limits: its goal could not be seeded."""
-        for name, setup, position in zip(self.joint_names, self._setups, positions, strict=True):
-            if not setup.turns and not setup.min_position <= position <= setup.max_position:
-                raise DeviceError(
-                    f"{self._bus.port}: {name} (id {setup.servo_id}) stands at {position} ticks, beyond the "
-                    f"limits of its servo, {setup.min_position} to {setup.max_position}: torque stays off. "
-                    "Move the joint into its range by hand, then try again."
-                )
+        """Refuses a servo in position mode that stands beyond its limits: it refuses such a goal."""
+        check_start(self._bus, self.joint_names, self._setups, positions)

@@ -83,20 +83,22 @@ class Bus(ServoBus):
                 memories[servo_id][address : address + length] = block
         return {servo_id: bytes(memory) for servo_id, memory in memories.items()}
 
-    def reboot(self, servo_id: int) -> None:
-        """Restarts a servo, which ends its hardware errors and its torque; waits until it answers again.
+    def reboot(self, ids: Sequence[int]) -> None:
+        """Restarts servos together, which ends their hardware errors and their torque; waits for all of them.
 
         Raises NoReply and PortDisconnected.
         """
-        self.ask(servo_id, request(servo_id, REBOOT), 0)
+        for servo_id in ids:
+            self.ask(servo_id, request(servo_id, REBOOT), 0)
         deadline_s = time.monotonic() + REBOOT_TIMEOUT_S
         time.sleep(_REBOOT_PAUSE_S)
-        while not self.ping(servo_id):
-            if time.monotonic() > deadline_s:
-                raise NoReply(
-                    f"{self.port}: id {servo_id} does not come back after a reboot. "
-                    "Check its cable and the supply."
-                )
+        for servo_id in ids:
+            while not self.ping(servo_id):
+                if time.monotonic() > deadline_s:
+                    raise NoReply(
+                        f"{self.port}: id {servo_id} does not come back after a reboot. "
+                        "Check its cable and the supply."
+                    )
 
     def read_request(self, servo_id: int, address: int, length: int) -> bytes:
         """Packet that reads bytes of one servo."""

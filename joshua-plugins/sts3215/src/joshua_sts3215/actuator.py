@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.arm import ServoArm
 from joshua.devices.servo.feedback import Feedback
-from joshua.devices.servo.inspection import ServoSetup
+from joshua.devices.servo.inspection import ServoSetup, check_start
 from joshua.devices.servo.torque import MoveValues
 
 from joshua_sts3215.bus import Bus
@@ -16,6 +16,8 @@ from joshua_sts3215.family import STS3215
 from joshua_sts3215.inspection import inspect
 from joshua_sts3215.registers import ACCELERATION, GOAL_SPEED, GOAL_TIME
 from joshua_sts3215.settings import Sts3215Settings
+
+BEYOND_TICKS = 30  # about 2.6°, for a joint that its stop has pushed a little beyond where it was calibrated
 
 
 class Sts3215Actuator(ServoArm):
@@ -57,6 +59,10 @@ class Sts3215Actuator(ServoArm):
         if faulty:
             self._torque.switch_off()
         return faulty
+
+    def check_start(self, positions: Sequence[int]) -> None:
+        """Refuses a servo that stands beyond its limits: with torque it would jump to them."""
+        check_start(self._bus, self.joint_names, self._setups, positions, BEYOND_TICKS)
 
     def move_values(self) -> list[MoveValues]:
         """Acceleration and speed of a move, the same for all servos."""

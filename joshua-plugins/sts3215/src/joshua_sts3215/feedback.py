@@ -21,5 +21,5 @@ def parse_feedback(data: bytes) -> Feedback:
         temperature,
         status,
         bool(moving),
-        current * CURRENT_UNIT_A,
+        (current & 0x7FFF) * CURRENT_UNIT_A,  # the bit above says which way it flows
     )

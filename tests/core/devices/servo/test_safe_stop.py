@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -152,6 +153,25 @@ def test_an_adapter_that_comes_back_is_waited_for(kind: Kind, moving_arm: Emulat
         "RELEASE", (1, 2, 3, 4, 5, 6), serial_number="ARM1", device_root=str(moving_arm.root), timeout_s=10.0
     )
     assert kind.stop(request).complete
+    assert energised(moving_arm) == {False}
+
+
+def test_a_port_that_cannot_be_opened_yet_is_waited_for(
+    kind: Kind, moving_arm: EmulatedBus, tmp_path: Path
+) -> None:
+    """As of an adapter that is back and whose rights the system has not set yet."""
+    port = tmp_path / "ttyACM0"
+    port.touch()
+    request = SafeStopRequest("RELEASE", (1, 2, 3, 4, 5, 6), path=str(port), timeout_s=10.0)
+
+    def settle() -> None:
+        port.unlink()
+        port.symlink_to(moving_arm.port)
+
+    timer = threading.Timer(0.1, settle)
+    timer.start()
+    assert kind.stop(request).complete
+    timer.join()
     assert energised(moving_arm) == {False}
 
 

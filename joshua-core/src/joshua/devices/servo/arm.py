@@ -68,7 +68,7 @@ class ServoArm(Actuator):
         self._enabled = False
         self._tripped = ""
         self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
-        self._written_s = 0.0
+        self._goal_ticks, self._written_s = np.zeros(len(self._ids), np.int64), 0.0
         self._readings: list[Feedback] = []
         self._setups: list[ServoSetup] = []
         self._lost_reported = 0
@@ -233,7 +233,7 @@ class ServoArm(Actuator):
                 self._torque.switch_on(present.tolist(), self.move_values())
             self._enabled = True
             self._tripped = ""
-            self._remember(self._map.radians(present))
+            self._remember(self._map.radians(present), present)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
         """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
@@ -255,9 +255,9 @@ class ServoArm(Actuator):
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
             step = self._map.speed_rad_s * elapsed_s
             goal = np.clip(goal, self._goal - step, self._goal + step)
-            ticks = self._map.ticks(goal)
+            ticks = self._map.ticks(goal, self._goal_ticks)
             self._send_goals(ticks)
-            self._remember(goal)
+            self._remember(goal, ticks)
             return self._map.radians(ticks)
 
     def hold(self) -> None:
@@ -268,7 +268,7 @@ class ServoArm(Actuator):
                 return
             present = np.array(self._state.positions(), dtype=np.int64)
             self._send_goals(present)
-            self._remember(self._map.radians(present))
+            self._remember(self._map.radians(present), present)
 
     def release(self) -> None:
         """Takes torque off all joints and verifies it; does nothing on a closed device.
@@ -395,6 +395,6 @@ class ServoArm(Actuator):
         rows = {i: goal.encode(t) for i, t in zip(self._ids, ticks.tolist(), strict=True)}
         self._bus.sync_write(goal.address, goal.width, rows)
 
-    def _remember(self, goal_rad: FloatArray) -> None:
-        self._goal = goal_rad
+    def _remember(self, goal_rad: FloatArray, ticks: TickArray) -> None:
+        self._goal, self._goal_ticks = goal_rad, ticks
         self._written_s = time.monotonic()

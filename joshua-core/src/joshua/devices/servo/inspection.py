@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from joshua.devices.calibration import MotorCalibration
 from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.errors import CalibrationMismatch, MotorCheckFailed
+from joshua.devices.servo.errors import CalibrationMismatch, MotorCheckFailed, SafetyTripped
 from joshua.devices.servo.settings import ServoSettings
 from joshua.devices.servo.watch import HealthLimits
 
@@ -43,6 +43,31 @@ def refuse_setup(bus: ServoBus, problems: Sequence[str]) -> None:
                 ]
             )
         )
+
+
+def check_start(
+    bus: ServoBus,
+    names: Sequence[str],
+    setups: Sequence[ServoSetup],
+    positions: Sequence[int],
+    tolerance_ticks: int = 0,
+) -> None:
+    """Refuses a servo that stands beyond its own limits: it would not take its position for a goal.
+
+    Args:
+        names, setups, positions: of all servos, in joint order; positions in ticks.
+        tolerance_ticks: how far beyond is still good.
+
+    Raises SafetyTripped.
+    """
+    for name, setup, position in zip(names, setups, positions, strict=True):
+        low, high = setup.min_position - tolerance_ticks, setup.max_position + tolerance_ticks
+        if not setup.turns and not low <= position <= high:
+            raise SafetyTripped(
+                f"{bus.port}: {name} (id {setup.servo_id}) stands at {position} ticks, beyond the "
+                f"limits of its servo, {setup.min_position} to {setup.max_position}: torque stays off. "
+                "Move the joint into its range by hand, then try again."
+            )
 
 
 def check_setups(bus: ServoBus, settings: ServoSettings, setups: Sequence[ServoSetup]) -> None:

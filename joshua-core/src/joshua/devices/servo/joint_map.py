@@ -65,7 +65,14 @@ class JointMap:
         directed: FloatArray = np.asarray(values, dtype=np.float64) * self._sign
         return directed
 
-    def ticks(self, radians: FloatArray) -> TickArray:
-        """Positions in ticks of joint angles, rounded and held within the limits."""
+    def ticks(self, radians: FloatArray, last: TickArray | None = None) -> TickArray:
+        """Positions in ticks of joint angles, rounded and held within the limits.
+
+        Args:
+            last: the goals before; a joint that was found beyond a limit stays there until it is told to come
+                back, and then comes as slowly as it is told.
+        """
         ticks = np.rint(self._zero + self._sign * radians / RADIANS_PER_TICK).astype(np.int64)
-        return np.clip(ticks, self.low_ticks, self.high_ticks)
+        if last is None:
+            return np.clip(ticks, self.low_ticks, self.high_ticks)
+        return np.clip(ticks, np.minimum(self.low_ticks, last), np.maximum(self.high_ticks, last))

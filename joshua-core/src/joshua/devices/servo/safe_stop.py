@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from joshua.devices.errors import DeviceError
-from joshua.devices.serial_errors import PortBusy, PortNotFound
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.family import ServoFamily
@@ -142,11 +141,11 @@ class _SafeStop:
         self._port.close()
 
     def _open(self) -> None:
-        """Opens the port as soon as its last owner is gone, or the adapter is back."""
+        """Opens the port as soon as its last owner is gone, or the adapter is back and open to this user."""
         while True:
             try:
                 self._port.open()
-            except (PortBusy, PortNotFound):
+            except DeviceError:
                 if time.monotonic() >= self._deadline_s:
                     raise
                 time.sleep(RETRY_S)
