@@ -1,8 +1,10 @@
+import contextlib
 import os
 import struct
 import subprocess
 import sys
 import termios
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -63,6 +65,25 @@ def test_a_read_ends_at_its_deadline_with_what_there_is(emulator: EmulatedBus) -
     assert len(port.receive(50, time.monotonic() + 0.1)) == 6
     assert port.receive(50, time.monotonic() - 1) == b""
     port.close()
+
+
+def test_a_line_that_is_full_for_a_moment_is_waited_for() -> None:
+    device, line = os.openpty()
+    try:
+        port = SerialPort(Endpoint(os.ttyname(line)), 1_000_000)
+        port.open()
+        os.set_blocking(line, False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(line, bytes(1000))
+        reader = threading.Timer(0.1, lambda: os.read(device, 65536))
+        reader.start()
+        port.send(b"x")
+        reader.join()
+        port.close()
+    finally:
+        os.close(device)
+        os.close(line)
 
 
 def test_sending_drops_what_came_before(emulator: EmulatedBus) -> None:

@@ -1,4 +1,6 @@
+import errno
 from pathlib import Path
+from typing import Any
 
 import pytest
 from joshua.devices.serial_errors import PortNotFound
@@ -36,6 +38,23 @@ def test_ports_are_listed_with_their_adapters(tmp_path: Path) -> None:
     ]
     assert found[0].by_id.endswith("usb-Maker_L1-if00")
     assert found[0].identity == "usb:L1"
+
+
+def test_an_adapter_that_is_pulled_while_it_is_looked_at_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plug(tmp_path, "ttyACM0", "L1")
+    right = plug(tmp_path, "ttyACM1", "R1")
+    read_text = Path.read_text
+
+    def pulled(path: Path, *args: Any, **options: Any) -> str:
+        if "ttyACM0" in str(path) and path.name == "product":
+            raise OSError(errno.ENODEV, "No such device")
+        return read_text(path, *args, **options)
+
+    monkeypatch.setattr(Path, "read_text", pulled)
+    (tmp_path / "sys/devices/pci/usb1/1-ttyACM0/product").touch()
+    assert [port.path for port in list_ports(str(tmp_path))] == [right]
 
 
 def test_an_adapter_is_found_by_serial_number_or_product(tmp_path: Path) -> None:

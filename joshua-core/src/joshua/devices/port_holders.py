@@ -13,7 +13,10 @@ def holders(path: str, proc: Path = Path("/proc")) -> list[int]:
     Args:
         proc: where the processes are shown.
     """
-    status = os.stat(path)  # noqa: PTH116 - follows links like open does
+    try:
+        status = os.stat(path)  # noqa: PTH116 - follows links like open does
+    except OSError:
+        return []  # unplugged meanwhile
     number = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
     with contextlib.suppress(OSError, ValueError):
         rows = [line.split() for line in (proc / "locks").read_text(encoding="ascii").splitlines()]

@@ -97,10 +97,10 @@ class SerialPort:
         """Drops received bytes, then sends. Raises PortDisconnected."""
         try:
             termios.tcflush(self._fd, termios.TCIFLUSH)
-            sent = os.write(self._fd, data)
+            sent = self._write(data)
             while sent < len(data):
                 self._wait_writable()
-                sent += os.write(self._fd, data[sent:])
+                sent += self._write(data[sent:])
         except (OSError, termios.error) as error:
             raise self._disconnected(error) from error
 
@@ -173,6 +173,13 @@ class SerialPort:
         except termios.error as error:
             raise self._disconnected(error) from error
 
+    def _write(self, data: bytes) -> int:
+        """Bytes that the line has taken; none while it is full."""
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+
     def _wait_writable(self) -> None:
         _, writable, _ = select.select([], [self._fd], [], 1.0)
         if not writable:
@@ -207,6 +214,8 @@ class SerialPort:
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
         except BlockingIOError as error:
             raise PortBusy(_busy(self.entry.path)) from error
+        except OSError as error:
+            raise self._disconnected(error) from error
 
     def _set_up(self) -> None:
         try:
@@ -217,6 +226,8 @@ class SerialPort:
             attributes[6][termios.VTIME] = 0
             termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
         except termios.error as error:
+            if error.args[0] in _GONE:
+                raise self._disconnected(error) from error
             raise PortUnusable(f"{self}: is no serial port that can be set up ({_reason(error)})") from error
         self.set_baudrate(self.baudrate)
         self._raise_modem_lines()
@@ -259,7 +270,10 @@ class SerialPort:
 
 
 def _forbidden(path: str) -> str:
-    status = os.stat(path)  # noqa: PTH116 - follows links like open does
+    try:
+        status = os.stat(path)  # noqa: PTH116 - follows links like open does
+    except OSError:
+        return f"{path}: this user may not open the port."
     try:
         group = grp.getgrgid(status.st_gid).gr_name
     except KeyError:

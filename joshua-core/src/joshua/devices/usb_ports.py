@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -89,20 +90,10 @@ def list_ports(device_root: str = "/") -> list[PortEntry]:
     by_id = _by_id_links(root / "dev/serial/by-id")
     entries = []
     for node in sorted(classes.iterdir()) if classes.is_dir() else ():
-        path = root / "dev" / node.name
-        usb = _usb_device(node)
-        if usb is not None and path.exists():
-            entries.append(
-                PortEntry(
-                    str(path),
-                    _read(usb / "serial"),
-                    f"{_read(usb / 'idVendor')}:{_read(usb / 'idProduct')}",
-                    by_id.get(path.resolve(), ""),
-                    _read(usb / "product"),
-                    _driver(node),
-                    usb.name,
-                )
-            )
+        with contextlib.suppress(OSError):  # an adapter that is pulled just now vanishes file by file
+            entry = _entry(node, root / "dev" / node.name, by_id)
+            if entry is not None:
+                entries.append(entry)
     return entries
 
 
@@ -161,6 +152,22 @@ def describe_ports(device_root: str) -> str:
     return _listing(list_ports(device_root))
 
 
+def _entry(node: Path, path: Path, by_id: Mapping[Path, str]) -> PortEntry | None:
+    """The port of a tty of sysfs; None where it is no USB adapter."""
+    usb = _usb_device(node)
+    if usb is None or not path.exists():
+        return None
+    return PortEntry(
+        str(path),
+        _read(usb / "serial"),
+        f"{_read(usb / 'idVendor')}:{_read(usb / 'idProduct')}",
+        by_id.get(path.resolve(), ""),
+        _read(usb / "product"),
+        _driver(node),
+        usb.name,
+    )
+
+
 def _usb_device(node: Path) -> Path | None:
     """Folder of the USB device behind a tty of sysfs, None where there is no USB device."""
     device = node / "device"
@@ -183,9 +190,9 @@ def _driver(node: Path) -> str:
 
 
 def _by_id_links(folder: Path) -> dict[Path, str]:
-    if not folder.is_dir():
-        return {}
-    return {link.resolve(): str(link) for link in sorted(folder.iterdir())}
+    with contextlib.suppress(OSError):  # udev removes it with its last link
+        return {link.resolve(): str(link) for link in sorted(folder.iterdir())}
+    return {}
 
 
 def _read(path: Path) -> str:
