@@ -34,6 +34,12 @@ def test_special_numbers_and_widths():
     assert message_text(decoded) == "data: 0.1\n"
 
 
+def test_text_from_a_network_commands_no_terminal():
+    found = message_text(build("std_msgs/msg/String", {"data": "\x1b[31m \x9b2J ‮ evil é"}))
+    assert found == 'data: "\\u001b[31m \\u009b2J \\u202e evil é"\n'
+    assert YAML(typ="safe", pure=True).load(found) == {"data": "\x1b[31m \x9b2J ‮ evil é"}
+
+
 def test_messages_without_fields():
     assert message_text(build("std_msgs/msg/Empty")) == "{}\n"
     assert to_plain(build("std_msgs/msg/Empty")) == {}

@@ -49,6 +49,18 @@ def test_one_that_no_node_owns_counts_as_unknown_after_a_while() -> None:
     assert graph.asked == asked
 
 
+def test_one_that_the_graph_learns_of_very_late_gets_its_name() -> None:
+    graph = Graph()
+    names = graph.names()
+    assert names.name(b"x") is None
+    graph.now_s += 2 * KNOWN_WITHIN_S
+    assert names.name(b"x") == ""
+    graph.known = {b"x": "/leader"}
+    assert names.name(b"x") == ""
+    graph.now_s += KNOWN_WITHIN_S
+    assert names.name(b"x") == "/leader"
+
+
 def test_what_is_remembered_is_bounded() -> None:
     graph = Graph()
     names = graph.names()

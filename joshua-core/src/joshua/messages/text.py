@@ -86,4 +86,6 @@ def _scalar(base: str, value: Any) -> str:
 def _string(text: str) -> str:
     if _PLAIN.match(text) and text.lower() not in _RESERVED:
         return text
-    return json.dumps(text, ensure_ascii=False)
+    quoted = json.dumps(text, ensure_ascii=False)
+    # the text may come from a network: nothing in it commands the terminal or turns a line round
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in quoted)

@@ -263,8 +263,7 @@ class NodeRuntime:
                 self._log.warning("reader threads that did not notice the stop: %s", ", ".join(left))
             if self.context.endpoints is not None:
                 self._attempt("ending the subscriptions", self.context.endpoints.close_subscriptions)
-            checks = self._test_results(behaviour)
-            traces = tuple(behaviour.test_traces())
+            checks, traces = self._test_results(behaviour)
             self._enter("cleanup")
             self._attempt("cleanup", behaviour.cleanup)
         report = self._report(checks).model_copy(update={"traces": traces})
@@ -285,16 +284,19 @@ class NodeRuntime:
                 self.context.failure = error
                 self._report_failure()
 
-    def _test_results(self, behaviour: NodeBehaviour) -> tuple[CheckResult, ...]:
+    def _test_results(
+        self, behaviour: NodeBehaviour
+    ) -> tuple[tuple[CheckResult, ...], tuple[JointTrace, ...]]:
         try:
-            results = behaviour.test_results()
-            return tuple(
+            results = tuple(
                 CheckResult(check=check, passed=bool(passed), measured=str(measured))
-                for check, passed, measured in results
+                for check, passed, measured in behaviour.test_results()
             )
+            return results, tuple(behaviour.test_traces())
         except Exception as error:  # noqa: BLE001 (the remaining parts must run)
             self._log.exception("the test results cannot be had")
-            return (CheckResult(check="test results", passed=False, measured=_describe(error, self._spec)),)
+            failed = CheckResult(check="test results", passed=False, measured=_describe(error, self._spec))
+            return (failed,), ()
 
     def _report(self, checks: tuple[CheckResult, ...]) -> NodeReport:
         endpoints, failure = self.context.endpoints, self.context.failure

@@ -44,6 +44,8 @@ class RecordingContext:
         self.failures: list[str] = []
         self.faults: list[str] = []
         self.shown = ""
+        self.waits = ""
+        self.ends: list[str] = []
         self._threads: list[threading.Thread] = []
         self._errors: list[BaseException] = []
         self._stopping = threading.Event()
@@ -64,8 +66,11 @@ class RecordingContext:
         """Keeps a timer for ``tick``."""
         self.timers[name] = (period_s, callback)
 
-    def spawn_thread(self, target: Callable[[], None], *, name: str) -> None:
+    def spawn_thread(
+        self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
+    ) -> None:
         """Runs a thread until ``stop``."""
+        del hang_after_s  # nobody looks for signs of life here
 
         def run() -> None:
             try:
@@ -93,6 +98,14 @@ class RecordingContext:
     def warn(self, text: str) -> None:
         """Keeps a warning."""
         self.warnings.append(text)
+
+    def waiting_for(self, text: str) -> None:
+        """Keeps what the behaviour waits for."""
+        self.waits = text
+
+    def end_run(self, reason: str) -> None:
+        """Keeps why the run may end."""
+        self.ends.append(reason)
 
     def fault(self, reason: str) -> None:
         """Keeps what a device is in fault for."""
