@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import queue
 import sys
+import threading
 import time
 import types
 from collections.abc import Callable
@@ -155,6 +156,34 @@ def test_attempts_go_on_until_the_device_is_back(scripted: Any, caplog: pytest.L
     wait_until(lambda: values(context) == [20])
     end(context, node)
     assert "not back yet: the port is not there; next attempt in 0.02 s" in caplog.messages
+
+
+def test_a_device_that_takes_long_to_open_does_not_pass_for_a_hung_reader(
+    scripted: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    class Asked(RecordingContext):
+        @property
+        def stopping(self) -> bool:
+            asked.append(threading.current_thread().name)
+            return super().stopping
+
+    monkeypatch.setattr(sys.modules[__name__], "RecordingContext", Asked)
+    context, node = start(scripted_spec())
+    connect = scripted.connect
+
+    def slow(sensor: ScriptedSensor) -> None:
+        before = len(asked)
+        wait_until(lambda: len(asked) >= before + 3)
+        connect(sensor)
+
+    monkeypatch.setattr(scripted, "connect", slow)
+    scripted.script.put(DeviceDisconnected("the cable is gone"))
+    scripted.script.put((5, 0, 20))
+    wait_until(lambda: values(context) == [20])
+    end(context, node)
+    assert set(asked) == {"sensor"}
 
 
 def test_the_stop_ends_the_wait_for_a_device(scripted: Any, monkeypatch: pytest.MonkeyPatch) -> None:

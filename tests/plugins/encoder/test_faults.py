@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from collections.abc import Callable
 import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_errors import PortBusy, PortNotFound
+from joshua.devices.serial_port import SerialPort
 from joshua_emulator import EmulatedEncoder, EmulatedLidar
 from joshua_encoder.encoder import SerialEncoder
 
@@ -33,6 +35,18 @@ def loss(encoder: SerialEncoder, timeout_s: float = 10.0) -> str:
     raise AssertionError("the loss was not noticed")
 
 
+def not_9600(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets the adapter be one that cannot run at every line speed."""
+    apply_speed = SerialPort._apply_speed
+
+    def apply(port: SerialPort, baudrate: int) -> None:
+        if baudrate == 9_600:
+            raise OSError(errno.EINVAL, "Invalid argument")
+        apply_speed(port, baudrate)
+
+    monkeypatch.setattr(SerialPort, "_apply_speed", apply)
+
+
 def test_no_such_port(encoder_at: Make) -> None:
     assert "/dev/ttyACM_none: no such serial port" in refusal(encoder_at("/dev/ttyACM_none"), PortNotFound)
 
@@ -53,7 +67,8 @@ def test_nothing_comes(emulator_of: Start, encoder_at: Make) -> None:
     )
 
 
-def test_the_wrong_line_speed(emulator_of: Start, encoder_at: Make) -> None:
+def test_the_wrong_line_speed(emulator_of: Start, encoder_at: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    not_9600(monkeypatch)
     text = refusal(encoder_at(emulator_of("line", baudrate=57_600).port))
     assert "no line can be read at 115200 bit/s, but at 57600 they can: set baudrate: 57600" in text
 
@@ -143,7 +158,8 @@ def test_an_amt21_at_another_line_speed(emulator_of: Start, encoder_at: Make) ->
     assert "at 115200 bit/s, but one does at 2000000: set baudrate: 2000000" in text
 
 
-def test_no_amt21(emulator_of: Start, encoder_at: Make) -> None:
+def test_no_amt21(emulator_of: Start, encoder_at: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    not_9600(monkeypatch)
     emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384, fault=["silent"])
     text = refusal(encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384))
     assert "no AMT21 answers at address 84 (0x54), nor at any other: check power" in text

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
+import threading
 import time
 from collections.abc import Callable
 
 import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_errors import PortBusy, PortNotFound
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedLidar
 from joshua_lidar import lidar as lidar_module
+from joshua_lidar import requests
 from joshua_lidar.lidar import SerialLidar
 
 Start = Callable[..., EmulatedLidar]
@@ -75,7 +80,33 @@ def test_another_model_than_the_file_says(emulator_of: Start, lidar_at: Make) ->
     assert 'an LD19 does at 230400: set baudrate: 230400 and model: "ld19"' in text
 
 
-def test_nothing_at_the_port(emulator_of: Start, lidar_at: Make) -> None:
+def test_an_answer_that_is_too_short_is_none() -> None:
+    device, line = os.openpty()
+    port = SerialPort(Endpoint(os.ttyname(line)), 115_200)
+    port.open()
+
+    def answer() -> None:
+        os.read(device, 2)
+        os.write(device, b"\xa5\x5a\x02\x00\x00\x00\x04\x18\x01")
+
+    scanner = threading.Thread(target=answer)
+    scanner.start()
+    assert requests.ask(port, requests.request(requests.GET_INFO), requests.INFO_ANSWER) is None
+    scanner.join()
+    port.close()
+    os.close(device)
+    os.close(line)
+
+
+def test_nothing_at_the_port(emulator_of: Start, lidar_at: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    apply_speed = SerialPort._apply_speed
+
+    def apply(port: SerialPort, baudrate: int) -> None:
+        if baudrate == 128_000:  # an adapter that cannot run at every line speed
+            raise OSError(errno.EINVAL, "Invalid argument")
+        apply_speed(port, baudrate)
+
+    monkeypatch.setattr(SerialPort, "_apply_speed", apply)
     emulator = emulator_of("ld19", fault=["silent"])
     text = refusal(lidar_at(emulator.port, "ld19"))
     assert "no laser scanner answers at any line speed: check that it has power" in text

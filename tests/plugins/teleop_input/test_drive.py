@@ -180,6 +180,10 @@ def test_nothing_moves_without_a_recent_state_of_the_arm() -> None:
     assert drive.command(STATE_LIMIT_S - 0.1) is not None
     assert drive.command(STATE_LIMIT_S + 0.1) is None
     drive.jog.observe({"pan": 0.5}, 2.0)
+    assert drive.command(2.0) is None, "where the other joint is was heard long ago"
+    drive.jog.observe({"pan": 0.5, "lift": math.nan}, 2.0)
+    assert drive.command(2.0) is None
+    drive.jog.observe({"pan": 0.5, "lift": -0.2}, 2.0)
     assert drive.command(2.0) == {"pan": pytest.approx(0.52), "lift": -0.2}, "from where the arm is now"
 
 

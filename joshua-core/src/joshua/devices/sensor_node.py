@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 from joshua.devices.diagnostics import ERROR, OK, STALE, DiagnosticsPublisher, DiagnosticStatus
@@ -16,6 +17,9 @@ READ_TIMEOUT_S = 0.2
 
 #: Silence after which the log says that a sensor delivers nothing.
 SILENCE_S = 2.0
+
+#: How long opening a device again may take; a scanner's motor and a search at all line speeds take seconds.
+CONNECT_LIMIT_S = 30.0
 
 RECONNECT_FIRST_S = 0.25
 RECONNECT_LARGEST_S = 5.0
@@ -167,7 +171,7 @@ class SensorNode(NodeBehaviour):
             if self._stopped_within(wait_s):
                 return
             try:
-                sensor.connect()
+                self._connect(sensor)
             except DeviceError as error:
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
                 self.context.log.warning("not back yet: %s; next attempt in %g s", error, wait_s)
@@ -175,6 +179,26 @@ class SensorNode(NodeBehaviour):
                 self._trouble = (OK, "")
                 self.context.log.info("the connection is back")
                 return
+
+    def _connect(self, sensor: Sensor) -> None:
+        """Opens the device, and shows signs of life meanwhile: a reader may not be silent for so long."""
+        errors: list[BaseException] = []
+
+        def connect() -> None:
+            try:
+                sensor.connect()
+            except BaseException as error:  # noqa: BLE001 (raised again on the reader's thread)
+                errors.append(error)
+
+        thread = threading.Thread(target=connect, name="sensor's connection", daemon=True)
+        thread.start()
+        end_s = time.monotonic() + CONNECT_LIMIT_S
+        while thread.is_alive():
+            if time.monotonic() < end_s:
+                _ = self.context.stopping  # asking is the sign
+            thread.join(0.1)
+        if errors:
+            raise errors[0]
 
     def _stopped_within(self, duration_s: float) -> bool:
         """Waits; returns early, and True, when the node is asked to stop."""

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.serial_errors import PortUnusable
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.stamps import StampClock
 
@@ -172,9 +173,8 @@ class LineSource(Source):
                 "microcontroller runs, and comm.serial; joshua find-port lists the ports"
             )
         for speed in _SPEEDS:
-            if speed == asked:
+            if speed == asked or not _runs_at(port, speed):
                 continue
-            port.set_baudrate(speed)
             port.discard_input()
             trial = self._new_parser()
             end_s = time.monotonic() + _LISTEN_S
@@ -270,7 +270,8 @@ class Amt21Source(Source):
         listed = ", ".join(f"{address} ({address:#04x})" for address in missing)
         wanted = f"no AMT21 answers at address {listed}"
         for speed in dict.fromkeys((asked, AMT21_BAUDRATE, 115_200, 9_600, 19_200, 38_400)):
-            port.set_baudrate(speed)
+            if not _runs_at(port, speed):
+                continue
             found = [
                 address
                 for address in range(0, _LARGEST_ADDRESS + 1, 4)
@@ -289,6 +290,15 @@ class Amt21Source(Source):
             f"{port}: {wanted}, nor at any other: check power, that A and B are not exchanged, and that the "
             "adapter is one for RS-485"
         )
+
+
+def _runs_at(port: SerialPort, speed: int) -> bool:
+    """Sets a line speed; whether the adapter can run at it. Raises PortDisconnected."""
+    try:
+        port.set_baudrate(speed)
+    except PortUnusable:
+        return False
+    return True
 
 
 def _checked(answer: bytes) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from joshua.devices.errors import DeviceError
+from joshua.devices.serial_errors import PortUnusable
 from joshua.devices.serial_port import SerialPort
 
 from joshua_lidar import requests
@@ -55,7 +56,10 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
     bytes_seen = 0
     rates = [asked_baudrate, *sorted({model.baudrate for model in MODELS.values()} - {asked_baudrate})]
     for baudrate in rates:
-        port.set_baudrate(baudrate)
+        try:
+            port.set_baudrate(baudrate)
+        except PortUnusable:
+            continue  # a speed that the adapter cannot run at cannot be the scanner's
         port.discard_input()
         bytes_seen += len(port.receive(_CHUNK, time.monotonic() + 0.05)) if baudrate == asked_baudrate else 0
         found = detect(port)

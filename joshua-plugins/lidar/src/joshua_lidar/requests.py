@@ -15,13 +15,14 @@ SET_PWM, SET_RPM = 0xF0, 0xA8
 YDLIDAR_SCAN, YDLIDAR_STOP, YDLIDAR_INFO = 0x60, 0x65, 0x90
 
 INFO_ANSWER, HEALTH_ANSWER, CONF_ANSWER = 0x04, 0x06, 0x20
-INFO_LENGTH, HEALTH_LENGTH = 20, 3
+INFO_LENGTH, HEALTH_LENGTH, CONF_LENGTH = 20, 3, 4
 
 ANSWER_TIMEOUT_S = 0.5
 
 #: A scanner that is told to stop sends what it has begun; after this time the line is quiet.
 QUIET_S = 0.03
 
+_SHORTEST = {INFO_ANSWER: INFO_LENGTH, HEALTH_ANSWER: HEALTH_LENGTH, CONF_ANSWER: CONF_LENGTH}
 _SYNC = 0xA5
 _DESCRIPTOR = b"\xa5\x5a"
 _DESCRIPTOR_LENGTH = 7
@@ -47,9 +48,13 @@ def request(command: int, payload: bytes = b"") -> bytes:
 
 
 def ask(port: SerialPort, message: bytes, kind: int, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer | None:
-    """Sends a request and waits for its answer; None when none of that type came. Raises PortDisconnected."""
+    """Sends a request and waits for its answer; None when none of that type came, or a shorter one.
+
+    Raises PortDisconnected.
+    """
     port.send(message)
-    return await_answer(port, (kind,), timeout_s)
+    answer = await_answer(port, (kind,), timeout_s)
+    return answer if answer is not None and len(answer.data) >= _SHORTEST[kind] else None
 
 
 def await_answer(

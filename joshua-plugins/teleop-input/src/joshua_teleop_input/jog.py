@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 
 #: How far a goal may be ahead of its joint: what the joint moves in this time, and no less than the angle.
@@ -31,7 +32,7 @@ class Jog:
         self._period_s = period_s
         self._position: dict[str, float] = {}
         self._goal: dict[str, float] = {}
-        self._observed_s: float | None = None
+        self._observed_s: dict[str, float] = {}
         self._planned_until_s: float | None = None
         self._velocity: dict[str, float] = {}
 
@@ -42,10 +43,9 @@ class Jog:
 
     def observe(self, position_rad: Mapping[str, float], now_s: float) -> None:
         """Takes where the joints are; ``now_s`` on the monotonic clock."""
-        self._position.update(
-            (name, angle) for name, angle in position_rad.items() if name in self.joints and angle == angle
-        )
-        self._observed_s = now_s
+        for name, angle in position_rad.items():
+            if name in self.joints and math.isfinite(angle):
+                self._position[name], self._observed_s[name] = angle, now_s
 
     def missing(self) -> list[str]:
         """Driven joints whose position has never been heard of."""
@@ -53,8 +53,8 @@ class Jog:
 
     def ready(self, now_s: float) -> bool:
         """Whether every joint's position is known and recent."""
-        recent = self._observed_s is not None and now_s - self._observed_s <= STATE_LIMIT_S
-        return recent and not self.missing()
+        times_s = [self._observed_s.get(name, -math.inf) for name in self.joints]
+        return now_s - min(times_s, default=-math.inf) <= STATE_LIMIT_S
 
     def begin(self) -> None:
         """Starts from where the joints are."""
