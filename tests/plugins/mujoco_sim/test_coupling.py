@@ -130,6 +130,25 @@ def test_bus_outlives_the_simulation_and_joins_the_next(bus, world, arm, tmp_pat
     assert arm.read().position_rad == pytest.approx(before, abs=0.05)
 
 
+def test_servos_answer_while_the_simulation_makes_them_wait(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as silent:
+        silent.bind(str(tmp_path / "bus.sock"))
+        silent.listen()
+        options = {
+            "physics": tmp_path / "bus.sock",
+            "physics_actuators": JOINTS,
+            "physics_start_rad": [0.0] * 6,
+        }
+        with EmulatedBus(arm="so_arm100", calibrated=True, **options) as bus:
+            silent.settimeout(20)
+            link, _ = silent.accept()
+            assert link.recv(4096)
+            begun_s = time.monotonic()
+            assert bus.servo(1)["id"] == 1
+            assert time.monotonic() - begun_s < 1.0  # the answer may take seconds
+            link.close()
+
+
 def test_unknown_actuator_is_refused_with_the_reason(world, tmp_path, caplog) -> None:
     server = CouplingServer(world, tmp_path / "s.sock", logging.getLogger("joshua.test"))
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link:

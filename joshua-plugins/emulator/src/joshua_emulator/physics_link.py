@@ -19,9 +19,6 @@ from joshua_emulator.joint import Drive, Joint
 #: How often the servos and the physics talk.
 PERIOD_S = 0.002
 
-#: How long the introduction may take.
-HELLO_TIMEOUT_S = 2.0
-
 
 class CoupledJoint(Joint):
     """A joint whose motion comes from elsewhere; drive, temperature and stops stay those of the servo.
@@ -62,19 +59,25 @@ class PhysicsLink:
         self._joints = list(joints)
         self._middle_rad = [0.0] * len(self._joints)
         self._link: socket.socket | None = None
+        self._joined = False
         self._format = struct.Struct(f"{3 * len(self._joints)}d")
 
     def exchange(self) -> None:
         """Says what the servos want, takes what the joints did; connects where that is possible by now."""
         if self._link is None:
             self._connect()
-            return
+        elif not self._joined:
+            self._join(self._link)
+        else:
+            self._talk(self._link)
+
+    def _talk(self, link: socket.socket) -> None:
         try:
-            while packet := self._link.recv(self._format.size):
+            while packet := link.recv(self._format.size):
                 self._take(packet)
         except BlockingIOError:
             with contextlib.suppress(BlockingIOError):
-                self._say(self._link)
+                self._say(link)
         except OSError:
             self._close()
         else:
@@ -83,6 +86,7 @@ class PhysicsLink:
     def _close(self) -> None:
         """Ends the connection; the joints stay where they are."""
         link, self._link = self._link, None
+        self._joined = False
         if link is not None:
             link.close()
         for joint in self._joints:
@@ -92,18 +96,26 @@ class PhysicsLink:
         if not self._path.exists():
             return
         link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        link.settimeout(HELLO_TIMEOUT_S)
+        link.setblocking(False)
         try:
             link.connect(str(self._path))
             link.send(json.dumps({"actuators": self._actuators}).encode())
-            answer = json.loads(link.recv(4096))
-            self._middle_rad = [float(value) for value in answer["middle_rad"]]
-        except (OSError, ValueError, KeyError):
+        except OSError:
             link.close()  # the simulation is about to start or to end; the next turn tries again
             return
-        link.setblocking(False)
         self._link = link
-        self._say(link)
+
+    def _join(self, link: socket.socket) -> None:
+        """Takes the answer to the introduction; the bus goes on while it is on its way."""
+        try:
+            answer = json.loads(link.recv(4096))
+            self._middle_rad = [float(value) for value in answer["middle_rad"]]
+            self._joined = True
+            self._say(link)
+        except BlockingIOError:
+            return
+        except (OSError, ValueError, KeyError):
+            self._close()
 
     def _say(self, link: socket.socket) -> None:
         values: list[float] = []

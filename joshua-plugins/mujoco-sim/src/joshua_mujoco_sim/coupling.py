@@ -57,6 +57,7 @@ class CouplingServer:
         self._closed = False
         self._connections: list[socket.socket] = []
         self._threads: list[threading.Thread] = []
+        self._opening = threading.Lock()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         path.unlink(missing_ok=True)  # of a process that was killed
         self._listener.bind(str(path))
@@ -91,8 +92,7 @@ class CouplingServer:
             try:
                 hello = json.loads(link.recv(PACKET_SIZE))
                 kind = "camera" if "camera" in hello else "bus"
-                with self._world.lock:
-                    joined = self._renderer(hello) if kind == "camera" else self._drives(hello)
+                joined = self._renderer(hello) if kind == "camera" else self._drives(hello)
             except (ValueError, KeyError, TypeError, ModelError, RenderingError) as error:
                 self._log.error("an emulated %s cannot join the simulation: %s", kind, error)
                 link.send(json.dumps({"error": str(error)}).encode())
@@ -103,7 +103,8 @@ class CouplingServer:
                 self._serve_camera(link, joined)
 
     def _drives(self, hello: dict[str, Any]) -> ServoDrives:
-        return ServoDrives(self._world.physics, hello["actuators"])
+        with self._world.lock:
+            return ServoDrives(self._world.physics, hello["actuators"])
 
     def _serve_bus(self, link: socket.socket, drives: ServoDrives) -> None:
         link.send(json.dumps({"middle_rad": drives.middle_rad.tolist()}).encode())
@@ -130,7 +131,8 @@ class CouplingServer:
             raise ModelError(
                 f"the model has no camera named {hello['camera']!r}; it has {', '.join(known) or 'none'}"
             )
-        return CameraRenderer(model, hello["camera"], width, height)
+        with self._opening:  # each widens the buffers of the model; time goes on meanwhile
+            return CameraRenderer(model, hello["camera"], width, height)
 
     def _serve_camera(self, link: socket.socket, renderer: CameraRenderer) -> None:
         try:
