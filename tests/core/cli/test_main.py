@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from joshua.cli.main import main
 from joshua.cli.presets import FOLDER
+from joshua.cli.run import interruptible
 
 PROGRAM = "import sys; from joshua.cli.main import program; program()"
 PRESET = FOLDER / "test_mock_hardware.pbtxt"
@@ -60,3 +63,23 @@ def test_options_without_a_file_say_what_is_missing(capsys: pytest.CaptureFixtur
     assert "The path of the configuration file is empty" in capsys.readouterr().err
     assert main([]) == 2
     assert capsys.readouterr().out.startswith("usage:")
+
+
+def test_before_the_start_a_signal_is_like_ctrl_c_and_comes_once() -> None:
+    former = signal.getsignal(signal.SIGTERM)
+    tidied = []
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)  # `timeout` sends it twice
+            tidied.append("all")
+    assert tidied == ["all"]
+    assert signal.getsignal(signal.SIGTERM) is former
+
+
+def test_nothing_is_imported_before_ctrl_c_is_an_orderly_end() -> None:
+    code = "import sys, joshua.cli.main; print('argparse' in sys.modules, 'joshua.cli.parser' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stdout
+    assert shown == "False False\n"

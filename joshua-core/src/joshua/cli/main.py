@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import errno
 import gc
 import io
 import os
 import sys
-from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.cli.parser import parse
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command line and returns its exit code."""
     try:
+        # Imported here, so that Ctrl-C is an orderly end from the first moment on.
+        from joshua.cli.parser import parse
+
         parser, arguments = parse(argv)
         if arguments.version:
             return print_version()

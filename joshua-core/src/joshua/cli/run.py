@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
 import time
-from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import FAULT_ALONE
@@ -31,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua.generator import fork_server
 
     with ExitStack() as stack:
+        stack.enter_context(interruptible())
         server = fork_server.start()
         stack.callback(server.close)
         from joshua.generator.examination import finish
@@ -57,6 +60,29 @@ def run(arguments: argparse.Namespace) -> int:
             return refuse(examination, arguments)
         report = supervise(examination.plan, server, arguments, began_s)
     return conclude(examination.plan, report)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Lets SIGTERM and SIGHUP do what Ctrl-C does, so that what has been started is tidied up.
+
+    Only the first one: the supervisor takes the signals for the time of the run, and a second one must not
+    break the tidying up off.
+    """
+
+    def interrupt(_number: int, _frame: object) -> None:
+        for other in former:
+            signal.signal(other, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    former: dict[int, Any] = {}
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        former[number] = signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for taken, handler in former.items():
+            signal.signal(taken, handler)
 
 
 def without_effect(problem: str) -> int:
