@@ -70,6 +70,24 @@ def test_effort_and_speed_have_the_signs_of_the_joint(hub: EmulatedHub, make_act
     assert hub.motor("A")["absolute_deg"] < 12
 
 
+def test_a_joint_beyond_its_range_stays_until_it_is_told(
+    hub: EmulatedHub, make_actuator: MakeActuator
+) -> None:
+    # zero is at the motor's mark, and the range ends at -4 degrees
+    motor = {"id": 1, "joint_name": "lift", "homing_offset": -2047, "range_min": 1000, "range_max": 2000}
+    actuator = make_actuator(port_names=["A"], calibration={"motors": [motor]})
+    actuator.connect()
+    actuator.enable()
+    here = actuator.read().position_rad
+    assert here == pytest.approx(np.radians([12]), abs=0.002)
+    for goal in (here, here + 0.5):
+        assert actuator.write(goal) == pytest.approx(here)
+        actuator.read()
+    drive(actuator, actuator.limits.position_max_rad)
+    assert actuator.write(here) == pytest.approx(actuator.limits.position_max_rad, abs=np.radians(1))
+    assert {entry["angle_deg"] for entry in hub.log("track")} <= set(range(-5, 13))
+
+
 @pytest.mark.parametrize(("safe_state", "holds"), [("HOLD", True), ("RELEASE", False)])
 def test_the_hub_stops_its_motors_when_nothing_comes(
     hub: EmulatedHub, make_actuator: MakeActuator, safe_state: str, holds: bool

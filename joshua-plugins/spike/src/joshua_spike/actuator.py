@@ -47,6 +47,7 @@ class SpikeActuator(Actuator):
         self._enabled = False
         self._tripped = False
         self._goal = np.zeros(len(settings.port_names))
+        self._target_deg: Sequence[int] = (0,) * len(settings.port_names)
         self._written_s = 0.0
         self._last: tuple[JointReading, StampedState] | None = None
         self._counted = Counters()
@@ -142,7 +143,7 @@ class SpikeActuator(Actuator):
             if not (state.energised or self._dry_run):
                 raise DeviceError(f"{self._hub}: the motors got no torque; switch the hub off and on")
             self._enabled, self._tripped = True, False
-            self._remember(self._map.radians(state.angles_deg))
+            self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
         """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
@@ -164,10 +165,10 @@ class SpikeActuator(Actuator):
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
             step = self._map.speed_rad_s * elapsed_s
             goal = np.clip(goal, self._goal - step, self._goal + step)
-            targets = self._map.degrees(goal)
+            targets = self._map.degrees(goal, self._target_deg)
             if not self._dry_run:
                 self._hub.follow(targets)
-            self._remember(goal)
+            self._remember(goal, targets)
             return self._map.radians(targets)
 
     def hold(self) -> None:
@@ -180,7 +181,7 @@ class SpikeActuator(Actuator):
         with self._lock:
             if self._enabled and not self._dry_run:
                 state = self._hub.order("H")
-                self._remember(self._map.radians(state.angles_deg))
+                self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def release(self) -> None:
         """Takes torque off all motors; does nothing on a closed device.
@@ -253,6 +254,6 @@ class SpikeActuator(Actuator):
             "hangs; then enable again"
         )
 
-    def _remember(self, goal_rad: FloatArray) -> None:
-        self._goal = goal_rad
+    def _remember(self, goal_rad: FloatArray, target_deg: Sequence[int]) -> None:
+        self._goal, self._target_deg = goal_rad, target_deg
         self._written_s = time.monotonic()

@@ -49,10 +49,16 @@ class JointMap:
         directed: FloatArray = np.asarray(values, dtype=np.float64) * self._sign
         return directed
 
-    def degrees(self, radians: FloatArray) -> tuple[int, ...]:
-        """Whole degrees of joint angles, rounded so that they stay within the limits."""
-        inside = np.clip(radians, self._low_rad, self._high_rad)
-        exact = self._zero_deg + self._sign * inside / RADIANS_PER_DEGREE
+    def degrees(self, radians: FloatArray, last_deg: Sequence[int] | None = None) -> tuple[int, ...]:
+        """Whole degrees of joint angles, rounded so that they stay within the limits.
+
+        Args:
+            last_deg: the targets before; a joint that was found beyond a limit stays there until it is told
+                to come back, and then comes as slowly as it is told.
+        """
+        exact = self._zero_deg + self._sign * radians / RADIANS_PER_DEGREE
         ends = self._zero_deg + self._sign * np.stack((self._low_rad, self._high_rad)) / RADIANS_PER_DEGREE
         low, high = np.ceil(ends.min(axis=0) - 1e-6), np.floor(ends.max(axis=0) + 1e-6)
+        if last_deg is not None:
+            low, high = np.minimum(low, last_deg), np.maximum(high, last_deg)
         return tuple(int(value) for value in np.clip(np.rint(exact), low, high))
