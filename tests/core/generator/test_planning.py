@@ -126,6 +126,25 @@ def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     assert launch.plan is None
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "found"),
+    [
+        ("position_max: 3072", "position_max: 1000", ["limits-inverted"]),
+        ("ACTION_LEADER", "ACTION_SPIKE", ["mode-lacks-leader", "block-unfit"]),
+        ("num_motors: 2 position_min: 1024", 'num_motors: "two" position_min: 1024', ["wrong-type"]),
+        ("num_motors: 2 position_min: 1024", "num_motor: 2 position_min: 1024", ["unknown-field"]),
+        ("MODE_TELEOPERATE", "MODE_TRAINING", ["block-unused", "unknown-enum-value"]),
+    ],
+    ids=["limits", "unfit", "broken", "misspelt", "training"],
+)
+def test_one_mistake_is_one_finding_whoever_else_could_complain(tmp_path, before, after, found):
+    training = "environment: ENV_SIMULATION method: METHOD_RL simulator_backend: BACKEND_MUJOCO"
+    path = teleoperation(tmp_path, f"ai {{ training {{ {training} }} }}" if "TRAINING" in after else "")
+    Path(path).write_text(Path(path).read_text().replace(before, after))
+    examination = examine(Request(path, purpose=Purpose.VALIDATE))
+    assert sorted(item.code for item in examination.diagnostics) == sorted(found)
+
+
 def test_nodes_that_lack_the_same_plugin_share_a_finding(tmp_path):
     examination = examine(Request(teleoperation(tmp_path), blocked_plugins=("core",)))
     (finding,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]

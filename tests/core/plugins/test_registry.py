@@ -208,6 +208,19 @@ def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
         "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, which is broken (no module named cv2): "
         "pip install --force-reinstall joshua-lidar"
     )
+    remedies = [
+        Registry(rows).remedy(*ask[1:])
+        for rows in (
+            (),
+            (row("joshua-lidar", status=PluginStatus.BLOCKED),),
+            (row("joshua-lidar", status=PluginStatus.BROKEN),),
+        )
+    ]
+    assert [text.split(",")[0] for text in remedies] == [
+        "install the plugin",
+        "leave --block-plugin out",
+        "see what `joshua plugins` lists",
+    ]
 
 
 def test_a_third_partys_plugin_that_is_not_in_use_is_named() -> None:
@@ -232,6 +245,10 @@ def test_a_block_whose_plugin_does_not_take_the_enum_value() -> None:
     assert text == (
         "hub: joshua-spike provides spike_motor_config for ACTION_SPIKE, ACTION_SINGLE, not for ACTION_LEADER"
     )
+    remedy = Registry((row("joshua-spike", spike),)).remedy(
+        ProvisionKind.ACTUATOR, "spike_motor_config", "ACTION_LEADER"
+    )
+    assert remedy == "write one of the types that it takes, or another block"
 
 
 def test_a_provision_of_another_registry_has_no_owner() -> None:

@@ -115,6 +115,11 @@ def number_text(value: float) -> str:
 _facts: dict[Any, tuple[FieldFacts, ...]] = {}
 
 
+def facts_of(field: Any) -> FieldFacts:
+    """Returns the facts of one field (a ``FieldDescriptor``)."""
+    return next(facts for facts in field_facts(field.containing_type) if facts.name == field.name)
+
+
 def field_facts(descriptor: Any) -> tuple[FieldFacts, ...]:
     """Returns the facts of all fields of a message type (a ``Descriptor``), in the order of the schema."""
     known = _facts.get(descriptor)

@@ -30,6 +30,7 @@ class FieldInfo(NamedTuple):
         type_text: its type in words, such as ``whole number`` or ``one of the OperationMode names``.
         oneof: name of the oneof that it belongs to; "" for none, and for proto3 ``optional``.
         message, enum: descriptor of its type; None for others.
+        descriptor: of the field itself.
     """
 
     name: str
@@ -42,6 +43,7 @@ class FieldInfo(NamedTuple):
     type_text: str
     message: Any
     enum: Any
+    descriptor: Any
 
     @property
     def is_any(self) -> bool:
@@ -99,5 +101,15 @@ def _info(field: Any) -> FieldInfo:
     # proto3 optional is a oneof of its own in the descriptor, with one member.
     oneof_name = oneof.name if oneof is not None and len(oneof.fields) > 1 else ""
     return FieldInfo(
-        field.name, kind, field.is_repeated, is_map, oneof_name, smallest, largest, type_text, message, enum
+        field.name,
+        kind,
+        field.is_repeated,
+        is_map,
+        oneof_name,
+        smallest,
+        largest,
+        type_text,
+        message,
+        enum,
+        field,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from joshua.config import literals
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from joshua.config.problems import Problems
     from joshua.config.source import Source
     from joshua.config.syntax import Value
+
+
+_NUMBER_WITH_UNIT = r"[-+]?[0-9]+(\.[0-9]+)?[^0-9.eE\s][^0-9\s]*"
 
 
 class ScalarReader:
@@ -65,13 +69,14 @@ class ScalarReader:
             self._not_an_integer(info, value, text, path)
             return None
         if not info.smallest <= number <= info.largest:
+            limits = _limits_of(info)
             self._problems.error(
                 "number-out-of-range",
-                f"{info.name} takes whole numbers from {info.smallest} to {info.largest}.",
+                f"{info.name} takes whole numbers from {limits}.",
                 self._span(value),
                 path=path,
                 found=text,
-                allowed=(f"{info.smallest} to {info.largest}",),
+                allowed=(limits,),
             )
             return None
         return number
@@ -185,7 +190,7 @@ class ScalarReader:
             path=path,
             found=self._text(value),
             allowed=allowed or (info.type_text,),
-            remedy=remedy,
+            remedy=remedy or _number_remedy(info, self._text(value)),
         )
 
     def _span(self, value: Value) -> Span:
@@ -193,6 +198,30 @@ class ScalarReader:
 
     def _text(self, value: Value) -> str:
         return shortened(self._source.text[value.start : value.end].partition("\n")[0])
+
+
+def _limits_of(info: FieldInfo) -> str:
+    """The range of an integer field in words: that of its rule, as far as the type allows it."""
+    from joshua.config.field_facts import facts_of, number_text
+
+    facts = facts_of(info.descriptor)
+    smallest = info.smallest if facts.minimum is None else facts.minimum
+    largest = info.largest if facts.maximum is None else facts.maximum
+    return f"{number_text(smallest)} to {number_text(largest)}"
+
+
+def _number_remedy(info: FieldInfo, text: str) -> str:
+    """How a number is written for this field, where it takes one; "" for others."""
+    if info.kind is not Kind.INTEGER and info.kind is not Kind.FLOAT:
+        return ""
+    from joshua.config.field_facts import facts_of
+
+    facts = facts_of(info.descriptor)
+    if facts.unit and re.fullmatch(_NUMBER_WITH_UNIT, text):
+        return f"Write the number alone; the unit of {info.name} is {facts.unit}."
+    sample = facts.example or facts.default
+    what = f"a list of {info.type_text}s" if info.is_repeated else f"a {info.type_text}"
+    return f"Write {what}, such as {sample}." if sample else ""
 
 
 def _names(enum: Any) -> list[str]:

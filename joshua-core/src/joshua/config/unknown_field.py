@@ -51,8 +51,10 @@ def report_unknown_field(
             remedy = f"Move it into the block {home}, where {shown} is a field."
         elif owner is not None:
             remedy = f"Close the block above before it with }}: {shown} is a field of {owner.name}."
-    if not remedy and nearest(field.name, allowed):
-        remedy = f"Did you mean {allowed[0]}?"
+        elif nearest(field.name, allowed):
+            remedy = f"Did you mean {allowed[0]}?"
+        elif elsewhere := _home_of(around[0], field.name):
+            remedy = f"Move it into the block {elsewhere}, where {shown} is a field."
     problems.error(
         "unknown-field",
         f"{descriptor.name} has no field {shown}.",

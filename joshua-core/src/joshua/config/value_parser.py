@@ -182,6 +182,7 @@ class ValueParser:
         return result
 
     def _items(self, result: ListValue, field: Field) -> None:
+        lacks_comma = False
         while not self.problems.full:
             if self._at_sign("{") or self._at_sign("<"):
                 result.items.append(self.block(field.name))
@@ -210,7 +211,8 @@ class ValueParser:
                     self._extra_comma(comma)
                     self.at += 1
                     return
-            elif self._begins_item():
+            elif self._begins_item() and not lacks_comma:  # who forgets one forgets all of a list
+                lacks_comma = True
                 before = self.tokens.ends[self.at - 1]
                 self.error(
                     "missing-comma",

@@ -80,12 +80,14 @@ def check_file(request: Request) -> Checked:
 
 def finish(checked: Checked) -> Examination:
     """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
+    from joshua.generator.echoes import without_echoes
     from joshua.generator.planning import Planning
 
     request = checked.request
     planning = Planning(checked.loaded, checked.registry, request)
     planning.resolve()
-    examination = Examination([*checked.diagnostics, *planning.findings], checked.loaded.sources)
+    findings = without_echoes(checked.diagnostics, planning.findings, checked.loaded.positions)
+    examination = Examination([*checked.diagnostics, *findings], checked.loaded.sources)
     if examination.errors or request.purpose is Purpose.VALIDATE:
         return examination
     plan = planning.plan()

@@ -68,7 +68,7 @@ class Findings:
             Severity.ERROR if self.launch else Severity.NOTE,
             registry.missing(names, first.kind, first.block_name, enum_value),
             first.block_path,
-            remedy="install the plugin, then see what `joshua plugins` lists",
+            remedy=registry.remedy(first.kind, first.block_name, enum_value),
             related=tuple(
                 Related(position=place, label=f"{want.entry.node.node_name} needs it too")
                 for want in wants[1:]

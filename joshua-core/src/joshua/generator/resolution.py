@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.config.checks.device_table import fitting_blocks
 from joshua.config.topics import endpoints
 from joshua.generator.devices import Wanted, joints_of
 from joshua.generator.findings import Findings
@@ -163,9 +164,13 @@ class Resolver:
 
 
 def _is_complete(want: Wanted) -> bool:
-    """Whether block and type are there; the checks report what is absent."""
-    has_block = bool(want.block_name) or want.kind is ProvisionKind.MODEL
-    return has_block and not want.enum_value.endswith("_UNSPECIFIED")
+    """Whether block and type are there and go together; the checks report what is absent or does not."""
+    if want.enum_value.endswith("_UNSPECIFIED"):
+        return False
+    if want.kind is ProvisionKind.MODEL:
+        return True
+    is_third_party = "." in want.block_name
+    return is_third_party or want.block_name in fitting_blocks(want.entry.owner)
 
 
 def calibration_values(calibration: calibration_pb2.ArmCalibration) -> dict[str, Any]:

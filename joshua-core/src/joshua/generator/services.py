@@ -40,6 +40,13 @@ class Service:
         """Name of the block, which becomes the node's name."""
         return self.path.rpartition(".")[2]
 
+    @property
+    def is_chosen(self) -> bool:
+        """Whether the file says which plugin is meant."""
+        if self.kind is ProvisionKind.TRAINER and self.enum_value == "METHOD_RL":
+            return bool(self.block.environment == pb.ENV_REAL)  # else its simulator decides
+        return not self.enum_value.endswith("_UNSPECIFIED")
+
 
 @dataclass(frozen=True)
 class ResolvedService:
@@ -69,6 +76,8 @@ def resolve_services(
     chosen = choose_environment(config, registry, findings) if "training" in share.services else None
     for service in _present(config, share):
         provision = registry.find(service.kind, service.name, service.enum_value)
+        if provision is None and not service.is_chosen:
+            continue  # the check says what to choose
         if provision is None:
             required = share.services[service.name] is Need.REQUIRED
             findings.service_missing(

@@ -104,7 +104,8 @@ def report_lines(report: RunReport) -> list[str]:
         if node.state not in ("stopped", "ready"):
             lines.append(f"{node.full_name}: {node.state}: {node.reason}")
         elif node.restarts:
-            lines.append(f"{node.full_name}: started again {node.restarts} times")
+            times = "once" if node.restarts == 1 else f"{node.restarts} times"
+            lines.append(f"{node.full_name}: started again {times}")
     ending = f"ended with {report.exit_code}: {report.reason}"
     if report.stop_s is not None:
         ending += f" (stopped in {report.stop_s:.2f} s)"

@@ -185,6 +185,18 @@ class Registry:
                 )
         return f"{node_name}: {what} needs the plugin {distribution}: pip install {distribution}"
 
+    def remedy(self, kind: ProvisionKind, block: str, enum_value: str = "") -> str:
+        """What to do where ``find`` has nothing."""
+        if block and any((offer.kind, offer.block) == (kind, block) for offer, _ in self._usable):
+            return "write one of the types that it takes, or another block"
+        distribution = hints.distribution_for(block, enum_value)
+        rows = [row for row in self._rows if row.distribution == distribution or not distribution]
+        if any(row.status is PluginStatus.BLOCKED for row in rows):
+            return "leave --block-plugin out, or take a device that needs no blocked plugin"
+        if any(row.distribution == distribution for row in rows):
+            return "see what `joshua plugins` lists, and why something is not used"
+        return "install the plugin, then see what `joshua plugins` lists"
+
     def _nobody(self) -> str:
         """Why no plugin provides a third party's block, and what to do; it may be one that is not in use."""
         unused = [

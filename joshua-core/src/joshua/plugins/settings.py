@@ -202,7 +202,7 @@ def settings_diagnostics(
             Diagnostic(
                 code="invalid-setting",
                 severity=Severity.ERROR,
-                message=as_sentence(message),
+                message=as_sentence(_begun(message, block)),
                 position=_nearest_position(positions, path),
                 field_path=path,
                 found="" if found is None else _as_text(found),
@@ -213,6 +213,13 @@ def settings_diagnostics(
             )
         )
     return diagnostics
+
+
+def _begun(message: str, block: Message) -> str:
+    """A message with a capital letter, unless it begins with the name of a field."""
+    first = message.partition(" ")[0]
+    is_word = first.isalpha() and first not in block.DESCRIPTOR.fields_by_name
+    return message[0].upper() + message[1:] if is_word else message
 
 
 _BOUNDS = {

@@ -55,7 +55,8 @@ def effective_qos_notes(kind: str, qos: QosProfile) -> list[str]:
     ]
     if not settings:
         return []
-    verb = "acts" if len(settings) == 1 else "act"
+    verb, them = ("acts", "it") if len(settings) == 1 else ("act", "them")
     return [
-        f"{', '.join(settings)} {verb} between JOSHUA nodes only: ROS 2's Zenoh middleware does not apply it"
+        f"{', '.join(settings)} {verb} between JOSHUA nodes only: "
+        f"ROS 2's Zenoh middleware does not apply {them}"
     ]

@@ -92,6 +92,11 @@ class Context:
         return endpoints(self.config)
 
     @cached_property
+    def by_path(self) -> dict[str, Endpoint]:
+        """Every publisher and subscription by its field path."""
+        return {item.path: item for item in self.endpoints}
+
+    @cached_property
     def usable(self) -> list[Endpoint]:
         """The endpoints whose topic name is valid; the others are reported by the naming rules."""
         return [

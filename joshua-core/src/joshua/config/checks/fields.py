@@ -8,6 +8,8 @@ from typing import Any
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import block_of, messages_of
+from joshua.config.checks.topics import type_text
 from joshua.config.field_facts import FieldFacts, number_text
 from joshua.config.nearest import nearest_first
 from joshua.plan import Diagnostic
@@ -48,9 +50,10 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
     noun = "block" if single is not None and single.is_message else "field"
     subject = block_name(block) if block.path else "The file"
     what = f"the required {noun}{'' if single else 's'} {in_words(names)}"
+    endpoint = _Endpoint(context, block.path)
     allowed: tuple[str, ...] = ()
     if single is not None and single.enum is not None:
-        allowed = single.value_names()
+        allowed = endpoint.data_types or single.value_names()
     elif single is not None and single.range_text():
         allowed = (single.range_text(),)
     return context.error(
@@ -59,8 +62,34 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
         block.field_path(single.name) if single else block.path,
         position=context.block_position(block.path),
         allowed=allowed,
-        remedy=f"Add {in_words([facts.sample() for facts in missing])}",
+        remedy=f"Add {in_words([endpoint.sample(facts) for facts in missing])}",
     )
+
+
+class _Endpoint:
+    """What the device behind a publisher or subscription can do; knows nothing of other blocks."""
+
+    def __init__(self, context: Context, path: str) -> None:
+        self._item = context.by_path.get(path)
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """Names of the types that it can publish or listen to; empty where that is not known."""
+        if self._item is None:
+            return ()
+        messages = messages_of(self._item.entry.owner)
+        numbers = messages.publishes if self._item.is_publisher else messages.hears
+        return tuple(map(type_text, numbers or ()))
+
+    def sample(self, facts: FieldFacts) -> str:
+        """A field with a value that this device can keep."""
+        if facts.name == "data_type" and self.data_types:
+            return f"data_type: {self.data_types[0]}"
+        if facts.name == "publish_rate_hz" and self._item is not None:
+            fps = getattr(block_of(self._item.entry.owner)[1], "fps", 0)
+            if fps > 0:
+                return f"publish_rate_hz: {number_text(fps)}"
+        return facts.sample()
 
 
 def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:

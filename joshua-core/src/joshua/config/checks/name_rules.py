@@ -93,7 +93,7 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
             path,
             found=context.found(path, value),
             allowed=('"MJPG"', '"YUYV"', '"RGB3"', '"H264"'),
-            remedy="Write one of the codes that the camera lists (v4l2-ctl --list-formats)",
+            remedy="Write one of the codes that the camera lists: `joshua find-cameras` shows them",
         )
     elif facts.name == "vid_pid" and not re.fullmatch(_VID_PID, value):
         yield context.error(

@@ -28,7 +28,7 @@ _EXCLUSIVE: dict[int, _Kind] = {
     rules.KIND_SERIAL_PORT: _Kind(
         "serial-port-shared",
         "{a} and {b} use the same serial port; one node opens a port for itself alone",
-        "Give each device the port of its own adapter; `ls /dev/serial/by-id` lists them",
+        "Give each device the port of its own adapter; `joshua find-port` lists them",
     ),
     rules.KIND_BLE_DEVICE: _Kind(
         "ble-device-shared",

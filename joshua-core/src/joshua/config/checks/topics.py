@@ -138,7 +138,7 @@ def unpublished(context: Context, item: Endpoint) -> Diagnostic:
     own = {endpoint.topic for endpoint in context.of_entry(item.entry)}
     others = [name for name in islice(context.published_by_nodes, _MOST_NAMES) if name not in own]
     similar = nearest(item.topic, others)
-    same_type = [name for name in others if context.published_by_nodes[name] == number]
+    same_type = [name for name in others if number and context.published_by_nodes[name] == number]
     return context.warning(
         "topic-unpublished",
         f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
