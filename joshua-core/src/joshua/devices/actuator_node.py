@@ -270,7 +270,7 @@ class ActuatorNode(NodeBehaviour):
             return None
         silence_s = patience.hear(time.monotonic())
         if silence_s:
-            self.context.log.warning("no answer for %.2f s, in which nothing was written", silence_s)
+            self.context.log.warning("no answer for %.2f s: the cycles in between were left out", silence_s)
         self._status.reading = reading
         return reading
 
