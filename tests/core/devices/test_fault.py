@@ -350,3 +350,11 @@ def test_a_device_that_is_gone_is_not_waited_for(start: Any, monkeypatch: pytest
     monkeypatch.setattr(node.arm, "read", gone)
     with pytest.raises(DeviceDisconnected):
         node.cycle()
+
+
+def test_a_driver_that_is_started_again_is_told_how_the_device_was_reached(
+    start: Any, tmp_path: Path
+) -> None:
+    EstopFiles(str(tmp_path / "files")).leave_order("/arm", "module:stop", {"serial_number": "A1"})
+    assert "remembered" not in start().arm.plan_context
+    assert start(restarted=True).arm.plan_context["remembered"] == {"serial_number": "A1"}

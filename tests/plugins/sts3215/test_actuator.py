@@ -1,3 +1,4 @@
+import json
 import time
 from typing import Any
 
@@ -281,6 +282,23 @@ def test_a_calibrated_arm_that_was_moved_is_found_by_a_new_driver(
     arm.connect()
     assert arm.identity == "usb:ARM1"
     assert arm.safe_stop_request("HOLD").path.endswith("ttyACM4")
+
+
+def test_a_driver_that_is_started_again_knows_the_adapter_of_the_one_before(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    """Named by its path and not calibrated, so that nothing but this run knows whose adapter it was."""
+    arm = make_arm(arm_emulator, calibrated=False)
+    arm.connect()
+    request = json.loads(arm.safe_stop_request("RELEASE").to_json())
+    arm.disconnect()
+    arm_emulator.fault("unplug")
+    arm_emulator.fault("replug", name="ttyACM4")
+    with pytest.raises(DeviceError, match="no such serial port"):
+        make_arm(arm_emulator, calibrated=False).connect()
+    again = make_arm(arm_emulator, {"remembered": request}, calibrated=False)
+    again.connect()
+    assert again.identity == "usb:ARM1"
 
 
 def test_a_servo_that_falls_silent_is_named(arm_emulator: EmulatedBus, make_arm: Any) -> None:

@@ -75,7 +75,7 @@ class ActuatorNode(NodeBehaviour):
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
         spec = self.context.spec
         implementation, settings = load_implementation(spec, Actuator)
-        actuator: Actuator = implementation(settings, dict(spec.context))
+        actuator: Actuator = implementation(settings, {**spec.context, **self._safety.remembered()})
         self._check_topics(actuator)
         self._actuator = actuator
         actuator.stopping = lambda: self.context.stopping

@@ -50,6 +50,11 @@ class ActuatorSafety:
                 request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
                 self._estop.leave_order(action, json.loads(request.to_json()))
 
+    def remembered(self) -> dict[str, Any]:
+        """For a driver that is started again: ``remembered``, how the one before has reached the device."""
+        order = self._estop.left_order() if self._values.get("restarted") else {}
+        return {"remembered": order} if order else {}
+
     def latch(self) -> Latch | None:
         """The e-stop that stands, if any."""
         return self._estop.latch()

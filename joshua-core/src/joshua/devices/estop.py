@@ -35,6 +35,11 @@ class Estop:
         """Leaves what releases the joints without this process."""
         self._files.leave_order(self._node, implementation, request)
 
+    def left_order(self) -> dict[str, Any]:
+        """What the driver before this one has left for that in the same run; empty where there was none."""
+        order = self._files.read_order(self._node)
+        return {} if order is None else order[1]
+
     def release(self, actuator: Actuator, latch: Latch, *, guarded: bool) -> str:
         """Takes the torque off, reads it back and reports; returns what the device has said.
 

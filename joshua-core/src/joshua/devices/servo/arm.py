@@ -38,7 +38,8 @@ class ServoArm(Actuator):
     Args:
         settings: the arm.
         context: of the plan. ``allow_uncalibrated`` lets an arm without calibration be energised, in radians
-            about the middle of its range; ``dry_run`` does everything with torque off.
+            about the middle of its range; ``dry_run`` does everything with torque off; ``remembered``, the
+            safe-stop request of the driver before in the same run, tells the adapter.
     """
 
     settings: ServoSettings
@@ -50,11 +51,12 @@ class ServoArm(Actuator):
         self._ids = settings.motor_ids
         self._map = JointMap(settings)
         self._watch = HealthWatch(settings.joint_names, [HealthLimits()] * len(self._ids), self.family.status)
+        adapter = self.plan_context.get("remembered", {})  # of the driver before, which had found it
         self._port = SerialPort(
             Endpoint(
                 settings.port,
-                settings.serial_number,
-                settings.vid_pid,
+                settings.serial_number or adapter.get("serial_number", ""),
+                settings.vid_pid or adapter.get("vid_pid", ""),
                 settings.device_root,
                 settings.calibration.device_identity if settings.calibration else "",
             ),
@@ -365,10 +367,8 @@ class ServoArm(Actuator):
         try:
             self._torque.switch_off()
         except DeviceDisconnected as error:
-            raise SafetyTripped(
-                f"{self._port}: {reason}; taking the torque off could not be verified: {error}",
-                released=False,
-            ) from error
+            text = f"{self._port}: {reason}; taking the torque off could not be verified: {error}"
+            raise SafetyTripped(text, released=False) from error
         raise SafetyTripped(
             f"{self._port}: {reason}. The torque of this arm was taken off; look for the cause (a blocked "
             "joint, heat, the supply)."
