@@ -68,13 +68,18 @@ def test_options_without_a_file_say_what_is_missing(capsys: pytest.CaptureFixtur
 def test_before_the_start_a_signal_is_like_ctrl_c_and_comes_once() -> None:
     former = signal.getsignal(signal.SIGTERM)
     tidied = []
-    with pytest.raises(KeyboardInterrupt), interruptible():
+
+    @interruptible()
+    def work() -> None:
         try:
             os.kill(os.getpid(), signal.SIGTERM)
             time.sleep(5)
         finally:
             os.kill(os.getpid(), signal.SIGTERM)  # `timeout` sends it twice
             tidied.append("all")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
     assert tidied == ["all"]
     assert signal.getsignal(signal.SIGTERM) is former
 
