@@ -73,3 +73,14 @@ def test_a_stream_without_a_descriptor_is_written_to_and_never_asked():
     front_end.close()
     assert screen.getvalue().splitlines()[-1] == "a line"
     assert "\x1b" not in screen.getvalue()
+
+
+def test_a_reader_that_has_gone_ends_no_calibration():
+    class Closed(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError(text)
+
+    front_end = TerminalFrontEnd(io.StringIO(), Closed())
+    front_end.show(board(swept()))
+    front_end.say("leader_arm is calibrated")
+    front_end.close()

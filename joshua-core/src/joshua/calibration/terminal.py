@@ -94,8 +94,9 @@ class TerminalFrontEnd(FrontEnd):
         return data.decode(errors="replace")
 
     def _put(self, text: str) -> None:
-        self._screen.write(text)
-        self._screen.flush()
+        with contextlib.suppress(OSError, ValueError):  # nobody reads any more; the calibration goes on
+            self._screen.write(text)
+            self._screen.flush()
 
 
 def _requests_of_keys(text: str) -> Iterable[Request]:
