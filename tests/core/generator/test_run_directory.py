@@ -30,6 +30,7 @@ def test_the_base_follows_the_environment(tmp_path):
     assert base_directory({}) == fallback
     assert base_directory({"XDG_RUNTIME_DIR": str(tmp_path / "missing")}) == fallback
     assert base_directory({"XDG_RUNTIME_DIR": "relative"}) == fallback
+    assert base_directory({"XDG_RUNTIME_DIR": f"/{'x' * 5000}"}) == fallback
 
 
 def test_a_system_is_found_from_every_usual_environment(tmp_path, monkeypatch):
@@ -51,6 +52,10 @@ def test_a_system_is_found_from_every_usual_environment(tmp_path, monkeypatch):
 
     of_service.chmod(0o755)
     assert base_directories(terminal) == [of_terminal]  # others may have written there
+    assert base_directories({}, make=True) == [of_terminal]
+    of_terminal.chmod(0o755)
+    with pytest.raises(RunDirectoryError, match="chmod 700"):
+        base_directories({}, make=True)
     service.close()
 
 

@@ -57,7 +57,7 @@ class RunInfo:
 def base_directory(environment: Mapping[str, str]) -> Path:
     """``$XDG_RUNTIME_DIR/joshua``, else ``/tmp/joshua-<uid>``."""
     runtime = environment.get("XDG_RUNTIME_DIR", "")
-    if Path(runtime).is_absolute() and Path(runtime).is_dir() and os.access(runtime, os.W_OK):
+    if Path(runtime).is_absolute() and os.path.isdir(runtime) and os.access(runtime, os.W_OK):  # noqa: PTH112
         return Path(runtime) / "joshua"
     return _FALLBACK / f"joshua-{os.getuid()}"
 
@@ -72,13 +72,15 @@ def base_directories(environment: Mapping[str, str], *, make: bool = False) -> l
         make: make those that are not there.
 
     Raises:
-        RunDirectoryError: with ``make``, the first one cannot be used.
+        RunDirectoryError: with ``make``, none can be used.
     """
     own, usual = base_directory(environment), _usual_places()
-    if make:
-        _private(own)
-    others = [path for path in usual if path != own and _is_private(path, make=make)]
-    return [own, *others] if own in usual else [own]
+    others = [path for path in usual if path != own and _is_private(path, make=make)] if own in usual else []
+    if make and not _is_private(own, make=True):
+        if not others:
+            _private(own)  # says why
+        return others  # a robot that runs there does not wait until the first one is put right
+    return [own, *others]
 
 
 def _usual_places() -> list[Path]:
