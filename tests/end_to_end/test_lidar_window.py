@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
+import signal
 import struct
 import subprocess
 import sysconfig
@@ -50,7 +51,7 @@ def test_the_window_shows_the_room(tmp_path: Path, joshua_domain_id: int) -> Non
             "XDG_STATE_HOME": str(tmp_path / "state"),
             "JOSHUA_LOG_DIR": str(tmp_path / "log"),
         }
-        command = [str(JOSHUA), "--config", str(PRESET), "--emulate", "--duration", "12"]
+        command = [str(JOSHUA), "--config", str(PRESET), "--emulate", "--duration", "60"]
         run = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -63,6 +64,7 @@ def test_the_window_shows_the_room(tmp_path: Path, joshua_domain_id: int) -> Non
         while run.poll() is None and most < 20_000 and time.monotonic() < deadline_s:
             most = max(most, pixels_of(tmp_path / "Xvfb_screen0", TINT))
             time.sleep(0.1)
+        run.send_signal(signal.SIGINT)
         output = run.communicate(timeout=60)[0].decode()
         assert most >= 20_000, output
         assert pixels_of(tmp_path / "Xvfb_screen0", TINT) == 0  # closed with the run

@@ -78,7 +78,7 @@ def goal_was_written(entry: dict[str, object]) -> bool:
 )
 def test_a_trip_ends_the_test_without_torque(joshua_run: JoshuaProgram, fault: str, text: str) -> None:
     with EmulatedBus(ids=(1,)) as servo:
-        process = joshua_run.start("--config", PRESET, "--set", PORT + servo.port)
+        process = joshua_run.start("--config", PRESET, *SHORT, "--set", PORT + servo.port)
         assert servo.wait_for(["torque"], timeout_s=30)["on"] is True
         servo.fault(fault)
         output, errors = process.communicate(timeout=60)

@@ -134,8 +134,9 @@ def sweep_all(run: CalibrationRun, emulator: EmulatedBus, confirm: Any, *, secon
         name = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")[slot]
         place = run.wait_for(f"Move {name} from", since=place)
         emulator.guide(slot, seconds)
+        back_s = time.monotonic() + seconds  # at the middle again
         place = run.wait_for(f"{name} is complete", since=place)
-        time.sleep(seconds)
+        time.sleep(max(0.0, back_s - time.monotonic()))
         confirm()
     run.wait_for("Every joint is complete", since=place)
 
