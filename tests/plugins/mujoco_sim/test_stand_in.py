@@ -52,6 +52,24 @@ def test_emulated_cameras_keep_their_driver_and_see_the_scene() -> None:
     assert config.robot.perceptions == text_format.Parse(text, pb.Config()).robot.perceptions
 
 
+def test_hub_becomes_an_arm_without_a_battery() -> None:
+    hub = simulated("test_spike_ble.pbtxt").robot.actions[0]
+    assert list(hub.sim_config.actuators) == ["shoulder_pan", "shoulder_lift"]
+    assert [topic.topic_name for topic in hub.node.publishers] == ["/spike/joint_states"]
+
+
+def test_actuator_of_unknown_joints_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("joshua.generator.simulated.joints_of", lambda *_: [])
+    with pytest.raises(StandInError, match="spike_hub: its block does not say which joints it has"):
+        simulated("test_spike_ble.pbtxt")
+
+
+def test_device_whose_emulator_is_no_part_of_the_physics_is_not_called_simulated() -> None:
+    config = text_format.Parse((CONFIGS / "test_spike_ble.pbtxt").read_text(), pb.Config())
+    with pytest.raises(StandInError, match="whose emulator can be part of the simulation"):
+        stand_in(config, load_registry(), emulated=True)
+
+
 def test_two_pairs_are_four_arms() -> None:
     config = simulated("teleop_dual_arm.pbtxt")
     assert len(config.simulation.attached) == 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from google.protobuf.message import Message
 
@@ -68,7 +69,13 @@ class EmulatedDevice:
 
 
 class DeviceEmulator(ABC):
-    """Stands for one device in a process of its own, which ends with the one that started it."""
+    """Stands for one device in a process of its own, which ends with the one that started it.
+
+    Attributes:
+        couples: it acts on ``EmulatedDevice.physics``, so that it can be part of a simulation.
+    """
+
+    couples: ClassVar[bool] = False
 
     def __init__(self, device: EmulatedDevice) -> None:
         self.device = device

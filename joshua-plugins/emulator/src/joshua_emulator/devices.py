@@ -56,6 +56,8 @@ class ProcessEmulator(DeviceEmulator):
 class ServoBusEmulator(ProcessEmulator):
     """An STS3215 bus; six servos are an SO-ARM100, already calibrated."""
 
+    couples = True
+
     #: Subcommand of the emulator's command line, and the arm that six servos are.
     protocol: ClassVar[str] = "feetech"
     arm: ClassVar[str] = "so_arm100"
@@ -136,6 +138,8 @@ class DynamixelBusEmulator(ServoBusEmulator):
 
 class CameraEmulator(ProcessEmulator):
     """A camera that serves Motion JPEG on loopback: a test scene, or what a camera of the simulation sees."""
+
+    couples = True
 
     def make_process(self, block: Any, folder: Path) -> EmulatedCamera:
         """Makes the camera with the size and the rate of the block."""

@@ -13,6 +13,7 @@ import mujoco
 from joshua.plugins.block_values import block_values
 from joshua.plugins.stand_in import CoupledArm, CoupledCamera, RealDevice, StandInError
 from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
 from joshua.schema import simulation_pb2 as sim
 
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
@@ -119,6 +120,9 @@ def _actuators(device: RealDevice, free: Sequence[str], prefix: str) -> list[str
 def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
     action = device.owner
     action.ClearField(device.block_name)
+    further = [topic for topic in action.node.publishers if topic.data_type != types.JOINT_STATE]
+    for topic in further:  # such as a hub's battery, which a model does not have
+        action.node.publishers.remove(topic)
     action.sim_config.actuators.extend(actuators)
     if device.role == "ACTION_LEADER":
         action.sim_config.motion = pb.MOCK_MOTION_SINE
