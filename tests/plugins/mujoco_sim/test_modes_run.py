@@ -37,6 +37,28 @@ def test_offscreen_draws_and_moves(tmp_path: Path) -> None:
     assert "real-time factor" in ended.stderr
 
 
+DIVERGING = """
+<mujoco><option timestep="0.01" integrator="Euler"/>
+<worldbody><body><joint name="hinge"/><geom size=".02" pos=".1 0 0" mass="0.001"/></body></worldbody>
+<actuator><position name="hinge" joint="hinge" kp="5000"/></actuator>
+<keyframe><key name="home" qpos="0.5"/></keyframe></mujoco>
+"""
+
+
+def test_divergence_ends_the_run_where_the_file_says_so(tmp_path: Path) -> None:
+    (tmp_path / "bad.xml").write_text(DIVERGING)
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(
+        'general { mode: MODE_SIMULATION name: "d" id: "diverging-test" }\n'
+        'simulation { mode: OFFSCREEN model_path: "bad.xml" on_divergence: DIVERGENCE_STOP_RUN }\n'
+    )
+    ended = run(path, "--duration", "30")
+    assert ended.returncode == 1, ended.stderr
+    assert "the simulation diverged at 0.0" in ended.stderr
+    assert "hinge has a speed of" in ended.stderr
+    assert "starting again" not in ended.stderr
+
+
 def test_passive_reports_and_ends_by_itself(tmp_path: Path) -> None:
     (tmp_path / "wave.csv").write_text(
         "time_s,shoulder_pan\n" + "".join(f"{i / 50},{2.5 * np.sin(i / 10):.3f}\n" for i in range(60))
@@ -125,6 +147,7 @@ def test_passive_preset_replays_its_data_set(tmp_path: Path) -> None:
     missing = run(path)
     assert missing.returncode == 2
     assert "so_arm100_demos" in missing.stdout + missing.stderr
+    assert "joshua-dataset" not in missing.stdout + missing.stderr  # the simulator itself reads it
     root = tmp_path / "datasets" / "so_arm100_demos"
     (root / "meta").mkdir(parents=True)
     (root / "data" / "chunk-000").mkdir(parents=True)

@@ -136,3 +136,26 @@ def test_recording_that_nothing_replays_is_an_error(tmp_path) -> None:
     found = error(tmp_path, simulation_file(simulation='trajectory_path: "wave.csv"'))
     assert found.field_path == "simulation.trajectory_path"
     assert "has no effect with mode: OFFSCREEN" in found.message
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        (simulation_file(), "robot.perceptions[0].sim_camera_config.camera"),
+        (
+            simulation_file(
+                simulation='renders { camera: "top" width: 64 height: 48 fps: 5 output: "a_%03d.png" }'
+            ).partition("perceptions")[0]
+            + "}",
+            "simulation.renders[0].camera",
+        ),
+    ],
+)
+def test_launch_without_opengl_is_refused_before_it_starts(
+    tmp_path, monkeypatch: pytest.MonkeyPatch, text: str, field: str
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disabled")
+    assert not examination(tmp_path, text, Purpose.VALIDATE).errors  # it may run elsewhere
+    (found,) = examination(tmp_path, text).errors
+    assert found.field_path == field
+    assert "MUJOCO_GL=disabled forbids every picture" in found.message

@@ -100,8 +100,12 @@ def test_stamps_are_simulated_time(simulation: Simulation) -> None:
 
 
 def test_user_pauses_steps_sets_and_resets(simulation: Simulation) -> None:
-    assert simulation.command("pause").returncode == 0
-    time.sleep(0.3)
+    early = simulation.command("step")
+    assert early.returncode == 1
+    assert "the simulation is not paused; pause it first" in early.stderr
+    paused = simulation.command("pause")
+    assert paused.returncode == 0
+    assert paused.stdout.startswith("paused at ")
     held = simulation.time_s()
     time.sleep(0.3)
     assert simulation.time_s() == held
@@ -116,6 +120,9 @@ def test_user_pauses_steps_sets_and_resets(simulation: Simulation) -> None:
         return float(message.position[list(message.name).index("gripper")])
 
     simulation.wait(lambda: abs(gripper() - 0.9) < 0.01)
+    typo = simulation.command("set", "griper=0.9")
+    assert typo.returncode == 1
+    assert "no joint griper; did you mean gripper?; joints are shoulder_pan, " in typo.stderr
     assert simulation.command("reset").returncode == 0
     simulation.wait(lambda: abs(gripper()) < 0.01)
     assert simulation.command("resume").returncode == 0

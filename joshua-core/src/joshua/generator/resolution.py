@@ -136,7 +136,7 @@ class Resolver:
             provision,
             with_absolute_paths(want.block, want.block_path, self._findings.positions, self._source),
             node=want.entry.node,
-            context=context,
+            context=context | {"launch": self._findings.launch},
             field_path=want.block_path,
             positions=self._findings.positions,
         )

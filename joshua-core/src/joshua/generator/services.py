@@ -105,7 +105,7 @@ def _settings(service: Service, provision: Provision, context: dict[str, Any], f
     settings, problems = make_settings(
         provision,
         service.block,
-        context=context,
+        context=context | {"launch": findings.launch},
         field_path=service.path,
         positions=findings.positions,
     )
@@ -133,8 +133,14 @@ def _data_store(config: pb.Config, registry: Registry, findings: Findings, folde
     }
 
 
+def _simulator_has_it(config: pb.Config) -> bool:
+    """Whether the simulator itself replays or writes the data set, so that no store runs beside it."""
+    replays = config.general.mode == pb.MODE_SIMULATION and config.simulation.mode == simulation_pb2.PASSIVE
+    return replays or makes_episodes(config)
+
+
 def makes_episodes(config: pb.Config) -> bool:
-    """Whether the simulator writes the data set itself, so that nothing else records into it."""
+    """Whether the simulator writes the data set."""
     return config.general.mode == pb.MODE_SIMULATION and config.simulation.HasField("generate")
 
 
@@ -173,13 +179,15 @@ def service_spec(resolved: ResolvedService, registry: Registry) -> NodeSpec:
         settings=values if settings is None else settings.model_dump(mode="json"),
         context=resolved.context,
         process_group=PHYSICS_GROUP if service.kind is ProvisionKind.SIMULATOR else "",
+        # a physics that starts anew is another one: whatever was done in it is gone
+        restart="stop-run" if service.kind is ProvisionKind.SIMULATOR else "on-failure",
     )
 
 
 def _present(config: pb.Config, share: ModeShare) -> list[Service]:
     ai = config.ai
     services = []
-    if "data_store" in share.services and ai.HasField("data_store") and not makes_episodes(config):
+    if "data_store" in share.services and ai.HasField("data_store") and not _simulator_has_it(config):
         value = _name(pb.DataFormat, ai.data_store.format)
         services.append(Service("ai.data_store", ProvisionKind.STORE, ai.data_store, value))
     if "training" in share.services and ai.HasField("training"):

@@ -88,7 +88,8 @@ class BlockSettings(BaseModel):
         Args:
             block: the configuration block, such as a ``MockMotorConfig``.
             node: the ``Node`` block beside it; None where there is none.
-            context: the plan's further facts, see ``NodeSpec.context``.
+            context: the plan's further facts, see ``NodeSpec.context``; while a file is examined also
+                ``launch``, whether nodes are about to be started.
 
         Raises:
             pydantic.ValidationError: a value or a rule across fields is broken.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from typing import Any
 
 import mujoco
@@ -45,32 +46,39 @@ class ControlTopics:
             self._world.pause()
         else:
             self._world.resume()
-        self._log.info("%s at %.3f s", "paused" if message.data else "runs on", self._world.physics.time_s)
+        self._say(PAUSE, f"{'paused' if message.data else 'runs on'} at {self._world.physics.time_s:.3f} s")
 
     def _step(self, message: Any, received_ns: int) -> None:
         del received_ns
         count = int(message.data)
         if not self._world.paused:
-            self._log.warning("~/step: the simulation is not paused; send true on ~/pause first")
+            self._refuse(STEP, "the simulation is not paused; pause it first (true on ~/pause)")
         elif not 0 < count <= STEPS_LIMIT:
-            self._log.warning("~/step: %d steps; ask for 1 to %d", count, STEPS_LIMIT)
+            self._refuse(STEP, f"{count} steps; ask for 1 to {STEPS_LIMIT}")
         else:
             self._world.step_paused(count)
+            self._say(STEP, f"{count} more steps")
 
     def _reset(self, message: Any, received_ns: int) -> None:
         del message, received_ns
         self._world.reset()
-        self._log.info("reset")
+        self._say(RESET, "the model is back at its start")
 
     def _set_state(self, message: Any, received_ns: int) -> None:
         del received_ns
         world, physics = self._world, self._world.physics
-        known = {physics.model.joint(i).name: i for i in range(physics.model.njnt)}
+        model = physics.model
+        # where one number says where it is
+        single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+        known = {model.joint(i).name: i for i in range(model.njnt) if model.jnt_type[i] in single}
         values = dict(zip(message.name, message.position, strict=False))
         unknown = [name for name in values if name not in known]
         if unknown or not values or not np.isfinite(list(values.values())).all():
-            what = f"no joint {', '.join(unknown)}" if unknown else "every position must be a finite number"
-            self._log.warning("~/set_state: %s; joints are %s", what, ", ".join(filter(None, known)))
+            what = "every position must be a finite number"
+            if unknown:
+                near = get_close_matches(unknown[0], known, n=1, cutoff=0.5)
+                what = f"no joint {', '.join(unknown)}" + (f"; did you mean {near[0]}?" if near else "")
+            self._refuse(SET_STATE, f"{what}; joints are {', '.join(filter(None, known))}")
             return
         with world.lock:
             for name, value in values.items():
@@ -78,4 +86,11 @@ class ControlTopics:
                 physics.data.qpos[joint.qposadr[0]] = value
                 physics.data.qvel[joint.dofadr[0]] = 0.0
             mujoco.mj_forward(physics.model, physics.data)
-        self._log.info("joints set: %s", ", ".join(values))
+        self._say(SET_STATE, f"{', '.join(values)} set")
+
+    def _say(self, topic: TopicSpec, text: str) -> None:
+        """Answers on /rosout, where ``joshua sim`` listens for the name of its topic."""
+        self._log.info("%s: %s", topic.name, text)
+
+    def _refuse(self, topic: TopicSpec, text: str) -> None:
+        self._log.warning("%s: %s", topic.name, text)

@@ -155,7 +155,7 @@ class SimulatorNode(NodeBehaviour):
             return []
         world, settings = self._running()
         factor, wanted = world.real_time_factor, settings.real_time_factor
-        rows = [("no divergence", not world.divergences, f"{len(world.divergences)} times")]
+        rows = [("no divergence", not world.divergence_count, f"{world.divergence_count} times")]
         if wanted > 0:
             rows.append(("real-time factor", abs(factor - wanted) <= 0.02 * wanted, f"{factor:.3f}"))
         return rows
@@ -230,9 +230,14 @@ class SimulatorNode(NodeBehaviour):
 
     def _watch(self) -> None:
         world, _ = self._running()
-        for text in world.divergences[self._reported :]:
-            self.context.log.error("%s; the model was put back to its start", text)
-        self._reported = len(world.divergences)
+        with world.lock:
+            count, texts = world.divergence_count, world.divergences[self._reported :]
+        more = count - self._reported - 1
+        if more >= 0:
+            text = texts[0] if texts else f"the simulation diverged, {count} times by now"
+            again = f", and {more} more times since" if more else ""
+            self.context.log.error("%s; the model was put back to its start%s", text, again)
+        self._reported = count
         broken = [file.error for file in self._files if file.error]
         if self._maker is not None:
             broken += filter(None, [self._maker.error])

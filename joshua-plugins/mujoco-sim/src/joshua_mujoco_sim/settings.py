@@ -29,6 +29,7 @@ from joshua_mujoco_sim.settings_parts import (
     VariationSettings,
     check_output,
     check_recording,
+    require_pictures,
     variation,
     variation_defaults,
 )
@@ -55,7 +56,8 @@ class SimulationSettings(BlockSettings):
         replay_speed: how many times faster than recorded; 0 for as fast as possible.
         seed: of the variation of the scene, None for none; variation: how far.
         generate: episodes that go into a data set.
-        examining: the file is being checked, so that recordings are looked into; not part of the plan.
+        examining: the file is being checked, so that recordings are looked into; launching: for a launch, so
+            that pictures must be possible here. Both are not part of the plan.
     """
 
     mode: Literal["INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"]
@@ -75,6 +77,7 @@ class SimulationSettings(BlockSettings):
     variation: VariationSettings | None = None
     generate: DatasetSettings | None = None
     examining: Annotated[bool, Field(exclude=True)] = False
+    launching: Annotated[bool, Field(exclude=True)] = False
 
     @classmethod
     def si_values(
@@ -83,6 +86,7 @@ class SimulationSettings(BlockSettings):
         """Adds the folder of the configuration, and the data set that is replayed or made."""
         result = super().si_values(values, node, context)
         result |= {"folder": context.get("folder", ""), "examining": True}
+        result["launching"] = context.get("launch", False)
         folder = Path(result["folder"])
         result["renders"] = [
             render | {"output": str(folder / Path(render["output"]).expanduser())}
@@ -113,6 +117,10 @@ class SimulationSettings(BlockSettings):
             check_output(index, render.output)
         self._check_variation()
         self._check_generated(facts)
+        if self.launching and self.renders:
+            require_pictures("renders[0].camera")
+        if self.launching and self.generate is not None and self.generate.cameras:
+            require_pictures("generate.cameras[0]")
         if self.examining and self.trajectory_path:
             check_recording(self.trajectory_path, self.episodes, facts)
         if self.renders and self.mode != "OFFSCREEN":
@@ -246,6 +254,7 @@ class SimCameraSettings(BlockSettings):
     height: int
     fps: int
     cameras: tuple[str, ...] = ()
+    launching: Annotated[bool, Field(exclude=True)] = False
 
     @classmethod
     def si_values(
@@ -255,10 +264,13 @@ class SimCameraSettings(BlockSettings):
         result = super().si_values(values, node, context)
         if simulation := context.get("simulation"):
             result["cameras"] = facts_of(simulation).cameras
+            result["launching"] = context.get("launch", False)
         return result
 
     @model_validator(mode="after")
     def _check(self) -> SimCameraSettings:
         if self.cameras:
             known_name("camera", "camera", self.camera, self.cameras)
+        if self.launching:
+            require_pictures("camera")
         return self

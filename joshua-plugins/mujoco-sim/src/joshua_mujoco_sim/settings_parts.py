@@ -101,6 +101,18 @@ def check_output(index: int, output: str) -> None:
         )
 
 
+def require_pictures(field: str) -> None:
+    """Refuses a launch that is to draw on a machine without OpenGL. Raises FieldError."""
+    from joshua_mujoco_sim.rendering import RenderingError, choose_gl
+
+    try:
+        choose_gl()
+    except RenderingError as error:
+        raise FieldError(
+            field, str(error), remedy="install what is missing, or take the pictures out"
+        ) from error
+
+
 def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> None:
     """Refuses a recording that cannot be read or does not fit the model.
 

@@ -22,6 +22,9 @@ from joshua_mujoco_sim.variation import Variation
 #: Shortest sleep of the stepping thread: bounds the delay between a command and its effect.
 TICK_S = 0.001
 
+#: A model that cannot be simulated diverges after each reset, thousands of times.
+DIVERGENCES_KEPT = 100
+
 Hook = Callable[[Physics], None]
 
 
@@ -54,7 +57,8 @@ class World:
         physics: model and state; touch it only while holding ``lock``.
         lock: held by the thread while it steps.
         failure: why the world stopped by itself; "" while all is well.
-        divergences: what went wrong and was reset.
+        divergences: what went wrong and was reset, the first ``DIVERGENCES_KEPT`` of them.
+        divergence_count: how often in all.
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -68,6 +72,7 @@ class World:
         self.lock = threading.RLock()
         self.failure = ""
         self.divergences: list[str] = []
+        self.divergence_count = 0
         self._pacer = Pacer(self.physics.timestep_s, settings.real_time_factor)
         self._before: list[Hook] = []
         self._after: list[Hook] = []
@@ -177,7 +182,9 @@ class World:
             self._simulated_s += count * physics.timestep_s
             physics.check()
         except DivergenceError as error:
-            self.divergences.append(str(error))
+            self.divergence_count += 1
+            if len(self.divergences) < DIVERGENCES_KEPT:
+                self.divergences.append(str(error))
             if self.settings.reset_on_divergence:
                 physics.reset()
             else:

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
+import queue
+import sys
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from joshua.plan import TopicSpec
+    from joshua.transport import Sample
 
 SUMMARY = "pause, step, reset or set the state of a running simulation"
 
-_LEAVE_S = 0.2
+#: How long the simulation may take to answer; it does so on /rosout.
+_ANSWER_S = 2.0
+
+_WARNING = 30
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,15 +51,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def send(arguments: argparse.Namespace) -> int:
-    """Publishes the request once a simulation listens. Raises GraphError."""
+    """Publishes the request once a simulation listens, and says what it answers. Raises GraphError."""
     from joshua.cli.exit_codes import ExitCode
     from joshua.cli.graph.session import GraphError, graph_session
     from joshua.messages import encode
+    from joshua.node.rosout import ROSOUT_QOS
 
     topic, message = _request(arguments)
     name = topic.name.replace("~", arguments.node.rstrip("/"), 1)
     with graph_session(arguments) as transport:
         node = transport.create_node(f"_joshua_{os.getpid()}")
+        answers: queue.Queue[tuple[int, int, str]] = queue.Queue()
+        take = _answer_taker(answers, arguments.node, topic.name)
+        node.create_subscription("/rosout", "rcl_interfaces/msg/Log", ROSOUT_QOS, take)
         publisher = node.create_publisher(name, topic.type_name, topic.qos)
         end_s = time.monotonic() + arguments.wait
         while not publisher.subscription_count:
@@ -61,9 +73,42 @@ def send(arguments: argparse.Namespace) -> int:
                     "node with --node; joshua node list shows what runs"
                 )
             time.sleep(0.01)
+        sent_ns = time.time_ns()
         publisher.publish(encode(message))
-        time.sleep(_LEAVE_S)  # what was handed over leaves before the connection closes
+        level, text = _newest_answer(answers, sent_ns)
+    if level >= _WARNING:
+        raise GraphError(text)
+    sys.stdout.write(f"{text}\n")
     return ExitCode.OK
+
+
+def _newest_answer(answers: queue.Queue[tuple[int, int, str]], sent_ns: int) -> tuple[int, str]:
+    """The first answer that is not older than the request; /rosout keeps those of the last seconds."""
+    end_s = time.monotonic() + _ANSWER_S
+    while (left_s := end_s - time.monotonic()) > 0:
+        with contextlib.suppress(queue.Empty):
+            stamp_ns, level, text = answers.get(timeout=left_s)
+            if stamp_ns >= sent_ns:
+                return level, text
+    return 0, f"sent, and no answer came within {_ANSWER_S:g} s; the log of the run says what became of it"
+
+
+def _answer_taker(
+    answers: queue.Queue[tuple[int, int, str]], node: str, topic: str
+) -> Callable[[Sample], None]:
+    """Takes what a node logs about one of its topics."""
+    from joshua.messages import decode
+
+    logger = node.strip("/").replace("/", ".")
+
+    def take(sample: Sample) -> None:
+        message = decode("rcl_interfaces/msg/Log", sample.cdr)
+        start = f"{topic}: "
+        if message.name == logger and message.msg.startswith(start):
+            stamp_ns = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
+            answers.put((stamp_ns, int(message.level), message.msg.removeprefix(start)))
+
+    return take
 
 
 def _request(arguments: argparse.Namespace) -> tuple[TopicSpec, Any]:
