@@ -65,6 +65,10 @@ def test_certificates_that_cannot_be_used_are_named(certificates: Path, files: d
     [
         ({"network_interface": "eth99"}, "this machine has no interface 'eth99'; it has .*lo"),
         ({"peers": ("robot.invalid",)}, "peers: the host 'robot.invalid' is not known here"),
+        (
+            {"peers": ("192.168..20",)},
+            r"peers: '192\.168\.\.20' is no name or address of a host: write an address",
+        ),
         ({"peers": ("127.0.0.1", "robot.invalid:7410")}, "the host 'robot.invalid' is not known here"),
     ],
 )

@@ -81,7 +81,7 @@ def _look_up(endpoint: str) -> tuple[set[str], str]:
     parsed = read_endpoint(endpoint)
     try:
         found = socket.getaddrinfo(parsed.host, parsed.port, type=socket.SOCK_STREAM)
-    except OSError:
+    except (OSError, UnicodeError):  # the latter where it cannot be a name
         return set(), f"the host {parsed.host} is not known here"
     hosts = [str(entry[4][0]) for entry in found]
     return {f"{parsed.protocol}/{f'[{host}]' if ':' in host else host}:{parsed.port}" for host in hosts}, ""

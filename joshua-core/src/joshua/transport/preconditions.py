@@ -105,6 +105,10 @@ def _require_host(peer: str) -> None:
     host = (peer.rpartition(":")[0] if with_port else peer).strip("[]")
     try:
         socket.getaddrinfo(host, None)
+    except UnicodeError as error:
+        raise TransportError(
+            f"peers: {host!r} is no name or address of a host: write an address such as 192.168.1.20"
+        ) from error
     except OSError as error:
         raise TransportError(
             f"peers: the host {host!r} is not known here ({error.strerror}): write its address, or add its "
