@@ -11,9 +11,11 @@ import time
 from pathlib import Path
 
 import pytest
+from joshua.cli.commands.plan import node_lines
 from joshua.cli.main import main
 from joshua.cli.presets import FOLDER
 from joshua.cli.run import interruptible
+from joshua.plan import NodeKind, NodeSpec
 
 PROGRAM = "import sys; from joshua.cli.main import program; program()"
 PRESET = FOLDER / "test_mock_hardware.pbtxt"
@@ -88,3 +90,14 @@ def test_nothing_is_imported_before_ctrl_c_is_an_orderly_end() -> None:
     code = "import sys, joshua.cli.main; print('argparse' in sys.modules, 'joshua.cli.parser' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stdout
     assert shown == "False False\n"
+
+
+def test_a_plan_that_is_shown_hides_the_password_of_an_address() -> None:
+    settings = {"source": "http://me:pw@cam:80/a@b", "port": "/dev/ttyACM0"}
+    camera = NodeSpec(
+        name="cam", kind=NodeKind.SENSOR, behaviour="b:B", implementation="c:C", settings=settings
+    )
+    assert node_lines(camera)[2:] == [
+        "  setting   source = http://***@cam:80/a@b",
+        "  setting   port = /dev/ttyACM0",
+    ]

@@ -9,6 +9,7 @@ from joshua.plugins import Environment, Provision, ProvisionKind, Registry
 from joshua.plugins.environments import ChosenEnvironment
 from joshua.schema import config_pb2 as pb
 
+_BACKEND = "ai.training.simulator_backend"
 _ID = "ai.training.environment_id"
 _REWARD = "ai.training.rl_config.reward_function"
 
@@ -26,6 +27,8 @@ def choose_environment(config: pb.Config, registry: Registry, findings: Findings
         return None
     if training.method not in (pb.METHOD_RL, pb.METHOD_EVAL) or training.HasField("plugin_config"):
         return None
+    if any(map(findings.positions.is_broken, (_BACKEND, _ID, _REWARD))):
+        return None  # loading has said so, and what was meant is not known
     backend = training.simulator_backend
     offers = registry.environments(pb.SimulatorBackend.Name(backend) if backend else "")
     reward = training.rl_config.reward_function

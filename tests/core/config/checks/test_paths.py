@@ -139,11 +139,9 @@ def test_whether_a_model_is_packaged_is_left_open_where_no_simulator_is_installe
     assert examine(path, text, launch=True) == []
 
 
-def test_the_simulation_block_counts_beside_devices_only_when_they_are_simulated(tmp_path: Path) -> None:
+def test_the_model_of_a_simulation_beside_devices_is_left_to_the_simulator(tmp_path: Path) -> None:
     text = 'general { mode: MODE_TELEOPERATE } simulation { mode: OFFSCREEN model_path: "x.xml" }'
-    path = tmp_path / "robot.pbtxt"
-    assert examine(path, text) == []
-    assert [item.code for item in examine(path, text, simulated=True)] == ["input-file-missing"]
+    assert examine(tmp_path / "robot.pbtxt", text) == []
 
 
 def test_an_interpreter_must_be_executable(tmp_path: Path) -> None:

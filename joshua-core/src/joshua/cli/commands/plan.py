@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import TYPE_CHECKING
 
@@ -54,6 +55,11 @@ def plan_text(plan: Plan) -> str:
     return "\n".join(lines) + "\n"
 
 
+def without_password(text: str) -> str:
+    """A text with the user of every address in it hidden: plans are shown to others."""
+    return re.sub(r"(?<=://)[^/@\s]+@", "***@", text)
+
+
 def node_lines(node: NodeSpec) -> list[str]:
     """Prints one node: what runs, where, and its topics with type, rate and quality of service."""
     where = [f"process group {node.process_group}"] if node.process_group else []
@@ -65,7 +71,7 @@ def node_lines(node: NodeSpec) -> list[str]:
         + (f", {', '.join(where)}" if where else ""),
     ]
     for name, value in node.settings.items():
-        lines.append(f"  setting   {name} = {value}")
+        lines.append(f"  setting   {name} = {without_password(str(value))}")
     for topic in node.publishers:
         qos = f"{topic.qos.reliability} {topic.qos.durability} {topic.qos.history} {topic.qos.depth}"
         lines.append(f"  publishes {topic.name} [{topic.type_name}] {topic.rate_hz:g} Hz, {qos}")

@@ -34,7 +34,6 @@ def check_paths(
     launch: bool,
     *,
     host: str = "",
-    simulated: bool = False,
     is_packaged: Callable[[str], bool | None] = lambda name: None,
 ) -> list[Diagnostic]:
     """Looks for every file that the configuration names as input.
@@ -43,11 +42,10 @@ def check_paths(
         loaded: what ``joshua.config.load`` returned.
         launch: whether nodes are going to be started: what is missing is an error then, else a note.
         host: this machine's name in the file; files of other machines' nodes are not looked for.
-        simulated: whether devices are replaced by the physics of the ``simulation`` block (``--sim``).
         is_packaged: tells whether an installed plugin brings a simulation model of this name; None where
             none is installed that could, and then a name that is no file stays a note.
     """
-    search = _Search(Context(loaded), launch, host, simulated, is_packaged)
+    search = _Search(Context(loaded), launch, host, is_packaged)
     return [*search.blocks(), *search.data_sets()]
 
 
@@ -57,13 +55,11 @@ class _Search:
         context: Context,
         launch: bool,
         host: str,
-        simulated: bool,
         is_packaged: Callable[[str], bool | None],
     ) -> None:
         self._context = context
         self._launch = launch
         self._host = host
-        self._simulated = simulated
         self._is_packaged = is_packaged
         self._owners = {entry.owner_path: entry for entry in context.entries}
 
@@ -274,7 +270,7 @@ class _Search:
         if path.startswith("ai.training") and config.general.mode != pb.MODE_TRAINING:
             return False
         if path == "simulation" and config.general.mode not in (pb.MODE_SIMULATION, pb.MODE_TRAINING):
-            return self._simulated
+            return False  # the simulator's own settings say so, where it runs beside the mode
         entry = self._owners.get(".".join(path.split(".")[:2]))
         return entry is None or not entry.node.host or not self._host or entry.node.host == self._host
 
