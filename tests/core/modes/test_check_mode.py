@@ -172,7 +172,7 @@ def test_every_mode_has_its_checks(tmp_path: Path) -> None:
         ("MODE_CALIBRATION", "calibration_run { }", []),
         ("MODE_TEST", "calibration_run { }", ["block-unused"]),
         ("MODE_TEST", SIMULATION % ("OFFSCREEN", ""), []),
-        ("MODE_CALIBRATION", SIMULATION % ("OFFSCREEN", ""), ["block-unused"]),
+        ("MODE_CALIBRATION", SIMULATION % ("OFFSCREEN", ""), []),
     ],
 )
 def test_blocks_without_effect_are_noted(mode: str, block: str, expected: list[str], tmp_path: Path) -> None:

@@ -48,6 +48,7 @@ def compare(
         remedy = remedy if interrupted else "Connect the other arm, or include the calibration of this one"
     stored = target.stored()
     held = {m.id: v for m, v in zip(target.motors, stored, strict=True)} if stored is not None else None
+    problems += target.misfits(calibration)
     rows = []
     for motor in target.motors:
         wanted = calibration.motor(motor.id)

@@ -14,7 +14,7 @@ from joshua.calibration.journal import Journal
 from joshua.calibration.procedure import Procedure
 from joshua.calibration.view import Step, View
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.calibration_target import CalibrationTarget
+from joshua.devices.calibration_target import CalibrationTarget, Hand
 from joshua.devices.errors import DeviceError
 from joshua.devices.servo.errors import NoReply
 
@@ -28,8 +28,6 @@ SCRIPT_PAUSE_S = 0.5  # between a step that is ready and its confirmation by the
 SCRIPT_PATIENCE_S = 3.0  # how long the script waits for a step that does not become ready
 SCRIPT_ATTEMPTS = 3  # how often it then moves the joint once more
 
-Guide = Callable[[int | None, float], bool]
-
 
 @dataclass
 class Arm:
@@ -37,7 +35,7 @@ class Arm:
 
     Attributes:
         previous: earlier calibration, whose joint names and directions are kept.
-        guide: moves emulated joints as a person would; None for an arm that a person moves.
+        guide: moves emulated or simulated joints as a person would; None for an arm that a person moves.
     """
 
     node_name: str
@@ -45,7 +43,7 @@ class Arm:
     file: ArmFile
     journal: Journal
     previous: ArmCalibration | None = None
-    guide: Guide | None = None
+    guide: Hand | None = None
     state: ArmState = ArmState.WAITING
 
 
@@ -93,7 +91,8 @@ class Session:
 
         Raises:
             Stopped: the user has ended it; arms that are done stay calibrated.
-            Unfinished: nobody is there, and a step does not become ready; or an emulator moves no joints.
+            Unfinished: nobody is there, and a step does not become ready; or an emulator
+                moves no joints.
             NotWritten: writing failed, and the arm may need ``recover`` or nobody is there to try again.
         """
         for index, arm in enumerate(self._arms):
@@ -158,7 +157,7 @@ class Session:
             self._guided = None
 
     def _move_by_script(self, arm: Arm, now_s: float) -> None:
-        """Lets an emulated arm move as the procedure asks, and confirms where nobody else does."""
+        """Lets an arm that nobody moves move as the procedure asks, and confirms where nobody else does."""
         view = self._procedure.view()
         task = (view.step, view.active)
         if task != self._guided:
@@ -180,14 +179,16 @@ class Session:
             raise Unfinished(f"{arm.node_name}: {view.message or view.instruction}")
 
     def _guide(self, arm: Arm, view: View) -> float:
-        """Lets the emulated joints move; returns how long that takes."""
+        """Lets emulated or simulated joints move; returns how long that takes."""
         if arm.guide is None or view.step not in (Step.HOMING, Step.SWEEP):
             return 0.0
         seconds = MIDDLE_S if view.active is None else SWEEP_S
         if self._scripted:
             seconds /= SCRIPT_SPEED
         if not arm.guide(view.active, seconds):
-            raise Unfinished(f"{arm.node_name}: its emulator moves no joints, and nothing else can")
+            raise Unfinished(
+                f"{arm.node_name}: its emulator or simulation moves no joints, and nothing else can"
+            )
         return seconds
 
     def _write(self, arm: Arm) -> None:

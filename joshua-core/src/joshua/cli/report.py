@@ -29,6 +29,7 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
         allow_uncalibrated=getattr(arguments, "allow_uncalibrated", False),
         dry_run=getattr(arguments, "dry_run", False),
         emulate=getattr(arguments, "emulate", False),
+        simulate=getattr(arguments, "sim", False),
     )
 
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 from joshua.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from joshua.generator.examination import Checked
     from joshua.plugins.emulator import Coupling
 
@@ -29,6 +31,7 @@ def start_simulation(
     Returns:
         The file and the links of emulated devices by node name; an exit code where that is refused.
     """
+    from joshua.calibration.arm_file import FileRefused
     from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
     from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
     from joshua.plugins.stand_in import CoupledCamera
@@ -40,6 +43,12 @@ def start_simulation(
         return ExitCode.NOT_INSTALLED if isinstance(error, NoSimulatorError) else ExitCode.INVALID
     sys.stdout.write(f"simulated: {', '.join(simulated.names)}\n")
     sys.stdout.flush()
+    if not emulated:
+        try:
+            take_calibrations(checked, simulated.names)
+        except FileRefused as error:
+            sys.stderr.write(f"joshua: error: {error}\nnothing was started\n")
+            return ExitCode.INVALID
     if not simulated.coupled:
         return checked, {}
     folder = tempfile.mkdtemp(prefix="joshua-physics-")  # for this user only
@@ -52,3 +61,22 @@ def start_simulation(
         else:
             links[name] = PhysicsLink(socket, device.actuators, device.start_rad)
     return replace(checked, request=replace(checked.request, physics_socket=str(socket))), links
+
+
+def take_calibrations(checked: Checked, names: Collection[str]) -> None:
+    """Puts the calibrations of simulated arms in place of those of the real ones, which are not theirs.
+
+    Raises FileRefused.
+    """
+    from joshua.calibration.arm_file import ArmFile
+    from joshua.generator.calibration_place import calibration_place
+
+    config = checked.loaded.config
+    kept = [arm for arm in config.calibration.arms if arm.node_name not in names]
+    path = calibration_place(emulate=False, simulate=True)(checked.loaded.path, config.general.id)
+    found = [(name, ArmFile(path).arm(name)) for name in names] if path else []
+    config.ClearField("calibration")
+    config.calibration.arms.extend(kept)
+    config.calibration.arms.extend(arm.to_block(name) for name, arm in found if arm is not None)
+    if not config.calibration.arms:
+        config.ClearField("calibration")

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from joshua.devices.calibration import ArmCalibration
 from joshua.devices.units import TICKS_PER_TURN
+
+#: Moves joints as a calibration asks a person to, see ``DeviceEmulator.guide``.
+Hand = Callable[[int | None, float], bool]
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,19 @@ class CalibrationTarget(ABC):
         Raises:
             DeviceError: a value was not kept, or the device is gone.
         """
+
+    @property
+    def hand(self) -> Hand | None:
+        """What moves the joints of a device that nobody can take by the hand; None where a person does."""
+        return None
+
+    def misfits(self, calibration: ArmCalibration) -> Sequence[str]:
+        """What of a calibration cannot be true of this device, one sentence without a full stop each.
+
+        For a device that keeps nothing and still knows its joints; what motors keep is compared anyway.
+        """
+        del calibration
+        return ()
 
 
 SO_ARM_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")

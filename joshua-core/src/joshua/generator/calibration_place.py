@@ -17,13 +17,18 @@ if TYPE_CHECKING:
 Place = Callable[[str, str], str]
 
 
-def calibration_place(emulate: bool) -> Place:
-    """The rule that names the calibration file: beside the configuration, or with the emulated arms."""
-    return _emulated if emulate else calibration_path
+def calibration_place(emulate: bool, simulate: bool = False) -> Place:
+    """The rule that names the calibration file: beside the configuration, or with the arms that stand in."""
+    if emulate:
+        return _emulated
+    return _simulated if simulate else calibration_path
 
 
 def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Diagnostic]:
-    """Arms whose servos and file may disagree; they are not to be driven. A calibration run recovers them."""
+    """Arms whose servos and file may disagree; they are not to be driven. A calibration run recovers them.
+
+    Simulated arms keep nothing that could disagree, and are not asked for.
+    """
     config = loaded.config
     path = calibration_place(emulate)(loaded.path, config.general.id)
     if not path or config.general.mode == pb.MODE_CALIBRATION:
@@ -46,7 +51,16 @@ def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Dia
 
 
 def _emulated(config_path: str, robot_id: str) -> str:
+    del config_path  # a real arm's file stands there
+    return _kept(robot_id, "emulated")
+
+
+def _simulated(config_path: str, robot_id: str) -> str:
+    del config_path  # as above
+    return _kept(robot_id, "simulated")
+
+
+def _kept(robot_id: str, kind: str) -> str:
     from joshua.generator.emulation import state_folder
 
-    del config_path  # a real arm's file stands there
-    return calibration_path(str(state_folder(robot_id) / "robot.pbtxt"), robot_id)
+    return calibration_path(str(state_folder(robot_id, kind) / "robot.pbtxt"), robot_id)

@@ -159,8 +159,8 @@ def parse_faults(options: Sequence[str]) -> dict[str, list[str]]:
     return faults
 
 
-def state_folder(robot_id: str) -> Path:
-    """Where emulated devices of one robot keep what they remember, such as their EEPROM."""
+def state_folder(robot_id: str, kind: str = "emulated") -> Path:
+    """Where emulated or simulated devices of one robot keep what they remember, such as their EEPROM."""
     base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot_id).strip(".") or "robot"
-    return Path(base) / "joshua" / "emulated" / safe
+    return Path(base) / "joshua" / kind / safe

@@ -73,7 +73,7 @@ def check_file(request: Request) -> Checked:
     diagnostics += check_paths(
         loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged
     )
-    if request.launch:
+    if request.launch and (request.emulate or not request.simulate):
         diagnostics += interrupted_calibrations(loaded, emulate=request.emulate)
     return Checked(request, registry, loaded, diagnostics)
 

@@ -31,6 +31,8 @@ class Request:
         allow_uncalibrated: energise actuators that have no calibration.
         dry_run: do everything with torque off.
         emulate: emulators stand for the devices, with calibrations of their own.
+        simulate: the simulation stands for actuators and cameras, likewise; with ``emulate`` it moves the
+            joints of emulated ones.
         physics_socket: where the simulation answers emulated buses; "" where none is coupled.
     """
 
@@ -43,6 +45,7 @@ class Request:
     allow_uncalibrated: bool = False
     dry_run: bool = False
     emulate: bool = False
+    simulate: bool = False
     physics_socket: str = ""
 
     @property

@@ -35,7 +35,7 @@ _SHARES: dict[int, ModeShare] = {
         models=True, services={"data_store": Need.OPTIONAL, "simulation": Need.OPTIONAL}
     ),
     pb.MODE_TRAINING: ModeShare(devices=False, services={"training": Need.REQUIRED}),
-    pb.MODE_CALIBRATION: ModeShare(),
+    pb.MODE_CALIBRATION: ModeShare(services={"simulation": Need.OPTIONAL}),
     pb.MODE_TEST: ModeShare(models=True, services={"simulation": Need.OPTIONAL}),
     pb.MODE_DATA_STORE: ModeShare(services={"data_store": Need.REQUIRED, "simulation": Need.OPTIONAL}),
     pb.MODE_SIMULATION: ModeShare(services={"simulation": Need.REQUIRED, "data_store": Need.OPTIONAL}),

@@ -37,7 +37,7 @@ _USES = {
     ),
     # Outside its own mode the block describes the physics of `joshua --sim`.
     "simulation": _Use(
-        (*_DRIVING, pb.MODE_SIMULATION, pb.MODE_TRAINING),
+        (*_DRIVING, pb.MODE_CALIBRATION, pb.MODE_SIMULATION, pb.MODE_TRAINING),
         "in MODE_SIMULATION, in training, and where devices run with --sim",
     ),
 }

@@ -9,6 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from joshua.devices.calibration_hand import hand_paths, interpolate
+
 from joshua_emulator.arms import TICKS_PER_RADIAN
 
 MIDDLE = 2048
@@ -72,22 +74,10 @@ def calibrating(
         present: where the joints are now; ranges: their mechanical ranges, in radians about the same zero.
         seconds: that it takes.
     """
-    if not math.isfinite(seconds) or seconds <= 0:
-        raise MotionError(f"seconds is {seconds}; it must be above 0")
-    middles = [(low + high) / 2 for low, high in ranges]
-
-    def make(corners: list[tuple[float, float]]) -> Trajectory:
-        points = [(share * seconds, value) for share, value in corners]
-        return lambda time_s: interpolate(points, time_s)
-
-    if joint is None:
-        return {index: make([(0.0, present[index]), (0.8, middle)]) for index, middle in enumerate(middles)}
-    low, high = ranges[joint]
-    return {
-        joint: make(
-            [(0.0, present[joint]), (0.3, low), (0.35, low), (0.7, high), (0.75, high), (1.0, middles[joint])]
-        )
-    }
+    try:
+        return hand_paths(joint, present, ranges, seconds)
+    except ValueError as error:
+        raise MotionError(str(error)) from error
 
 
 def recorded(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Trajectory]:
@@ -117,16 +107,6 @@ def recorded(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Traj
     return {
         _index(name, joints, path): _column(table, column) for column, name in enumerate(header) if column
     }
-
-
-def interpolate(points: Sequence[tuple[float, float]], time_s: float) -> float:
-    """Value at a time between sorted (time, value) points; the first and last value hold beyond them."""
-    if time_s <= points[0][0]:
-        return points[0][1]
-    for (start_s, start), (end_s, end) in pairwise(points):
-        if time_s <= end_s:
-            return start + (end - start) * (time_s - start_s) / (end_s - start_s)
-    return points[-1][1]
 
 
 def ticks(position_rad: float) -> float:

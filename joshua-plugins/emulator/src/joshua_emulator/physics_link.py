@@ -37,11 +37,13 @@ class CoupledJoint(Joint):
         self.wanted = Drive()
 
     def advance(self, now_s: float, drive: Drive) -> None:
-        """Takes what the servo wants, and lets the motor warm up; moves nothing."""
+        """Takes what the servo wants, and lets the motor warm up; moves only where a hand does."""
         self.wanted = drive
         last_s = now_s if self._time_s is None else self._time_s
         if now_s > last_s:
             self._heat(now_s - last_s)
+            if drive.mode == "off" and self.hand is not None:  # as in a calibration, in which no physics runs
+                self._follow_hand(now_s, now_s - last_s)
         self._time_s = max(now_s, last_s)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
 from joshua.devices.mock_motion import FileMotion, Motion, SineMotion
 from joshua.devices.stamps import StampClock
 
+from joshua_mujoco_sim.calibration_target import SimCalibrationTarget
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
@@ -39,11 +39,13 @@ class SimActuator(Actuator):
 
     def __init__(self, settings: SimActuatorSettings, context: dict[str, Any] | None = None) -> None:
         super().__init__(settings, context)
-        joints = settings.joints()
-        self._names = tuple(joint["name"] for joint in joints)
+        joints = settings.frames()
+        self._names = tuple(joint.name for joint in joints)
+        self._zero = np.array([joint.zero_rad for joint in joints])
+        self._sign = np.array([joint.sign for joint in joints])
         self._limits = JointLimits(
-            position_min_rad=np.array([joint["min_rad"] for joint in joints]),
-            position_max_rad=np.array([joint["max_rad"] for joint in joints]),
+            position_min_rad=np.array([joint.min_rad for joint in joints]),
+            position_max_rad=np.array([joint.max_rad for joint in joints]),
             velocity_max_rad_s=np.full(len(joints), VELOCITY_MAX_RAD_S),
         )
         self._world: World | None = None
@@ -58,12 +60,12 @@ class SimActuator(Actuator):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the model's joints."""
+        """Names of the joints: the calibration's, else the model's."""
         return self._names
 
     @property
     def limits(self) -> JointLimits:
-        """Limits of the model's joints."""
+        """Limits of the joints: the calibrated ones within the model's."""
         return self._limits
 
     @property
@@ -97,14 +99,14 @@ class SimActuator(Actuator):
         if world.failure:
             raise DeviceError(world.failure)
         with world.lock:
-            position, velocity, force = group.position_rad, group.velocity_rad_s, group.torque
-        return JointReading(self._stamps.now_ns(), position, velocity, force)
+            position, velocity, force = self._angles(group), group.velocity_rad_s, group.torque
+        return JointReading(self._stamps.now_ns(), position, self._sign * velocity, self._sign * force)
 
     def enable(self) -> None:
         """Gives torque to all joints, where they are."""
         world, group = self._joined("enable")
         with world.lock:
-            self._goal = group.position_rad
+            self._goal = self._angles(group)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
         """Commands positions in radians, shape (N,); returns the goal after the clamp.
@@ -125,7 +127,7 @@ class SimActuator(Actuator):
         world, group = self._joined("hold")
         with world.lock:
             if self._goal is not None:
-                self._goal = group.position_rad
+                self._goal = self._angles(group)
 
     def release(self) -> None:
         """Takes torque off; does nothing on a closed device."""
@@ -153,18 +155,16 @@ class SimActuator(Actuator):
         group = world.physics.group(self.settings.actuators)
         model = world.physics.model
         ids = [model.actuator(name).id for name in group.names]
-        bias = model.actuator_biasprm[ids]
-        position = (model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE) & (bias[:, 1] < 0)
-        wheel = (model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE) & (bias[:, 1] == 0)
-        if not (position | wheel).all():
-            names = ", ".join(n for n, fits in zip(group.names, position | wheel, strict=True) if not fits)
+        fit = group.goes_to_positions | group.goes_at_speeds
+        if not fit.all():
+            names = ", ".join(n for n, fits in zip(group.names, fit, strict=True) if not fits)
             raise ModelError(
                 f"{names}: only position and velocity actuators can be commanded to an angle: "
                 "use <position> or <velocity> in the model"
             )
         limited = model.actuator_ctrllimited[ids].astype(bool)
         self._speed_max = np.where(limited, np.abs(model.actuator_ctrlrange[ids]).max(axis=1), np.inf)
-        self._wheels = wheel
+        self._wheels = group.goes_at_speeds
         self._group, self._motion, self._goal = group, motion, None
         self._motion_start_s = world.physics.time_s
         self._world = world
@@ -177,12 +177,18 @@ class SimActuator(Actuator):
             return
         position = group.position_rad
         goal = self._goal
-        if goal is None:
-            goal = position if self._motion is None else self._own_motion(physics)
+        if goal is None and self._motion is not None:
+            goal = self._own_motion(physics)
+        goal = position if goal is None else self._zero + self._sign * goal
         if self._wheels.any():
             speed = np.clip(WHEEL_GAIN_PER_S * (goal - position), -self._speed_max, self._speed_max)
             goal = np.where(self._wheels, speed, goal)
         group.set_command(goal)
+
+    def _angles(self, group: ActuatorGroup) -> FloatArray:
+        """The joints about their zeros; under the lock."""
+        angles: FloatArray = self._sign * (group.position_rad - self._zero)
+        return angles
 
     def _own_motion(self, physics: Physics) -> FloatArray:
         assert self._motion is not None
@@ -190,6 +196,13 @@ class SimActuator(Actuator):
             self._motion_start_s = physics.time_s
         goal, _ = self._motion.at(physics.time_s - self._motion_start_s)
         return np.clip(goal, self._limits.position_min_rad, self._limits.position_max_rad)
+
+    def calibration_target(self) -> SimCalibrationTarget:
+        """What a calibration works on: the joints that turn between stops, and a hand that moves them."""
+        simulation = self.plan_context.get("simulation")
+        if not simulation or not any(joint["by_hand"] for joint in self.settings.joint_ranges):
+            return super().calibration_target()  # type: ignore[return-value]
+        return SimCalibrationTarget(self.settings, simulation)
 
     def _make_motion(self) -> Motion | None:
         settings = self.settings

@@ -16,13 +16,17 @@ if TYPE_CHECKING:
 
 
 class ModelFacts(BaseModel):
-    """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint."""
+    """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint.
+
+    ``by_hand`` names the actuators whose joints can be calibrated.
+    """
 
     model_config = ConfigDict(frozen=True)
 
     actuators: tuple[str, ...]
     joints: dict[str, str]
     ranges: dict[str, tuple[float, float]]
+    by_hand: tuple[str, ...]
     cameras: tuple[str, ...]
     keyframes: tuple[str, ...]
 
@@ -55,7 +59,7 @@ def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
 def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
     """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
     from joshua_mujoco_sim.model_file import ModelError, load_model
-    from joshua_mujoco_sim.summary import actuated_joints, summarise
+    from joshua_mujoco_sim.summary import actuated_joints, summarise, turned_by_hand
 
     try:
         model = load_model(model_path, Path(folder) if folder else None, attachments(attached))
@@ -67,6 +71,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
         actuators=tuple(facts["actuators"]),
         joints={name: joint for name, (joint, _, _) in joints.items()},
         ranges={name: (low, high) for name, (_, low, high) in joints.items()},
+        by_hand=turned_by_hand(model),
         cameras=tuple(facts["cameras"]),
         keyframes=tuple(facts["keyframes"]),
     )

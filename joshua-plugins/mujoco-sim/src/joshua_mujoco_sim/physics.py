@@ -15,6 +15,7 @@ from joshua_mujoco_sim.variation import Variation, Varier
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 #: Speed beyond which a joint counts as diverged: no robot here moves nearly as fast.
 VELOCITY_LIMIT_RAD_S = 1e4
@@ -158,6 +159,7 @@ class ActuatorGroup:
     Attributes:
         names: actuators; joints: names of their joints.
         range_min_rad, range_max_rad: limits of the joints, shape (N,); infinite where a joint has none.
+        goes_to_positions, goes_at_speeds: what each drive is told, shape (N,); neither for other drives.
     """
 
     def __init__(self, physics: Physics, actuators: Sequence[str]) -> None:
@@ -183,6 +185,10 @@ class ActuatorGroup:
         self.joints = tuple(model.joint(int(joint)).name for joint in joints)
         self._data = physics.data
         self._ctrl: IntArray = ids
+        bias = model.actuator_biasprm[ids, 1]
+        affine = model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE
+        self.goes_to_positions: BoolArray = affine & (bias < 0)
+        self.goes_at_speeds: BoolArray = affine & (bias == 0)
         self._qpos: IntArray = model.jnt_qposadr[joints].astype(np.int64)
         self._dof: IntArray = model.jnt_dofadr[joints].astype(np.int64)
         #: What each actuator is told: a position (radians), a velocity (rad/s) or a torque (N·m).
@@ -210,6 +216,11 @@ class ActuatorGroup:
     def position_rad(self) -> FloatArray:
         """Positions of the joints, shape (N,), a copy."""
         return np.asarray(self._data.qpos[self._qpos])
+
+    @property
+    def degrees_of_freedom(self) -> IntArray:
+        """Places of the joints among the model's degrees of freedom, shape (N,)."""
+        return self._dof
 
     @property
     def velocity_rad_s(self) -> FloatArray:

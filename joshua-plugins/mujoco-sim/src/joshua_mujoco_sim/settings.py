@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
+from joshua.devices.calibration import ArmCalibration
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
 from pydantic import Field, model_validator
 
+from joshua_mujoco_sim.calibration import IDENTITY, Frame, frames, misfits
 from joshua_mujoco_sim.model_facts import (
     AttachedModel,
     ModelFacts,
@@ -192,7 +194,8 @@ class SimActuatorSettings(BlockSettings):
 
     Attributes:
         actuators: names, in joint order; never empty.
-        joint_ranges: name and limits of the joint of each.
+        joint_ranges: name and limits of the joint of each in the model.
+        calibration: None where the joints count from the model's zero.
         motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion without torque.
     """
 
@@ -204,13 +207,17 @@ class SimActuatorSettings(BlockSettings):
     motion_frequency_hz: float
     motion_file: str
     joint_ranges: tuple[dict[str, Any], ...] = ()
+    calibration: ArmCalibration | None = None
 
     @classmethod
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Takes all actuators where none is named, and adds their joints."""
+        """Takes all actuators where none is named, and adds their joints and their calibration."""
         result = super().si_values(values, node, context)
+        if context.get("calibration"):
+            known = ArmCalibration.model_fields
+            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
         simulation = context.get("simulation")
         if not simulation:
             return result
@@ -222,6 +229,7 @@ class SimActuatorSettings(BlockSettings):
                 "min_rad": facts.ranges.get(name, (0.0, 0.0))[0],
                 "max_rad": facts.ranges.get(name, (0.0, 0.0))[1],
                 "known": name in facts.ranges,
+                "by_hand": name in facts.by_hand,
                 "allowed": list(facts.actuators),
             }
             for name in result["actuators"]
@@ -241,9 +249,41 @@ class SimActuatorSettings(BlockSettings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _fits_its_calibration(self) -> SimActuatorSettings:
+        if self.calibration is None or not self.joint_ranges:
+            return self
+        made_for = self.calibration.device_identity
+        if made_for not in ("", IDENTITY):
+            raise FieldError(
+                "",
+                f"the calibration is that of {made_for}, and this arm is simulated",
+                remedy="calibrate it with MODE_CALIBRATION, or leave the calibration out: "
+                "without one its joints count from the model's zero",
+            )
+        problems = list(misfits(self.joint_ranges, self.calibration))
+        absent = [
+            f"{joint['name']} (id {index + 1}) is not calibrated"
+            for index, joint in enumerate(self.joint_ranges)
+            if joint["by_hand"] and self.calibration.motor(index + 1) is None
+        ]
+        if problems or absent:
+            raise FieldError(
+                "",
+                f"the calibration does not fit the model: {'; '.join([*problems, *absent])}",
+                remedy="calibrate it anew with MODE_CALIBRATION, or include the calibration of this model",
+            )
+        return self
+
+    def frames(self) -> list[Frame]:
+        """The joints about their zeros, known without a connection."""
+        return frames(self.joint_ranges, self.calibration)
+
     def joints(self) -> list[dict[str, Any]]:
-        """Names and limits of the joints, known without a connection."""
-        return [{key: joint[key] for key in ("name", "min_rad", "max_rad")} for joint in self.joint_ranges]
+        """Names and limits of the joints, for the plan."""
+        return [
+            {key: getattr(frame, key) for key in ("name", "min_rad", "max_rad")} for frame in self.frames()
+        ]
 
 
 class SimCameraSettings(BlockSettings):

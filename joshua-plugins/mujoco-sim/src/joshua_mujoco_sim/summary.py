@@ -44,3 +44,21 @@ def actuated_joints(model: mujoco.MjModel) -> dict[str, tuple[str, float, float]
         low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-math.tau, math.tau)
         found[model.actuator(index).name] = (model.joint(joint).name, float(low), float(high))
     return found
+
+
+#: Ranges of joints whose zero and ends a person can find by hand: not less, and not beyond a whole turn.
+SMALLEST_RANGE_RAD, LARGEST_RANGE_RAD = math.radians(20), math.tau + 1e-3
+
+
+def turned_by_hand(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Actuators of joints that turn between two stops, which can be calibrated."""
+    found = []
+    for index in range(model.nu):
+        joint = int(model.actuator_trnid[index, 0])
+        if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT or not model.jnt_limited[joint]:
+            continue
+        low, high = model.jnt_range[joint]
+        is_hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        if is_hinge and SMALLEST_RANGE_RAD <= high - low <= LARGEST_RANGE_RAD:
+            found.append(model.actuator(index).name)
+    return tuple(found)

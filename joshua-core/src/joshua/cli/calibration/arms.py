@@ -66,10 +66,18 @@ def find_arms(
     previous: dict[str, ArmCalibration],
     *,
     rig: EmulatedRig | None,
+    simulated: bool = False,
     only: Sequence[str] = (),
 ) -> list[Arm]:
-    """The arms of a plan that can be calibrated; says which nodes are left out. Raises Refused."""
-    path = calibration_place(rig is not None)(plan.source, plan.robot_id)
+    """The arms of a plan that can be calibrated; says which nodes are left out.
+
+    Args:
+        previous: calibrations by node name; rig: emulators of the devices.
+        simulated: the simulation stands for the devices; only: names of nodes, () for all.
+
+    Raises Refused.
+    """
+    path = calibration_place(rig is not None, simulated)(plan.source, plan.robot_id)
     if not path:
         raise Refused(
             'general.id names the calibration file, and this file has none: add id: "my-robot" to general',
@@ -83,6 +91,8 @@ def find_arms(
     guides = {emulator.device.node_name: emulator.guide for emulator in rig.emulators} if rig else {}
     arms, left_out = [], []
     for spec in plan.nodes:
+        if spec.kind is NodeKind.SERVICE:
+            continue
         target = None
         if spec.kind is NodeKind.ACTUATOR:
             try:
@@ -100,7 +110,8 @@ def find_arms(
         except FileRefused as error:
             raise Refused(str(error), ExitCode.INVALID) from error
         journal = Journal(journal_path(path, spec.name))
-        arms.append(Arm(spec.name, target, file, journal, before, guides.get(spec.name)))
+        guide = guides.get(spec.name) or target.hand
+        arms.append(Arm(spec.name, target, file, journal, before, guide))
     return _chosen(arms, left_out, only)
 
 

@@ -13,6 +13,7 @@ from joshua.cli.calibration.presence import Presence
 from joshua.cli.emulation import start_rig
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.report import exit_code_of, request_of, show_findings
+from joshua.cli.simulation import start_simulation
 from joshua.devices.errors import DeviceError
 from joshua.generator.examination import Checked, check_file
 from joshua.generator.request import Purpose
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     import argparse
 
     from joshua.generator.emulation import EmulatedRig
+    from joshua.plugins.emulator import Coupling
 
 MODE = "MODE_CALIBRATION"
 
@@ -36,7 +38,13 @@ def with_arms(arguments: argparse.Namespace) -> int:
         sys.stderr.write("nothing was started\n")
         return exit_code_of(checked.examination)
     with ExitStack() as stack:
-        rig = start_rig(checked, arguments, stack) if arguments.emulate else None
+        links: dict[str, Coupling] = {}
+        if arguments.sim:
+            simulated = start_simulation(checked, stack, emulated=arguments.emulate)
+            if isinstance(simulated, int):
+                return simulated
+            checked, links = simulated
+        rig = start_rig(checked, arguments, stack, links) if arguments.emulate else None
         if isinstance(rig, int):
             return rig
         if not (arguments.check or arguments.recover):
@@ -52,7 +60,7 @@ def with_arms(arguments: argparse.Namespace) -> int:
 
 def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None, stack: ExitStack) -> int:
     plan, previous = plan_of(checked, arguments)
-    arms = find_arms(plan, previous, rig=rig, only=arguments.nodes or ())
+    arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=arguments.nodes or ())
     Presence(plan, arms, lambda: None, stack)
     open_arms(arms, stack, release=False)
     if arguments.recover:

@@ -87,7 +87,8 @@ def _with_file(arguments: argparse.Namespace, *, is_import: bool) -> int:
 
 
 def _import(checked: Checked, arguments: argparse.Namespace) -> None:
-    path = calibration_place(arguments.emulate)(checked.loaded.path, checked.loaded.config.general.id)
+    place = calibration_place(arguments.emulate, arguments.sim)
+    path = place(checked.loaded.path, checked.loaded.config.general.id)
     if not path:
         raise _Refused(
             'the file has no general.id to name the calibration after: add id: "my-robot" to general'

@@ -36,7 +36,7 @@ def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: Emulat
         try:
             plan, previous = plan_of(checked, arguments)
             only = getattr(arguments, "nodes", None) or ()
-            arms = find_arms(plan, previous, rig=rig, only=only)
+            arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=only)
             stop = Stop(plan.duration_s)
             stack.enter_context(stop)
             stop.presence = Presence(plan, arms, stop.order, stack)
@@ -44,7 +44,7 @@ def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: Emulat
             recover_arms(arms)
             display = checked.loaded.config.calibration_run.display or arguments.open
             front_ends = _front_ends(stack, display=display, open_page=arguments.open)
-            scripted = _is_scripted(front_ends, arms)
+            scripted = _is_scripted(front_ends, arms, "simulated" if rig is None else "emulated")
         except Refused as error:
             if str(error):
                 sys.stderr.write(
@@ -129,16 +129,22 @@ def _open(address: str) -> None:
         sys.stdout.flush()
 
 
-def _is_scripted(front_ends: Sequence[FrontEnd], arms: Sequence[Arm]) -> bool:
-    """Whether nobody is there to confirm; emulated arms then go through it by themselves. Raises Refused."""
-    is_emulated = any(arm.guide is not None for arm in arms)
+def _is_scripted(front_ends: Sequence[FrontEnd], arms: Sequence[Arm], kind: str) -> bool:
+    """Whether nobody is there to confirm; arms that move by themselves then go through it alone.
+
+    Args:
+        kind: what such arms are: ``emulated`` or ``simulated``.
+
+    Raises Refused.
+    """
+    moves_itself = any(arm.guide is not None for arm in arms)
     if sys.stdin is not None and not sys.stdin.closed and _has_input():
-        if is_emulated:
-            sys.stdout.write("emulated arms move by themselves: confirm each step once it is complete\n")
+        if moves_itself:
+            sys.stdout.write(f"{kind} arms move by themselves: confirm each step once it is complete\n")
             sys.stdout.flush()
         return False
     if all(arm.guide is not None for arm in arms):
-        sys.stdout.write("nobody is there to confirm: the emulated arms go through it by themselves\n")
+        sys.stdout.write(f"nobody is there to confirm: the {kind} arms go through it by themselves\n")
         return True
     if len(front_ends) > 1:
         return False

@@ -45,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--emulate", action="store_true", help="calibrate emulated arms, which move themselves"
     )
+    parser.add_argument(
+        "--sim", action="store_true", help="calibrate simulated arms, which are moved by a simulated hand"
+    )
     parser.add_argument("--force", action="store_true", help="replace files that export-lerobot finds there")
     add_fault_option(parser)
 

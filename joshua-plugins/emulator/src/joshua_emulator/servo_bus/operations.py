@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from joshua.devices.calibration_hand import interpolate
+
 from joshua_emulator import motion
 from joshua_emulator.arms import TICKS_PER_RADIAN
 from joshua_emulator.control import ControlError
@@ -313,4 +315,4 @@ def _hand(servo: EmulatedServo, path: motion.Trajectory, start_s: float) -> Call
 
 
 def _along(points: list[tuple[float, float]]) -> Callable[[float], float]:
-    return lambda now_s: motion.interpolate(points, now_s)
+    return lambda now_s: interpolate(points, now_s)

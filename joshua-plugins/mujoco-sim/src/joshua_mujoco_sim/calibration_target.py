@@ -1,0 +1,167 @@
+"""The actuators of a simulated arm as a calibration sees them, and the hand that moves them.
+
+The physics runs in the calibrating process itself. Nothing collides there: whoever holds an arm holds it
+clear of the table and of itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from joshua.devices.calibration import ArmCalibration
+from joshua.devices.calibration_hand import hand_paths
+from joshua.devices.calibration_target import CalibrationTarget, StoredMotor, TargetMotor
+from joshua.devices.calibration_target import Hand as HandMoves
+from joshua.devices.errors import DeviceError
+from joshua.devices.units import TICKS_PER_TURN
+
+from joshua_mujoco_sim.calibration import IDENTITY, encoder_ticks, misfits
+from joshua_mujoco_sim.hand import Hand
+from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
+from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
+from joshua_mujoco_sim.world import World, leave_world, shared_world
+
+#: How far the hand turns a joint that can go once around, to either side: there its ends are still apart.
+REACH_RAD = 2.9
+
+
+class SimCalibrationTarget(CalibrationTarget):
+    """Those joints of one arm that turn between two stops; wheels and slides keep the model's zero.
+
+    Args:
+        settings: of the actuator; simulation: plain settings of the simulation.
+    """
+
+    def __init__(self, settings: SimActuatorSettings, simulation: Mapping[str, Any]) -> None:
+        self._settings = settings
+        self._simulation = dict(simulation)
+        self._places = [i for i, joint in enumerate(settings.joint_ranges) if joint["by_hand"]]
+        joints = [settings.joint_ranges[place] for place in self._places]
+        self._ranges = [_reach(joint["min_rad"], joint["max_rad"]) for joint in joints]
+        self._motors = tuple(
+            TargetMotor(
+                place + 1,
+                joint["name"],
+                full_turn=(high - low) < joint["max_rad"] - joint["min_rad"],
+                typical_range_ticks=round((high - low) * TICKS_PER_TURN / math.tau),
+            )
+            for place, joint, (low, high) in zip(self._places, joints, self._ranges, strict=True)
+        )
+        self._world: World | None = None
+        self._group: ActuatorGroup | None = None
+        self._hand: Hand | None = None
+        self._unhook: Callable[[], None] | None = None
+
+    @property
+    def motors(self) -> tuple[TargetMotor, ...]:
+        """The motors in the order of the actuators; an id is the actuator's place, from 1."""
+        return self._motors
+
+    @property
+    def identity(self) -> str:
+        """The same for all simulated arms."""
+        return IDENTITY
+
+    @property
+    def connected(self) -> bool:
+        """Whether the physics runs."""
+        return self._world is not None
+
+    def connect(self) -> None:
+        """Starts the physics, or joins that of another arm. Raises DeviceError."""
+        if self.connected:
+            return
+        settings = SimulationSettings.model_validate(self._simulation).world()
+        try:  # at the pace of the person who watches, whatever the run's is
+            world = shared_world(replace(settings, real_time_factor=1.0))
+        except ModelError as error:
+            raise DeviceError(str(error)) from error
+        try:
+            with world.lock:
+                physics = world.physics
+                physics.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+                names = [self._settings.actuators[place] for place in self._places]
+                self._group = physics.group(names)
+                self._hand = Hand(physics, self._group)
+                self._unhook = world.before_step(self._move)
+        except ModelError as error:
+            leave_world(world)
+            raise DeviceError(str(error)) from error
+        self._world = world
+        world.start()
+
+    def disconnect(self) -> None:
+        """Leaves the physics; a second call does nothing."""
+        world, self._world = self._world, None
+        if world is None:
+            return
+        if self._unhook is not None:
+            self._unhook()
+        self._group = self._hand = self._unhook = None
+        leave_world(world)
+
+    def release(self) -> None:
+        """Lets the joints go; their drives only brake."""
+        world, _, hand = self._joined("release")
+        with world.lock:
+            hand.let_go(world.physics)
+
+    def raw_positions(self) -> tuple[int, ...]:
+        """Encoder positions in joint order."""
+        positions = self._positions("raw_positions")
+        return tuple(encoder_ticks(float(angle)) for angle in positions)
+
+    def stored(self) -> tuple[StoredMotor, ...] | None:
+        """None: simulated motors keep nothing, so that the file alone holds the calibration."""
+        return None
+
+    def store(self, motor_id: int, values: StoredMotor) -> None:
+        """Does nothing: there is no place for it in the model."""
+
+    @property
+    def hand(self) -> HandMoves:
+        """Moves the joints in place of the person who cannot take them."""
+        return self._guide
+
+    def misfits(self, calibration: ArmCalibration) -> Sequence[str]:
+        """Joints that the model does not have, and ranges beyond its own."""
+        return tuple(misfits(self._settings.joint_ranges, calibration))
+
+    def _guide(self, joint: int | None, seconds: float) -> bool:
+        world, group, hand = self._joined("hand")
+        with world.lock:
+            present = [float(angle) for angle in group.position_rad]
+            hand.follow(world.physics, hand_paths(joint, present, self._ranges, seconds))
+        return True
+
+    def _positions(self, verb: str) -> FloatArray:
+        world, group, _ = self._joined(verb)
+        with world.lock:
+            if world.failure:
+                raise DeviceError(world.failure)
+            return group.position_rad
+
+    def _move(self, physics: Physics) -> None:
+        """Lets the drives brake and the hand pull, before each step and under the lock."""
+        group, hand = self._group, self._hand
+        if group is None or hand is None:
+            return
+        group.set_command(np.where(group.goes_to_positions, group.position_rad, 0.0))
+        hand.push(physics)
+
+    def _joined(self, verb: str) -> tuple[World, ActuatorGroup, Hand]:
+        if self._world is None or self._group is None or self._hand is None:
+            raise DeviceError(f"SimCalibrationTarget.{verb}: the device is not open: call connect first")
+        return self._world, self._group, self._hand
+
+
+def _reach(low: float, high: float) -> tuple[float, float]:
+    """How far the hand moves a joint: to its stops, where they are apart."""
+    middle, half = (low + high) / 2, (high - low) / 2
+    return (low, high) if half <= REACH_RAD else (middle - REACH_RAD, middle + REACH_RAD)
