@@ -1,11 +1,12 @@
-"""The conformance check that any actuator must pass, on an emulated hub."""
+"""The conformance checks that any actuator and calibration target must pass, on an emulated hub."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from joshua.devices.actuator import Actuator
-from joshua.testing import check_actuator
+from joshua.devices.calibration_target import CalibrationTarget
+from joshua.testing import check_actuator, check_calibration_target
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike.actuator import SpikeActuator
 
@@ -18,3 +19,17 @@ def test_the_driver_keeps_the_contract_of_actuators(
 
     hub.state()  # opens the channel through which the test itself speaks to the emulator
     check_actuator(make_actuator, unplug=unplug, timeout_s=30.0)
+
+
+def test_its_target_keeps_the_contract_of_calibration_targets(
+    hub: EmulatedHub, make_actuator: Callable[..., SpikeActuator]
+) -> None:
+    def make() -> CalibrationTarget:
+        return make_actuator().calibration_target()
+
+    def hand(joint: int | None, seconds: float) -> bool:
+        hub.guide(joint, seconds)
+        return True
+
+    hub.state()
+    check_calibration_target(make, hand=hand, unplug=lambda target: hub.fault("unplug"), timeout_s=30.0)

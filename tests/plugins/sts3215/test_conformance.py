@@ -1,9 +1,16 @@
-"""The conformance check that any actuator must pass, on an emulated arm."""
+"""The conformance checks that actuators, bus tools and calibration targets must pass, on emulated servos."""
+
+from typing import ClassVar
 
 from joshua.devices.actuator import Actuator
-from joshua.testing import check_actuator
+from joshua.devices.bus_tools import BusTools
+from joshua.devices.calibration_target import CalibrationTarget
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.usb_ports import Endpoint
+from joshua.testing import check_actuator, check_bus_tools, check_calibration_target
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
+from joshua_sts3215.bus_tools import Sts3215BusTools
 from joshua_sts3215.settings import Sts3215Settings
 
 
@@ -21,3 +28,39 @@ def test_the_driver_keeps_the_contract_of_actuators(arm_emulator: EmulatedBus) -
         arm_emulator.fault("unplug")
 
     check_actuator(lambda: Sts3215Actuator(settings), unplug=unplug, timeout_s=30.0)
+
+
+class FewIds(Sts3215BusTools):
+    """A few of the ids and line speeds, for the sake of time."""
+
+    ids: ClassVar[range] = range(12)
+    baudrates: ClassVar[tuple[int, ...]] = (1_000_000, 115_200)
+
+
+def test_its_tools_keep_the_contract_of_bus_tools(emulator: EmulatedBus) -> None:
+    def make() -> BusTools:
+        port = SerialPort(Endpoint(emulator.port, device_root=str(emulator.root)), 1_000_000)
+        port.open()
+        return FewIds(port)
+
+    check_bus_tools(make, unplug=lambda tools: emulator.fault("unplug"))
+
+
+def test_its_target_keeps_the_contract_of_calibration_targets(arm_emulator: EmulatedBus) -> None:
+    settings = Sts3215Settings.model_validate(
+        {
+            "port": arm_emulator.port,
+            "device_root": str(arm_emulator.root),
+            "motor_ids": [1, 2, 3, 4, 5, 6],
+        }
+    )
+
+    def make() -> CalibrationTarget:
+        return Sts3215Actuator(settings).calibration_target()
+
+    def hand(joint: int | None, seconds: float) -> bool:
+        arm_emulator.guide(joint, seconds)
+        return True
+
+    arm_emulator.servos()  # opens the channel through which the test itself speaks to the emulator
+    check_calibration_target(make, hand=hand, unplug=lambda target: arm_emulator.fault("unplug"))

@@ -103,10 +103,12 @@ class ServoCalibrationTarget(CalibrationTarget):
 
     def release(self) -> None:
         """Takes torque off all servos, verified."""
+        self._require_open("release")
         self._torque.switch_off()
 
     def raw_positions(self) -> tuple[int, ...]:
         """Encoder positions in cable order."""
+        self._require_open("raw_positions")
         present = self.family.present_position
         values = self._bus.sync_read(present.address, present.width, self._ids)
         missing = [servo_id for servo_id in self._ids if servo_id not in values]
@@ -122,6 +124,7 @@ class ServoCalibrationTarget(CalibrationTarget):
 
     def stored(self) -> tuple[StoredMotor, ...]:
         """Homing offsets and limits in the EEPROM, in cable order."""
+        self._require_open("stored")
         return tuple(
             StoredMotor(
                 self.offset_sign * self._bus.read(servo_id, self.homing_offset),
@@ -133,6 +136,7 @@ class ServoCalibrationTarget(CalibrationTarget):
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
         """Writes the EEPROM of one servo and reads it back."""
+        self._require_open("store")
         registers = {
             self.homing_offset: self.offset_sign * values.homing_offset,
             self.min_position: values.range_min,
@@ -141,6 +145,10 @@ class ServoCalibrationTarget(CalibrationTarget):
         self.refuse_unfit(motor_id, registers)
         self.write_eeprom(motor_id, registers)
         self._offsets[motor_id] = values.homing_offset
+
+    def _require_open(self, verb: str) -> None:
+        if not self._port.is_open:
+            raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")
 
     def refuse_unfit(self, motor_id: int, registers: dict[Register, int]) -> None:
         """Refuses what a servo cannot hold, before the first register is written. Raises DeviceError."""
