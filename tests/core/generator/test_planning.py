@@ -116,6 +116,23 @@ def test_an_actuator_knows_who_may_take_over(tmp_path):
     assert "take_over" not in leader.context
 
 
+def test_random_noise_needs_no_block_of_its_own(tmp_path):
+    path = tmp_path / "robot.pbtxt"
+    path.write_text("""
+general { mode: MODE_INFERENCE name: "rig" id: "rig-1" }
+robot { actions { node { node_name: "arm" node_id: 1
+    subscriptions { data_type: JOINT_STATE topic_name: "/ai/actions" } }
+  action_type: ACTION_MOCK mock_motor_config { num_motors: 2 position_max: 4095 } } }
+ai { models { model_type: RANDOM_NOISE node { node_name: "noise" node_id: 2
+    publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 10 } } } }
+""")
+    examination = examine(Request(str(path)))
+    assert not examination.errors
+    (noise,) = [node for node in examination.plan.nodes if node.name == "noise"]
+    assert noise.settings["seed"] == 0
+    assert noise.settings["amplitude_rad"] > 0
+
+
 def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     path = teleoperation(tmp_path)
     before = examine(Request(path, blocked_plugins=("core",)))

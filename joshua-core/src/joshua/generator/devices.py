@@ -53,6 +53,8 @@ def _wanted(entry: NodeEntry) -> Wanted:
         kind = ProvisionKind.SENSOR
     else:
         name = next((n for n in ("plugin_config", "random_noise_config") if owner.HasField(n)), "")
+        if not name and owner.model_type == pb.RANDOM_NOISE:
+            name = "random_noise_config"  # omitted, it means its defaults
         enum_value = _value_name(pb.ModelType, owner.model_type)
         kind = ProvisionKind.MODEL
     path = f"{entry.owner_path}.{name}" if name else entry.owner_path

@@ -42,7 +42,8 @@ def choose_environment(config: pb.Config, registry: Registry, findings: Findings
     elif training.method == pb.METHOD_EVAL:  # the checkpoint may know where it was trained
         return None
     else:
-        _needed(offers, findings)
+        if backend:  # without one, that is what is missing first
+            _needed(offers, findings)
         return None
     if not fitting:
         _unknown(training, offers, findings)
