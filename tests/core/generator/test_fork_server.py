@@ -159,6 +159,15 @@ def test_a_dead_server_is_told(server, descriptors):
         shell(server, descriptors[0], "pass")
 
 
+def test_a_server_without_children_is_not_waited_for(monkeypatch):
+    monkeypatch.setattr(fork_server, "CLOSE_TIMEOUT_S", 1e6)
+    server = fork_server.start()
+    os.kill(server.process_id, signal.SIGSTOP)  # as busy as can be
+    server.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(server.process_id, 0)
+
+
 def test_ctrl_c_does_not_end_the_server(server, descriptors):
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(server.process_id, number)

@@ -163,6 +163,7 @@ def test_a_second_ctrl_c_kills_at_once(robot, launch):
     run.process.send_signal(signal.SIGINT)
 
     assert run.end() == 1, run.text()
+    assert run.wait_for("reasons")["/ignoresstop"] == "killed by the second signal"
     assert run.wait_for("states")["/ignoresstop"] == "killed"
     assert "SIGINT again: killing what is left" in run.text()
     assert wait_until_gone(pids, 5.0) == []

@@ -108,6 +108,9 @@ class ForkServer:
         self._frames.close()
         if self._reaped:
             return
+        if not self._requests:  # it has no children, and may be loading modules for a while yet
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.process_id, signal.SIGKILL)
         deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
         while not self._reap():
             if time.monotonic() > deadline_s:

@@ -65,6 +65,7 @@ class ManagedProcess:
         self._deadline: ReactorTimer | None = None
         self._restarted = False
         self._urgent = False
+        self._kill_reason = "it did not stop in time"
         self._dump: StackDump | None = None
 
     @property
@@ -143,8 +144,9 @@ class ManagedProcess:
             self._ladder.begin()
 
     def kill(self) -> None:
-        """Kills the process at once."""
+        """Kills the process at once, on the user's word."""
         if self.alive:
+            self._kill_reason = "killed by the second signal"
             self._ladder.kill()
 
     def restart_later(self, delay_s: float) -> None:
@@ -245,7 +247,7 @@ class ManagedProcess:
                     record.reason += f", in {self._dump.place}"
                 continue
             if asked and killed:
-                record.state, record.reason = "killed", "it did not stop in time"
+                record.state, record.reason = "killed", self._kill_reason
             elif asked and record.report is not None:
                 record.state = "stopped"
             elif asked and record.state in ("starting", "stopping") and status == 0:

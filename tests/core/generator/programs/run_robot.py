@@ -51,6 +51,7 @@ class Printer:
         show({"event": event.kind, "node": event.node})
 
     def on_finish(self, report: Any) -> None:
+        show({"reasons": {node.full_name: node.reason for node in report.nodes}})
         show({"states": {node.full_name: node.state for node in report.nodes}})
 
 
