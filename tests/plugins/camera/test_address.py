@@ -94,11 +94,10 @@ def test_nobody_listens(camera_at: Maker) -> None:
     assert f"cannot be reached: connection refused at 127.0.0.1 port {port}" in text
 
 
-def test_an_unknown_host(camera_at: Maker) -> None:
-    text = refusal(camera_at, "http://camera.invalid/video")
-    assert text.startswith(
-        "http://camera.invalid/video cannot be reached: the host camera.invalid is unknown"
-    )
+@pytest.mark.parametrize("host", ["camera.invalid", "192.168..20"])
+def test_an_unknown_host(camera_at: Maker, host: str) -> None:
+    text = refusal(camera_at, f"http://{host}/video")
+    assert text.startswith(f"http://{host}/video cannot be reached: the host {host} is unknown")
     assert text.endswith("check its name, or write its IP address")
 
 

@@ -36,7 +36,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
     host, port = endpoint
     try:
         addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # the latter where it cannot be a name
         raise DeviceError(
             f"{source.label} cannot be reached: the host {host} is unknown ({_reason(error)}): "
             "check its name, or write its IP address"
