@@ -84,6 +84,9 @@ def test_plain_cyclonedds(opener, program, eventually, distro):
     seen = eventually(
         lambda: (found := endpoints(transport)) and ("/bare/dds_peer", "/to_peer", False) in found and found
     )
+    assert {node.name for node in transport.nodes()} == {"ours", "dds_peer"}, (
+        "and none with control characters"
+    )
     talker = seen["/bare/dds_peer", "/from_peer", True]
     assert talker.type_name == STRING
     assert talker.type_hash == ("TypeHashNotSupported" if distro == "humble" else STRING_HASH)

@@ -75,7 +75,10 @@ def test_infinite_durations_mean_none():
 
 @pytest.mark.parametrize(
     "token",
-    ["", "a/b", "@ros2_lv/0/z/0/0/XX/%/%/n", "@ros2_lv/x/z/0/0/NN/%/%/n", "@ros2_lv/0/z/0/1/MP/%/%/n"],
+    [
+        *("", "a/b", "@ros2_lv/0/z/0/0/XX/%/%/n", "@ros2_lv/x/z/0/0/NN/%/%/n", "@ros2_lv/0/z/0/1/MP/%/%/n"),
+        "@ros2_lv/0/z/0/0/NN/%/%/n\x1b[2J",
+    ],
 )
 def test_other_keys_are_no_tokens(token):
     with pytest.raises(ValueError, match=r".+"):

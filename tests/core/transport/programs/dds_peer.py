@@ -98,7 +98,8 @@ reader = DataReader(participant, Topic(participant, "rt/to_peer", JointState), q
 info_topic = Topic(participant, "ros_discovery_info", Participant)
 info_writer = DataWriter(participant, info_topic, qos=kept + Qos(Policy.History.KeepLast(1)))
 info_reader = DataReader(participant, info_topic, qos=kept + Qos(Policy.History.KeepAll))
-info_writer.write(Participant(gid(participant), [Node("/bare", "dds_peer", [gid(reader)], [gid(writer)])]))
+nodes = [Node("/bare", "dds_peer", [gid(reader)], [gid(writer)]), Node("/bare", "evil\x1b[2J", [], [])]
+info_writer.write(Participant(gid(participant), nodes))
 print("ready", flush=True)
 
 heard, names = [], set()
@@ -110,7 +111,7 @@ while time.monotonic() < end_s and not (heard and names):
         names |= {
             (node.node_namespace, node.node_name) for node in getattr(sample, "node_entities_info_seq", [])
         }
-    names.discard(("/bare", "dds_peer"))
+    names -= {(node.node_namespace, node.node_name) for node in nodes}
     time.sleep(0.05)
 talker = reader.get_matched_publication_data(reader.get_matched_publications()[0])
 user_data = talker.qos[Policy.Userdata]

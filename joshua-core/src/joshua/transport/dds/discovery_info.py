@@ -89,7 +89,7 @@ def pack(kind: Any, participant: bytes, nodes: Sequence[NodeEntry]) -> Any:
 
 
 def unpack(message: Any) -> tuple[bytes, list[NodeEntry]]:
-    """The participant's GUID and its nodes."""
+    """The participant's GUID and its nodes, without those whose names no node of ROS 2 can have."""
 
     def guid(gid: Any) -> bytes:
         return bytes(gid.data[:_GUID_BYTES])
@@ -102,4 +102,6 @@ def unpack(message: Any) -> tuple[bytes, list[NodeEntry]]:
             tuple(guid(gid) for gid in node.writer_gid_seq),
         )
         for node in message.node_entities_info_seq
+        # names end up on terminals, and come from whoever joins the domain
+        if f"{node.node_namespace}{node.node_name}".isprintable()
     ]

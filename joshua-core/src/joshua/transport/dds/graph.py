@@ -84,6 +84,7 @@ class Graph:
             for samples, is_publisher in ((writers, True), (readers, False))
             for guid, sample in samples.items()
             if sample.topic_name.startswith(_PREFIX)
+            and f"{sample.topic_name}{sample.type_name}".isprintable()
         }
         found = []
         for guid, entries in known.items():

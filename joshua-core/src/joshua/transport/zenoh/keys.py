@@ -103,6 +103,8 @@ def read_token(token: str) -> Entity:
     parts = token.split("/")
     if len(parts) < _NODE_PARTS or parts[0] != ADMIN_SPACE or parts[5] not in _KINDS:
         raise ValueError(f"not a liveliness token of a ROS 2 entity: {token!r}")
+    if not token.isprintable():  # names end up on terminals, and come from whoever reaches the router
+        raise ValueError(f"a name holds characters that no name of ROS 2 has: {token!r}")
     enclave, namespace, name = (_demangle(part) for part in parts[6:9])
     node = Entity(int(parts[1]), parts[2], parts[3], parts[4], parts[5], enclave, namespace, name)
     if node.kind == NODE:
