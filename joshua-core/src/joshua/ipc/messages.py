@@ -231,6 +231,9 @@ ToSupervisor = (
 
 _T = TypeVar("_T")
 
+_ESCAPES = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), *range(127, 160))}
+_ESCAPES |= {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
+
 _TO_CHILD: TypeAdapter[ToChild] = TypeAdapter(Annotated[ToChild, Field(discriminator="kind")])
 _TO_SUPERVISOR: TypeAdapter[ToSupervisor] = TypeAdapter(Annotated[ToSupervisor, Field(discriminator="kind")])
 
@@ -252,10 +255,14 @@ def decode_for_supervisor(payload: bytes) -> ToSupervisor:
 
 
 def printable(text: str, limit: int = 0) -> str:
-    """Makes text safe for JSON and terminals: lone surrogates escaped, cut at ``limit`` characters."""
+    """Makes text safe for JSON and terminals; it may quote a device, or somebody on the network.
+
+    Lone surrogates, control characters other than tab and line feed, and what turns the direction of a line
+    round are escaped; the rest is cut at ``limit`` characters.
+    """
     if limit and len(text) > limit:
         text = f"{text[:limit]}… ({len(text) - limit} more characters)"
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return text.translate(_ESCAPES).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _decode(adapter: TypeAdapter[_T], payload: bytes) -> _T:
