@@ -7,7 +7,7 @@ import socket
 import threading
 
 import pytest
-from joshua.generator.control_server import MAX_CLIENTS, MAX_REQUEST_BYTES, ControlServer, ask
+from joshua.generator.control_server import MAX_CLIENTS, MAX_REQUEST_BYTES, ControlServer, Deferred, ask
 from joshua.generator.reactor import Reactor
 
 
@@ -91,6 +91,23 @@ def test_too_many_clients_are_turned_away_and_the_others_served(served):
     extra.close()
     for client in clients:
         client.close()
+
+
+def test_an_answer_is_abandoned_when_who_asked_has_gone(tmp_path):
+    reactor, answers = Reactor(), []
+    server = ControlServer(
+        reactor, tmp_path / "control.sock", {"later": lambda _: answers.append(Deferred()) or answers[-1]}
+    )
+    with connect(tmp_path / "control.sock") as connection:
+        connection.sendall(b'{"request": "later"}\n')
+        while not answers:
+            reactor.turn()
+        assert not answers[0].abandoned
+    while not answers[0].abandoned:
+        reactor.turn()
+    answers[0].answer({"too": "late"})
+    server.close()
+    reactor.close()
 
 
 def test_nobody_there_is_an_error(tmp_path):

@@ -15,10 +15,15 @@ Request = Mapping[str, Any]
 
 
 class Deferred:
-    """An answer that comes later; one that nobody waits for any more is dropped."""
+    """An answer that comes later; one that nobody waits for any more is dropped.
+
+    Attributes:
+        abandoned: whether who asked has gone, so that what was asked for is not wanted any more.
+    """
 
     def __init__(self) -> None:
         self.deliver: Callable[[dict[str, Any]], None] | None = None
+        self.abandoned = False
 
     def answer(self, values: dict[str, Any]) -> None:
         """Gives the answer."""
@@ -118,6 +123,7 @@ class ControlServer:
     def _reply(self, client: _Client, answer: dict[str, Any] | Deferred) -> None:
         if isinstance(answer, Deferred):
             answer.deliver = lambda values: self._deliver(client, values)
+            client.waits_for.append(answer)
         else:
             client.outgoing += json.dumps(answer).encode() + b"\n"
 
@@ -141,6 +147,8 @@ class ControlServer:
         self._reactor.forget(client.descriptor)
         self._clients.pop(client.descriptor, None)
         client.connection.close()
+        for answer in client.waits_for:
+            answer.abandoned = True
 
 
 class _Client:
@@ -150,6 +158,7 @@ class _Client:
         self.descriptor = connection.fileno()
         self.incoming = b""
         self.outgoing = b""
+        self.waits_for: list[Deferred] = []
         self.finished = False
 
 

@@ -57,7 +57,9 @@ class RunRequests:
     def ready(self, process: ManagedProcess) -> None:
         """A process is ready: passes on what waited for that."""
         for node in process.records:
-            if node in self._resuming:
+            asked = [deferred for deferred in self._resuming.pop(node, []) if not deferred.abandoned]
+            if asked:  # who has broken the command off meanwhile wants no torque any more
+                self._resuming[node] = asked
                 process.resume(node)
 
     def ended(self, process: ManagedProcess) -> None:
