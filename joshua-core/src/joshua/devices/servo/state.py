@@ -13,6 +13,9 @@ from joshua.devices.stamps import StampClock
 
 SETTLED_ATTEMPTS = 3
 
+#: Positions that may be further apart in time are read once more: one stamp would be true of none of them.
+COHERENT_NS = 30_000_000
+
 
 class StateReader:
     """The state of one arm.
@@ -52,15 +55,25 @@ class StateReader:
         """Feedback in joint order, and its time in ns since the epoch.
 
         After a servo did not answer it is asked once for each call: who reads has more to do than to wait.
+        Replies that took long to come are read anew, so that the time is that of all positions.
         Raises NoReply and PortDisconnected.
         """
-        address, length = self._family.feedback
-        before_ns = self._stamps.now_ns()
-        found = self._bus.sync_read(address, length, self._ids, retries=0 if self._missed else None)
+        found, stamp_ns, spread_ns = self._timed(retries=0 if self._missed else None)
         self._missed = len(found) < len(self._ids)
         values = self._all(found)
-        stamp_ns = (before_ns + self._stamps.now_ns()) // 2
+        if spread_ns > COHERENT_NS:
+            again, again_ns, spread_ns = self._timed(retries=0)
+            if len(again) == len(self._ids) and spread_ns <= COHERENT_NS:
+                values, stamp_ns = self._all(again), again_ns
         return self._parse(values), stamp_ns
+
+    def _timed(self, *, retries: int | None) -> tuple[dict[int, bytes], int, int]:
+        """Feedback of the servos that answer, the middle of the time that it took, and that time."""
+        address, length = self._family.feedback
+        before_ns = self._stamps.now_ns()
+        found = self._bus.sync_read(address, length, self._ids, retries=retries)
+        spread_ns = self._stamps.now_ns() - before_ns
+        return found, before_ns + spread_ns // 2, spread_ns
 
     def positions(self) -> list[int]:
         """Positions in ticks, as the servos count. Raises NoReply and PortDisconnected."""

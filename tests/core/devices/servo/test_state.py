@@ -1,0 +1,38 @@
+"""The state of an arm and its time, on a bus that keeps its replies back."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+
+import pytest
+from joshua.devices.servo.state import StateReader
+from joshua_emulator import EmulatedBus
+from servo_families import Kind
+
+IDS = (1, 2, 3)
+AMPLITUDE_RAD, FREQUENCY_HZ, PHASE_RAD = 1.0, 1.0, 0.7
+FASTEST_TICKS_S = AMPLITUDE_RAD * FREQUENCY_HZ * 4096
+
+
+def test_the_stamp_is_that_of_the_positions_after_a_silence(kind: Kind, emulator: EmulatedBus) -> None:
+    emulator.ask("motion", kind="sine", amplitude_rad=AMPLITUDE_RAD, frequency_hz=FREQUENCY_HZ)
+    start_s = emulator.log("motion")[-1]["t_ns"] / 1e9
+    epoch_s = time.time() - time.monotonic()
+    time.sleep(max(0.0, start_s + 1.0 - time.monotonic()))  # until it swings as far as it will
+    with kind.open_bus(emulator, retries=12) as bus:
+        parse = kind.family.parse_feedback
+        names = {servo_id: str(servo_id) for servo_id in IDS}
+        reader = StateReader(bus, kind.family, names, lambda values: [parse(value) for value in values])
+        emulator.ask("set", silent=True)
+        timer = threading.Timer(0.1, lambda: emulator.ask("set", silent=False))
+        timer.start()
+        began_s = time.monotonic()
+        readings, stamp_ns = reader.feedback()
+        assert time.monotonic() - began_s > 0.09
+        timer.join()
+    time_s = stamp_ns / 1e9 - epoch_s - start_s
+    phases = [math.tau * FREQUENCY_HZ * time_s + PHASE_RAD * index for index in range(3)]
+    truth = [2048 + AMPLITUDE_RAD * math.sin(phase) * 4096 / math.tau for phase in phases]
+    assert [reading.position for reading in readings] == pytest.approx(truth, abs=FASTEST_TICKS_S * 0.03)
