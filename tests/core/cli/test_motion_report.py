@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import struct
 from pathlib import Path
 
@@ -50,6 +51,20 @@ def test_the_picture_lies_beside_the_log(tmp_path: Path) -> None:
     assert data.startswith(b"\x89PNG\r\n\x1a\n")
     assert struct.unpack(">II", data[16:24]) == (WIDE, 4 * PANEL_HEIGHT)
     assert list(draw_report(RunReport(exit_code=0, nodes=(moved,)))) == []
+
+
+def test_half_a_picture_is_not_left_on_a_full_disk(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved = NodeReport(full_name="/servo", state="stopped", traces=(trace("pan"),))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))  # stands in for a disk that is full
+    try:
+        draw(report(tmp_path / "run.jsonl", moved))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert f"could be written beside {tmp_path / 'run.jsonl'}: File too large" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,18 @@ from joshua.cli.presets import FOLDER
 
 
 @pytest.mark.parametrize(
+    "words", [("arm.pbtxt",), ("run", "arm.pbtxt"), ("--host", "pi", "start", "arm.pbtxt")]
+)
+def test_a_file_where_a_command_belongs_is_told_how_it_runs(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(words)
+    assert ended.value.code == 2
+    assert "\n  to run a file: joshua --config arm.pbtxt\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("words", "first", "nearest"),
     [
         (("find-port", "--prot", "x"), "joshua find-port: error: unrecognized arguments: --prot x", "--port"),

@@ -24,7 +24,18 @@ def test_a_missing_file_names_its_neighbours(tmp_path: Path) -> None:
     assert (found.code, found.position) == ("file-missing", None)
     assert found.message == f"There is no file {tmp_path}/telop.pbtxt."
     assert found.allowed == (f"{tmp_path}/teleop.pbtxt",)
-    assert "joshua presets" in found.remedy
+    assert found.remedy == (
+        f"Did you mean {tmp_path}/teleop.pbtxt? `joshua presets` lists files to start from."
+    )
+
+
+def test_a_name_that_shares_the_suffix_alone_is_not_near(tmp_path: Path) -> None:
+    for name in ("nul.pbtxt", "mine.pbtxt"):
+        (tmp_path / name).touch()
+    found = only(load(tmp_path / "nosuch.pbtxt"))
+    assert found.allowed == ()
+    assert found.remedy.startswith("Check the path")
+    assert only(load(tmp_path / "main.pbtx")).allowed == (f"{tmp_path}/mine.pbtxt",)
 
 
 def test_a_missing_suffix_is_noticed(tmp_path: Path) -> None:

@@ -132,6 +132,7 @@ def test_the_report_shows_cadence_failures_and_the_reason():
                 ),
             ),
             NodeReport(full_name="/camera", state="failed", reason="it is\x1b[31m gone"),
+            NodeReport(full_name="/hand", state="stopped", reason="joint_1 is too hot", restarts=1),
         ),
     )
     assert "\n".join(report_lines(report)) == (
@@ -144,6 +145,8 @@ NODE  CADENCE OF       SET  ACHIEVED  JITTER p50      p99    p99.9  OVERRUNS  CO
 /arm  in /y                  30.00 Hz                                              8
 /arm: started again 2 times
 /camera: failed: it is\\x1b[31m gone
+/hand: started again once
+/hand: in fault: joint_1 is too hot
 ended with 1: stopped by SIGINT (stopped in 0.12 s)"""
     )
 

@@ -25,7 +25,11 @@ def draw_report(report: RunReport) -> Iterator[Path]:
         name = node.full_name.strip("/").replace("/", "-")
         path = log.with_name(f"{log.stem}-{name}.png")
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(encode_png(draw_node(node)))
+        try:
+            path.write_bytes(encode_png(draw_node(node)))
+        except OSError:
+            path.unlink(missing_ok=True)  # half a picture
+            raise
         yield path
 
 

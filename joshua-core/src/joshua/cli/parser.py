@@ -37,9 +37,15 @@ class Parser(argparse.ArgumentParser):
             message = f"unrecognized arguments: {' '.join(unknown)}"
         lines = [f"{self.prog}: error: {message}"]
         lines += [f"  nearest: {hint}" for hint in self._nearest(message)]
+        if message.startswith("argument COMMAND:") and (file := self._file()):
+            lines.append(f"  to run a file: {self.prog} --config {file}")
         lines.append(f"  see: {self.prog} --help")
         sys.stderr.write("\n".join(lines) + "\n")
         sys.exit(ExitCode.INVALID)
+
+    def _file(self) -> str:
+        """The configuration that somebody wrote where a command belongs; "" for none."""
+        return next((word for word in self.arguments if word.endswith(".pbtxt")), "")
 
     def _unknown_options(self) -> list[str]:
         # argparse takes the value of a misspelt option for the command and complains about that.

@@ -174,4 +174,5 @@ def draw(report: RunReport) -> None:
         for path in draw_report(report):
             sys.stdout.write(f"picture: {path}\n")
     except OSError as error:
-        sys.stderr.write(f"no picture of the test could be written: {error}\n")
+        reason = error.strerror or error
+        sys.stderr.write(f"no picture of the test could be written beside {report.log}: {reason}\n")

@@ -106,12 +106,18 @@ def _missing(path: str, problems: Problems, at: Span | None) -> None:
 
     where = Path(path)
     candidates = _configurations_in(str(where.parent))
-    near = nearest(where.name, candidates)
+    # What all names end with would make each of them look like every other.
+    stems = {name.removesuffix(_SUFFIX): name for name in candidates}
+    near = [stems[stem] for stem in nearest(where.stem, list(stems))]
     if f"{where.name}{_SUFFIX}" in candidates:
         near = [f"{where.name}{_SUFFIX}", *near]
     allowed = [str(where.parent / name) for name in dict.fromkeys(near)]
+    remedy = f"Did you mean {allowed[0]}?" if allowed else ""
     if at is None:
-        problems.error("file-missing", f"There is no file {path}.", None, found=path, allowed=allowed)
+        remedy += " `joshua presets` lists files to start from." if remedy else ""
+        problems.error(
+            "file-missing", f"There is no file {path}.", None, found=path, allowed=allowed, remedy=remedy
+        )
     else:
         problems.error(
             "include-missing",
@@ -120,6 +126,7 @@ def _missing(path: str, problems: Problems, at: Span | None) -> None:
             path="include",
             found=path,
             allowed=allowed,
+            remedy=remedy,
         )
 
 
@@ -178,6 +185,7 @@ def decode_source(path: str, data: bytes, problems: Problems, at: Span | None) -
             f"{path} is no text file: it holds many bytes that no text holds.",
             at,
             found="binary data",
+            remedy="Give the path of a configuration file.",
         )
         return None
     source = Source(path, text.replace("\0", " "))

@@ -222,9 +222,12 @@ class ManagedProcess:
     def on_output(self, stream: str, line: str) -> None:
         """A line of the process's standard output or error."""
         level = logging.INFO if stream == "stdout" else logging.WARNING
-        if self._dump is not None and stream == "stderr" and self._dump.take(line):
-            level = logging.DEBUG
-            if self._dump.place:
+        if self._dump is not None and stream == "stderr":
+            known = bool(self._dump.place)
+            if self._dump.take(line):
+                level = logging.DEBUG
+            if self._dump.place and not known:
+                self._logbook.write(logging.ERROR, f"it stands in {self._dump.place}", self.names)
                 self._end_hang()
         self._logbook.add(LogEntry(time.time_ns(), self.specs[0].full_name, level, line, stream=stream))
 
@@ -309,7 +312,9 @@ class ManagedProcess:
     def _on_failure(self, record: NodeRecord, failure: ipc.Failure) -> None:
         record.fail(failure.text, failure.exit_code)
         name = record.spec.full_name
-        self._logbook.write(logging.ERROR, f"failed in step {failure.step}: {failure.text}", name)
+        # A hang is known already; what follows is how it was ended.
+        level = logging.ERROR if self._dump is None else logging.DEBUG
+        self._logbook.write(level, f"failed in step {failure.step}: {failure.text}", name)
         if failure.traceback:
             level = logging.ERROR if failure.unexpected else logging.DEBUG
             self._logbook.write(level, failure.traceback.rstrip(), name)

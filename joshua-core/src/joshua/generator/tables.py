@@ -106,6 +106,8 @@ def report_lines(report: RunReport) -> list[str]:
         elif node.restarts:
             times = "once" if node.restarts == 1 else f"{node.restarts} times"
             lines.append(f"{node.full_name}: started again {times}")
+        if node.state == "stopped" and node.reason:
+            lines.append(f"{node.full_name}: in fault: {node.reason}")
     ending = f"ended with {report.exit_code}: {report.reason}"
     if report.stop_s is not None:
         ending += f" (stopped in {report.stop_s:.2f} s)"
