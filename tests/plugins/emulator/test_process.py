@@ -98,11 +98,11 @@ def test_a_wrong_start_is_reported(tmp_path: Path) -> None:
 def test_the_process_ends_with_its_parent_even_by_sigkill(tmp_path: Path) -> None:
     program = (
         "import sys, time\nfrom joshua_emulator import EmulatedBus\n"
-        "bus = EmulatedBus(ids=(1,)); bus.start(); print(bus.pid, flush=True); time.sleep(60)\n"
+        "bus = EmulatedBus(ids=(1,)); bus.start(); print(bus.pid, bus.root, flush=True); time.sleep(60)\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
-    pid = int(parent.stdout.readline())
+    pid, root = parent.stdout.readline().split()
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     parent.stdout.close()
@@ -110,6 +110,7 @@ def test_the_process_ends_with_its_parent_even_by_sigkill(tmp_path: Path) -> Non
     while Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+    assert not Path(root).exists()
 
 
 def test_closing_twice_leaves_nothing() -> None:

@@ -55,7 +55,15 @@ class Machine:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one emulated device until it is stopped; prints one line of JSON when it is ready."""
     options = _parser().parse_args(arguments)
-    root = options.root or Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
+    if options.root:
+        return emulate(options, options.root)
+    # Removed by this process itself, because the one that started it may be killed.
+    with tempfile.TemporaryDirectory(prefix="joshua-emulator-", ignore_cleanup_errors=True) as folder:
+        return emulate(options, Path(folder))
+
+
+def emulate(options: argparse.Namespace, root: Path) -> int:
+    """Runs the device below a folder; returns the exit code."""
     try:
         machine = MAKERS.get(options.protocol, _bus)(options, root)
         for text in options.fault:

@@ -9,7 +9,6 @@ import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -38,7 +37,6 @@ class EmulatorProcess:
 
     def __init__(self, command: Sequence[str], options: Mapping[str, Any]) -> None:
         self._command = [*command, *_arguments(options)]
-        self._own_root: Path | None = None
         self._has_root = "root" in options
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
@@ -67,9 +65,6 @@ class EmulatorProcess:
     def start(self) -> None:
         """Starts the process and waits until it is ready. Raises EmulatorError."""
         command = [sys.executable, "-m", "joshua_emulator", *self._command, "--until-stdin-closes"]
-        if not self._has_root:
-            self._own_root = Path(tempfile.mkdtemp(prefix="joshua-emulator-"))
-            command += ["--root", str(self._own_root)]
         # In a session of its own: Ctrl-C is for the drivers, which stop before their devices vanish.
         self._process = subprocess.Popen(
             command,
@@ -103,9 +98,8 @@ class EmulatorProcess:
                 if stream is not None:
                     with contextlib.suppress(BrokenPipeError):
                         stream.close()
-        if self._own_root is not None:
-            shutil.rmtree(self._own_root, ignore_errors=True)
-            self._own_root = None
+        if self.ready and not self._has_root:  # there still only if the process had to be killed
+            shutil.rmtree(self.root, ignore_errors=True)
 
     def ask(self, operation: str, **values: Any) -> dict[str, Any]:
         """Sends one request over the control channel. Raises EmulatorError with the emulator's reason."""
