@@ -45,6 +45,13 @@ def describe_process(process: int, proc: Path = Path("/proc")) -> str:
     return f"process {process}"
 
 
+def is_guardian(process: int, proc: Path = Path("/proc")) -> bool:
+    """Whether a process brings a device into its safe state in place of a driver."""
+    with contextlib.suppress(OSError):
+        return b"joshua.guardian.main" in (proc / str(process) / "cmdline").read_bytes().split(b"\0")
+    return False
+
+
 def _is_run(words: list[str]) -> bool:
     """Whether a command line starts nodes: options and no command stand behind the program's name."""
     for index, word in enumerate(words[:-1]):

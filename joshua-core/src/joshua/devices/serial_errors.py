@@ -13,6 +13,10 @@ class PortBusy(DeviceError):
     """Another process has the port open."""
 
 
+class PortGuarded(PortBusy):
+    """The guardian of a driver that has failed has the port open; it ends by itself."""
+
+
 class PortForbidden(DeviceError):
     """This user may not open the port."""
 

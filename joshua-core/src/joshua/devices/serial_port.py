@@ -14,8 +14,15 @@ import sys
 import termios
 import time
 
-from joshua.devices.port_holders import describe_process, holders
-from joshua.devices.serial_errors import PortBusy, PortDisconnected, PortForbidden, PortNotFound, PortUnusable
+from joshua.devices.port_holders import describe_process, holders, is_guardian
+from joshua.devices.serial_errors import (
+    PortBusy,
+    PortDisconnected,
+    PortForbidden,
+    PortGuarded,
+    PortNotFound,
+    PortUnusable,
+)
 from joshua.devices.usb_ports import Endpoint, PortEntry, describe_ports, resolve
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
@@ -198,7 +205,7 @@ class SerialPort:
             if error.errno in (errno.EACCES, errno.EPERM):
                 raise PortForbidden(_forbidden(path)) from error
             if error.errno == errno.EBUSY:
-                raise PortBusy(_busy(path)) from error
+                raise _busy(path) from error
             raise PortUnusable(f"{path}: cannot be opened ({_reason(error)})") from error
         if not os.isatty(fd):
             os.close(fd)
@@ -213,7 +220,7 @@ class SerialPort:
             fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
         except BlockingIOError as error:
-            raise PortBusy(_busy(self.entry.path)) from error
+            raise _busy(self.entry.path) from error
         except OSError as error:
             raise self._disconnected(error) from error
 
@@ -286,9 +293,15 @@ def _forbidden(path: str) -> str:
     return f"{path}: this user may not open the port; {remedy}."
 
 
-def _busy(path: str) -> str:
-    who = ", ".join(map(describe_process, holders(path))) or "another process"
-    return (
+def _busy(path: str) -> PortBusy:
+    processes = holders(path)
+    if any(map(is_guardian, processes)):
+        return PortGuarded(
+            f"{path}: a guardian (process {processes[0]}) is bringing the device into its safe state. "
+            "Leave it alone; it ends within seconds, then try again."
+        )
+    who = ", ".join(map(describe_process, processes)) or "another process"
+    return PortBusy(
         f"{path}: the port is in use by {who}. Stop that, or correct comm.serial; "
         "two programs cannot share a bus."
     )

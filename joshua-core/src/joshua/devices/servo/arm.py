@@ -19,6 +19,7 @@ from joshua.devices.servo.diagnostics import bus_row, joint_rows
 from joshua.devices.servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from joshua.devices.servo.family import ServoFamily
 from joshua.devices.servo.feedback import Feedback
+from joshua.devices.servo.handover import open_unguarded
 from joshua.devices.servo.inspection import ServoSetup
 from joshua.devices.servo.joint_map import JointMap, TickArray
 from joshua.devices.servo.safe_stop import SafeStopRequest
@@ -73,8 +74,7 @@ class ServoArm(Actuator):
         self._goal_ticks, self._written_s = np.zeros(len(self._ids), np.int64), 0.0
         self._readings: list[Feedback] = []
         self._setups: list[ServoSetup] = []
-        self._lost_reported = 0
-        self._lost_checked = 0
+        self._lost_reported = self._lost_checked = 0
         self._torque_checked_s = 0.0
 
     @abstractmethod
@@ -147,7 +147,7 @@ class ServoArm(Actuator):
         if self.connected:
             raise DeviceError(f"{type(self).__name__}.connect: the device is open already")
         with self._lock:
-            self._port.open()
+            open_unguarded(self._port, self.stopping)
             try:
                 try:
                     self.check()
