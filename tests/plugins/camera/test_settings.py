@@ -65,5 +65,5 @@ def test_an_unknown_scheme_names_the_nearest() -> None:
 @pytest.mark.parametrize("source", ["http:///video", "http://phone:70000/video", "http://phone:x/video"])
 def test_an_address_without_a_host_or_port(source: str) -> None:
     (found,) = diagnose(source)
-    assert found.message == "the address names no host, or no valid port."
+    assert found.message == "The address names no host, or no valid port."
     assert found.allowed == ("http://HOST:PORT/PATH",)

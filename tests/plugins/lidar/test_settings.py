@@ -36,7 +36,7 @@ def test_the_values_of_a_block() -> None:
 def test_a_line_speed_that_the_model_does_not_have() -> None:
     field, message, allowed = problem(115_200, model="ld19")
     assert field == "comm.serial.baudrate"
-    assert message == "the LD19 talks at 230400 bit/s only."
+    assert message == "The LD19 talks at 230400 bit/s only."
     assert allowed == ("230400",)
 
 
@@ -59,4 +59,4 @@ def test_a_scan_mode_where_there_is_none() -> None:
 
 
 def test_no_port() -> None:
-    assert "a laser scanner needs a serial port" in problem(port="")[1]
+    assert "A laser scanner needs a serial port" in problem(port="")[1]

@@ -58,7 +58,7 @@ def test_a_joint_that_the_actuator_lacks_is_found_with_the_nearest(tmp_path: Pat
     )
     assert found.field_path == "robot.perceptions[0].keyboard_config.controls[0].joint"
     assert found.position is not None
-    assert found.message == "the actuator has no joint named 'joint_3'."
+    assert found.message == "The actuator has no joint named 'joint_3'."
     assert set(found.allowed) == {"joint_1", "joint_2"}
 
 
