@@ -114,6 +114,16 @@ def test_dropped_episode_leaves_nothing_behind(tmp_path: Path) -> None:
     assert info["total_episodes"] == 2
 
 
+def test_folder_belongs_to_one_writer_and_goes_with_its_last_episode(tmp_path: Path) -> None:
+    first = LeRobotWriter(layout(tmp_path / "set"))
+    first.open()
+    with pytest.raises(EpisodeError, match="is not empty, and data sets are never overwritten"):
+        LeRobotWriter(layout(tmp_path / "set")).open()
+    first.add_frame(0, frame(1))
+    first.close()
+    assert not (tmp_path / "set").exists()
+
+
 def test_statistics_of_parts_are_those_of_the_whole() -> None:
     rows = np.random.default_rng(0).normal(size=(50, 3))
     whole = statistics.of_rows(rows)

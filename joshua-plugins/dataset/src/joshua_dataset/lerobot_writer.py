@@ -7,6 +7,7 @@ when the program is killed.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -57,6 +58,11 @@ class LeRobotWriter(EpisodeWriter):
                     "name another local_path, or move the folder away"
                 )
             layout.folder.mkdir(parents=True, exist_ok=True)
+            (layout.folder / "meta").mkdir()  # so that a second writer finds that it is taken
+        except FileExistsError as error:
+            raise EpisodeError(
+                f"{layout.folder} is being written by another run, or is a file: name another local_path"
+            ) from error
         except OSError as error:
             raise EpisodeError(f"{layout.folder} cannot be made: {error.strerror or error}") from error
 
@@ -119,11 +125,25 @@ class LeRobotWriter(EpisodeWriter):
         self._frames += count
         self._clear()
 
+    def close(self) -> None:
+        """Forgets an episode that has not ended, and a data set that has none."""
+        super().close()
+        if not self.episodes:
+            self._remove_empty_folders()
+
     def drop_episode(self) -> None:
         """Forgets the present episode and removes its videos."""
         for video in self._videos.values():
             video.drop()
         self._clear()
+
+    def _remove_empty_folders(self) -> None:
+        folder = self.layout.folder
+        for inner in sorted(folder.rglob("*"), reverse=True):
+            with contextlib.suppress(OSError):  # what somebody else has put there stays
+                inner.rmdir()
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
     @property
     def _place(self) -> dict[str, int]:

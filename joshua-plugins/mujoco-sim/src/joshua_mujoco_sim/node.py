@@ -113,6 +113,10 @@ class SimulatorNode(NodeBehaviour):
             self.context.create_timer(REPLAY_PERIOD_S, self._advance_replay, name="replay")
         else:
             with world.lock:
+                if self._files:  # all devices are there: the same start, whoever was first
+                    world.physics.reset(0)
+                for file in self._files:
+                    file.begin()
                 if self._maker is not None:
                     self._maker.begin()
             world.start()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -98,20 +100,32 @@ class RenderFile:
         self._renderer: CameraRenderer | None = None
         self.error = ""
         self.count = 0
-        self._unhook = world.before_step(self._draw)
+        self._frame: int | None = None
+        self._last_s = 0.0
+        self._world = world
+        self._unhook: Callable[[], None] | None = None
 
     @property
     def output(self) -> str:
         """The file, or the pattern of its names."""
         return self._render.output
 
+    def begin(self) -> None:
+        """Draws from now on."""
+        self._unhook = self._world.before_step(self._draw)
+
     def close(self) -> None:
         """Completes the file; after the physics has stopped."""
-        self._unhook()
+        if self._unhook is not None:
+            self._unhook()
         self._writer.close()
 
     def _draw(self, physics: Physics) -> None:
-        if self.error or physics.time_s < self.count / self._render.fps - 1e-9:
+        rate = self._render.fps
+        if self._frame is None or physics.time_s < self._last_s:  # at first, and after a reset
+            self._frame = math.ceil(physics.time_s * rate - 1e-6)
+        self._last_s = physics.time_s
+        if self.error or physics.time_s < self._frame / rate - 1e-9:
             return
         try:
             if self._renderer is None:  # on the thread of the physics, to which OpenGL binds it
@@ -120,5 +134,6 @@ class RenderFile:
             self._renderer.look(physics.data)
             self._writer.write(self._renderer.draw())
             self.count += 1
+            self._frame += 1
         except (RenderingError, OSError) as error:
             self.error = f"{self._render.output}: {error}"
