@@ -46,3 +46,19 @@ def test_a_run_makes_its_place_anew_and_is_found_again(robot: Any) -> None:
     assert text.count("joshua estop and stop do not find this run") == 1
     assert "the directory of this run was removed, and is made anew" in text
     assert running_systems(base) == []
+
+
+def test_a_place_that_cannot_be_made_anew_stops_no_node(robot: Any) -> None:
+    base = robot.options().run_base
+
+    def spoil() -> None:
+        wait_for_run(base)
+        shutil.rmtree(base)
+        base.write_text("in the way for good")
+
+    thread = threading.Thread(target=spoil)
+    thread.start()
+    report = robot.run(robot.node("Quiet"), duration_s=0.6, status_period_s=0.1)
+    thread.join()
+    assert report.exit_code == 0, robot.ui.text()
+    assert robot.ui.text().count("joshua estop and stop do not find this run") == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 from collections.abc import Callable, Mapping
@@ -77,7 +78,8 @@ class ControlServer:
         self._socket.close()
         for client in list(self._clients.values()):
             self._drop(client)
-        self._path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # whatever has become of its folder meanwhile
+            self._path.unlink(missing_ok=True)
 
     def _accept(self) -> None:
         try:

@@ -134,7 +134,7 @@ class RunDirectory:
             NodesInUseError: another run has taken the nodes meanwhile.
             RunDirectoryError: it cannot be made now.
         """
-        if (self.path / INFO_NAME).exists() and (self.path / LOCK_NAME).exists():
+        if all(os.path.exists(self.path / name) for name in (INFO_NAME, LOCK_NAME)):  # noqa: PTH110 (raises nothing)
             return False
         self._let_go()
         self._descriptors = _make(self.path.parents[1], self.info)
