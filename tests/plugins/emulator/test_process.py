@@ -113,6 +113,18 @@ def test_the_process_ends_with_its_parent_even_by_sigkill(tmp_path: Path) -> Non
     assert not Path(root).exists()
 
 
+@pytest.mark.parametrize("device", ["feetech", "camera", "gamepad", "spike"])
+def test_a_stop_before_the_loop_begins_is_not_lost(tmp_path: Path, device: str) -> None:
+    program = (
+        "import gc, os, signal, sys\nfrom joshua_emulator.cli import main\n"
+        "gc.freeze = lambda: os.kill(os.getpid(), signal.SIGTERM)\n"  # the last step before the loop
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    command = [sys.executable, "-c", program, device, "--root", str(tmp_path)]
+    stopped = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20)
+    assert stopped.returncode == 0, stopped.stderr
+
+
 def test_closing_twice_leaves_nothing() -> None:
     bus = EmulatedBus(ids=(1,))
     bus.start()

@@ -57,7 +57,7 @@ class Station:
         self._replies: list[TimedReply] = []
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
-        self._running = False
+        self._stopped = False
 
     def at(self, delay_s: float, action: Callable[[], None]) -> None:
         """Calls ``action`` after a delay, on the loop."""
@@ -88,7 +88,7 @@ class Station:
 
     def stop(self) -> None:
         """Ends ``run`` after the present turn."""
-        self._running = False
+        self._stopped = True
 
     def close(self) -> None:
         """Takes the device names and the control socket away."""
@@ -98,8 +98,7 @@ class Station:
     def run(self, watched: Collection[int] = ()) -> None:
         """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
         sharpen_timers()
-        self._running = True
-        while self._running:
+        while not self._stopped:
             now_s = time.monotonic()
             self._run_timers(now_s)
             deadline_s = self._deliver(now_s)

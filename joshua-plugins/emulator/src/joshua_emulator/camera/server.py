@@ -61,7 +61,7 @@ class CameraServer:
         self._clients: list[Connection] = []
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
-        self._running = False
+        self._stopped = False
         self._due_s = 0.0
         frame_factory(width, height)
         self.port = port
@@ -121,14 +121,13 @@ class CameraServer:
 
     def stop(self) -> None:
         """Ends ``run`` after the present turn."""
-        self._running = False
+        self._stopped = True
 
     def run(self, watched: Collection[int] = ()) -> None:
         """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
         sharpen_timers()
-        self._running = True
         self._due_s = time.monotonic()
-        while self._running:
+        while not self._stopped:
             now_s = time.monotonic()
             while self._timers and self._timers[0][0] <= now_s:
                 heapq.heappop(self._timers)[2]()
