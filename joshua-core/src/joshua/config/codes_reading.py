@@ -88,8 +88,8 @@ READING_CODES: dict[str, CodeDoc] = {
         "Write a backslash itself as \\\\.",
     ),
     "bad-type-name": CodeDoc(
-        "The type in square brackets is not of the form [domain/package.Message].",
-        "Write the type as the plugin documents it, such as [type.example.org/acme.GripperConfig].",
+        "The type in square brackets is not of the form `[domain/package.Message]`.",
+        "Write the type as the plugin documents it, such as `[type.example.org/acme.GripperConfig]`.",
     ),
     "nesting-too-deep": CodeDoc(
         "Blocks are nested more than 100 deep.",
