@@ -14,6 +14,7 @@ robot {{ actions {{
   node {{
     node_name: "arm" node_id: 1
     publishers {{ data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }}
+    {subscription}
   }}
   action_type: {role}
   {block}
@@ -27,9 +28,20 @@ MOCK = "mock_motor_config { num_motors: 2 position_max: 4095 }"
 PARK = "safe_state: PARK_THEN_RELEASE"
 
 
-def planned(folder: Path, more: str, *, block: str = SERVOS, role: str = "ACTION_FOLLOWER") -> Examination:
+SUBSCRIPTION = 'subscriptions { data_type: JOINT_STATE topic_name: "/commands" }'
+
+
+def planned(
+    folder: Path,
+    more: str,
+    *,
+    block: str = SERVOS,
+    role: str = "ACTION_FOLLOWER",
+    commanded: bool = False,
+) -> Examination:
     path = folder / "robot.pbtxt"
-    path.write_text(FILE.format(role=role, block=block, more=more))
+    subscription = SUBSCRIPTION if commanded else ""
+    path.write_text(FILE.format(role=role, block=block, more=more, subscription=subscription))
     return examine(Request(str(path)))
 
 
@@ -100,10 +112,12 @@ def test_a_policy_for_commands_that_stay_away_reaches_the_node(tmp_path: Path) -
 
 
 def test_settings_about_commands_that_have_no_effect_are_named(tmp_path: Path) -> None:
-    leader = planned(tmp_path, "on_stale: RELEASE", role="ACTION_LEADER")
-    assert "on_stale has no effect: a leader is moved by hand" in finding(leader, "field-unused").message
-    holds = finding(planned(tmp_path, "on_stale_after_s: 3"), "field-unused")
+    for role in ("ACTION_LEADER", "ACTION_FOLLOWER"):  # neither has a subscription
+        item = finding(planned(tmp_path, "on_stale: RELEASE", role=role), "field-unused")
+        assert item.message == "on_stale has no effect: arm follows no commands."
+    holds = finding(planned(tmp_path, "on_stale_after_s: 3", commanded=True), "field-unused")
     assert holds.message == "on_stale_after_s has no effect: joints that hold go on holding."
     assert "on_stale: RELEASE" in holds.remedy
-    missing = finding(planned(tmp_path, "on_stale: PARK_THEN_RELEASE"), "park-pose-missing")
+    parks = planned(tmp_path, "on_stale: PARK_THEN_RELEASE", commanded=True)
+    missing = finding(parks, "park-pose-missing")
     assert missing.field_path.endswith(".on_stale")

@@ -28,7 +28,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             )
         elif action.safe_state == pb.PARK_THEN_RELEASE:
             yield from _pose(context, action, path, "safe_state")
-        if action.action_type == pb.ACTION_LEADER:
+        if action.action_type == pb.ACTION_LEADER or not entry.node.subscriptions:
             yield from _unused(context, action, path)
         elif action.on_stale == pb.PARK_THEN_RELEASE:
             yield from _pose(context, action, path, "on_stale")
@@ -60,7 +60,8 @@ def _pose(context: Context, action: pb.SingleAction, path: str, field: str) -> I
 
 
 def _unused(context: Context, action: pb.SingleAction, path: str) -> Iterator[Diagnostic]:
-    """Settings about commands at a leader, which follows none."""
+    """Settings about commands where nobody commands: at a leader, and at what has no subscription."""
+    name_of_node = action.node.node_name or "this actuator"
     for name, is_set in (
         ("on_stale", action.on_stale != 0),
         ("on_stale_after_s", action.HasField("on_stale_after_s")),
@@ -68,7 +69,7 @@ def _unused(context: Context, action: pb.SingleAction, path: str) -> Iterator[Di
         if is_set:
             yield context.note(
                 "field-unused",
-                f"{name} has no effect: a leader is moved by hand and follows no commands",
+                f"{name} has no effect: {name_of_node} follows no commands",
                 f"{path}.{name}",
                 remedy="Remove it",
             )
