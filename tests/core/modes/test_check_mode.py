@@ -81,6 +81,12 @@ def test_anything_can_be_tested(robot: str, ai: str, tmp_path: Path) -> None:
     assert codes(tmp_path, "MODE_TEST", robot, ai) == []
 
 
+@pytest.mark.parametrize("mode", ["MODE_TELEOPERATE", "MODE_TEST"])
+def test_a_follower_with_other_joints_than_its_leader_is_noticed(mode: str, tmp_path: Path) -> None:
+    robot = LEADER + FOLLOWER.replace("num_motors: 6", "num_motors: 5")
+    assert codes(tmp_path, mode, robot) == ["joint-count-mismatch"]
+
+
 RECORD = 'data_store { format: FORMAT_CSV storage: %s dataset_name: "d" %s }'
 
 

@@ -20,7 +20,7 @@ _MOST_LEADERS = 50
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Pairs every follower with what drives it."""
-    sources = _sources(context)
+    sources = leaders(context)
     driven = [entry for entry in actions(context) if entry.owner.action_type != pb.ACTION_LEADER]
     followed = {entry.path for entry in driven}
     leading = [item for group in sources.values() for item in group if item.entry.path not in followed]
@@ -52,10 +52,10 @@ def check(context: Context) -> Iterator[Diagnostic]:
     else:
         yield from (unpublished(context, item) for item in others if item.topic not in sources)
     for entry in driven:
-        yield from _joint_counts(context, entry, sources)
+        yield from joint_counts(context, entry, sources)
 
 
-def _sources(context: Context) -> dict[str, list[Endpoint]]:
+def leaders(context: Context) -> dict[str, list[Endpoint]]:
     """What can command an actuator in this mode, by topic; models do not run in it."""
     found = {
         topic: [item for item in group if not is_model(item.entry)]
@@ -132,7 +132,7 @@ def _nobody_listens(context: Context, entry: NodeEntry, leading: list[Endpoint])
     )
 
 
-def _joint_counts(
+def joint_counts(
     context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]]
 ) -> Iterator[Diagnostic]:
     """A leader and its follower have as many joints, or one of them has joints that nobody pairs."""

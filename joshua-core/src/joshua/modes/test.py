@@ -1,11 +1,12 @@
-"""MODE_TEST: something to test."""
+"""MODE_TEST: something to test, and followers that fit their leaders."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from joshua.config.checks import Context
-from joshua.modes.parts import lacks
+from joshua.modes.parts import actions, lacks
+from joshua.modes.teleoperate import joint_counts, leaders
 from joshua.plan import Diagnostic
 
 
@@ -19,3 +20,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "robot",
             remedy="Add robot { actions { ... } } or robot { perceptions { ... } }",
         )
+    sources = leaders(context)
+    for entry in actions(context):
+        yield from joint_counts(context, entry, sources)
