@@ -167,3 +167,17 @@ def test_the_state_for_diagnostics(emulator_of: Start, lidar_at: Make) -> None:
     assert row.hardware_id.startswith("RPLIDAR C1, firmware 1.29, serial number ")
     assert float(row.values["turn_hz"]) == pytest.approx(10, rel=0.2)
     assert row.values["damaged"] == "0"
+
+
+def test_a_reader_that_is_held_up_again_and_again_loses_no_turn(emulator_of: Start, lidar_at: Make) -> None:
+    """On a busy machine more than half a turn may wait for the reader each time."""
+    lidar = lidar_at(emulator_of("rplidar_c1").port, "rplidar_c1", MODELS["rplidar_c1"].baudrate)
+    lidar.connect()
+    next_reading(lidar)
+    scans = []
+    for _ in range(14):
+        time.sleep(0.12)
+        scans += [reading.data for _ in range(3) if (reading := lidar.read(0.005)) is not None]
+    assert len(scans) > 8
+    assert np.mean([agrees_with_the_room(lidar, scan) for scan in scans]) > 0.95
+    assert lidar.figures.damaged == 0

@@ -12,9 +12,14 @@ from joshua_lidar.samples import Offsets
 _NS_PER_S = 1_000_000_000
 _KEPT = 4096  # pieces; packets that are held back must still find theirs
 
+#: Stretch of time from which the usual rate of a line is known.
+_USUAL_FROM_NS = 500_000_000
+
 
 class Arrivals:
     """Remembers when pieces of the stream came; a byte left the line as long before as those behind it took.
+
+    What had waited because nobody read came at the usual rate of the stream, which is below that of the line.
 
     Args:
         baudrate: of the line, with ten bits a byte.
@@ -24,19 +29,31 @@ class Arrivals:
         self._byte_ns = BITS_PER_BYTE * _NS_PER_S / baudrate
         self._ends: deque[int] = deque(maxlen=_KEPT)
         self._times_ns: deque[int] = deque(maxlen=_KEPT)
+        self._paces_ns: deque[float] = deque(maxlen=_KEPT)
         self._received = 0
+        self._first: tuple[int, int] | None = None  # bytes and time from which the usual rate is measured
 
-    def add(self, size: int, now_ns: int) -> None:
-        """Notes that a piece of some bytes came now."""
+    def add(self, size: int, now_ns: int, *, waited: bool = False) -> None:
+        """Notes that a piece came now; ``waited`` where its first byte was there long before."""
         self._received += size
         self._ends.append(self._received)
         self._times_ns.append(now_ns)
+        self._paces_ns.append(self._usual_ns(now_ns) if waited else self._byte_ns)
+        if self._first is None:
+            self._first = (self._received, now_ns)
+
+    def _usual_ns(self, now_ns: int) -> float:
+        """Time from byte to byte on average, as far as it is known."""
+        count, since_ns = self._first or (0, now_ns)
+        if now_ns - since_ns < _USUAL_FROM_NS or self._received <= count:
+            return self._byte_ns
+        return max(self._byte_ns, (now_ns - since_ns) / (self._received - count))
 
     def times_ns(self, end: Offsets) -> Offsets:
         """When the last bytes of packets were on the line, by their places in the stream."""
         pieces, times = np.array(self._ends), np.array(self._times_ns)
         piece = np.minimum(np.searchsorted(pieces, end), len(pieces) - 1)
-        behind_ns = (pieces[piece] - end) * self._byte_ns
+        behind_ns = (pieces[piece] - end) * np.array(self._paces_ns)[piece]
         result: Offsets = times[piece] - behind_ns.astype(np.int64)
         return result
 
@@ -45,3 +62,4 @@ class Arrivals:
         while len(self._ends) > 1 and self._ends[0] < before:
             self._ends.popleft()
             self._times_ns.popleft()
+            self._paces_ns.popleft()

@@ -44,6 +44,7 @@ NO_TURN_S = 3.0
 
 _CHUNK_S = 0.01
 _LARGEST_CHUNK = 255
+_BACKLOG = 4096  # bytes that a system keeps for a reader that is held up
 
 
 class SerialLidar(Sensor):
@@ -255,15 +256,19 @@ class SerialLidar(Sensor):
     def _receive(self, deadline_s: float) -> None:
         size = max(1, min(_LARGEST_CHUNK, round(self._port.baudrate / BITS_PER_BYTE * _CHUNK_S)))
         data = self._port.receive(size, min(deadline_s, time.monotonic() + 2 * _CHUNK_S))
-        if data:
-            self._byte_s = time.monotonic()
-            self._take(data, self._clock.now_ns())
+        if not data:
+            return
+        held_up = b""
+        if len(data) == size:  # perhaps there is more, which came while this process did not run
+            held_up = self._port.receive(_BACKLOG, time.monotonic())
+        self._byte_s = time.monotonic()
+        self._take(data + held_up, self._clock.now_ns(), waited=len(held_up) > size)
 
-    def _take(self, data: bytes, now_ns: int) -> None:
+    def _take(self, data: bytes, now_ns: int, *, waited: bool = False) -> None:
         parser, assembler = self._parser, self._assembler
         assert parser is not None
         assert assembler is not None
-        self._arrivals.add(len(data), now_ns)
+        self._arrivals.add(len(data), now_ns, waited=waited)
         samples = parser.feed(data)
         self._keeper.packets, self._keeper.damaged = parser.packets, parser.damaged
         if not len(samples):
