@@ -286,14 +286,15 @@ def test_a_goal_is_not_written_between_latch_and_watch(start: Any) -> None:
         node.arm.write(np.zeros(2))
 
 
-def test_a_release_that_came_too_late_for_the_port_is_made_up_for(
-    start: Any, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("state", ["RELEASE", "PARK_THEN_RELEASE"])
+def test_a_release_that_did_not_reach_the_device_is_made_up_for(
+    start: Any, monkeypatch: pytest.MonkeyPatch, state: str
 ) -> None:
     released: list[MockActuator] = []
     monkeypatch.setattr(MockActuator, "release", lambda arm: released.append(arm))
     start(restarted=True, safe_state="HOLD")
     assert released == []
-    node = start(restarted=True, safe_state="RELEASE")
+    node = start(restarted=True, safe_state=state)
     assert released == [node.arm]
 
 

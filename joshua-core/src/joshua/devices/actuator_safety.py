@@ -120,11 +120,11 @@ class ActuatorSafety:
         return said
 
     def renew(self, actuator: Actuator) -> None:
-        """Makes sure of the safe state after a failure, where that takes nothing but a release.
+        """Makes sure after a failure that the joints have no torque, where the safe state ends so.
 
-        The guardian of the driver before may have come too late for the port. Raises DeviceError.
+        The guardian of the driver before gives up where it cannot reach the device. Raises DeviceError.
         """
-        if self._state == RELEASE:
+        if self._state != HOLD:
             actuator.release()
 
     def stand_down(self) -> None:

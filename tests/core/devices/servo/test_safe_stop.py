@@ -175,6 +175,23 @@ def test_a_port_that_cannot_be_opened_yet_is_waited_for(
     assert energised(moving_arm) == {False}
 
 
+def test_an_adapter_that_goes_away_meanwhile_is_waited_for(kind: Kind, moving_arm: EmulatedBus) -> None:
+    moving_arm.ask("set", id=2, blocked=True)
+    moving_arm.fault("unplug", at_s=0.3, replug_after_s=0.2, name="ttyACM7")
+    request = SafeStopRequest(
+        "PARK_THEN_RELEASE",
+        (1, 2, 3, 4, 5, 6),
+        serial_number="ARM1",
+        device_root=str(moving_arm.root),
+        park_ticks={2: 1500},
+        timeout_s=1.5,
+    )
+    report = kind.stop(request)
+    assert [entry["event"] for entry in moving_arm.log("unplug", "plug")][-2:] == ["unplug", "plug"]
+    assert report.complete, report
+    assert energised(moving_arm) == {False}
+
+
 def test_a_killed_driver_leaves_a_moving_arm_that_is_then_released(
     kind: Kind, arm_emulator: EmulatedBus
 ) -> None:

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from joshua.devices.errors import DeviceError
+from joshua.devices.serial_errors import PortDisconnected
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.bus import ServoBus
 from joshua.devices.servo.family import ServoFamily
@@ -124,6 +125,18 @@ class _SafeStop:
         self._bus = make_bus(self._port, retries=1)
 
     def run(self) -> None:
+        """Acts; begins anew where the adapter goes away meanwhile and comes back in time."""
+        while True:
+            try:
+                self._act()
+            except PortDisconnected:
+                if not self._time_left():
+                    raise
+                time.sleep(RETRY_S)
+            else:
+                return
+
+    def _act(self) -> None:
         self._open()
         # A driver that was killed may have left half a packet: servos would take ours for the rest of it.
         self._port.send(PADDING)
