@@ -8,6 +8,7 @@ from typing import Any
 
 from joshua.messages.make import header
 from joshua.messages.typestore import message_class
+from joshua.node import ros_time
 from joshua.node.behaviour import NodeContext
 from joshua.plan import TopicSpec
 
@@ -72,4 +73,4 @@ def diagnostic_array(node: str, rows: Sequence[DiagnosticStatus]) -> Any:
         )
         for row in rows
     ]
-    return message_class("diagnostic_msgs/msg/DiagnosticArray")(header(), messages)
+    return message_class("diagnostic_msgs/msg/DiagnosticArray")(header(at_ns=ros_time.now_ns()), messages)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from joshua.node import ros_time
+
 NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class Tick:
-    """One acquisition of a free-running sensor: its running number and its stamp in ns since the epoch."""
+    """One acquisition of a free-running sensor: its running number and its stamp."""
 
     sequence: int
     stamp_ns: int
@@ -45,4 +47,6 @@ class FreeRunningClock:
             now_ns = time.monotonic_ns()
         newest = max(self._next, int((now_ns - self._start_ns) / self._period_ns))
         self._next = newest + 1
+        if ros_time.is_simulated():
+            return Tick(newest, ros_time.now_ns())
         return Tick(newest, self._epoch_ns + self._start_ns + round(newest * self._period_ns))

@@ -8,6 +8,8 @@ import time
 from dataclasses import dataclass
 
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.stamps import StampClock
+from joshua.node import ros_time
 
 from joshua_camera.backlog import Backlog
 from joshua_camera.capture import Capture, Grab
@@ -48,6 +50,7 @@ class CaptureThread:
         self._failure: DeviceError | None = None
         self._last_ns = 0
         self._last_stamp_ns = 0
+        self._simulated = StampClock()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
     @property
@@ -182,6 +185,8 @@ class CaptureThread:
 
     def _stamp_ns(self, acquired_ns: int) -> int:
         """An acquisition time on the clock of stamps; later than the one before."""
+        if ros_time.is_simulated():
+            return self._simulated.now_ns()
         stamp_ns = time.time_ns() - (time.monotonic_ns() - acquired_ns)
         behind_ns = self._last_stamp_ns - stamp_ns
         if behind_ns > LARGEST_CLOCK_STEP_NS:
