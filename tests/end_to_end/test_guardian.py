@@ -127,6 +127,9 @@ def test_an_unplugged_adapter_does_not_keep_the_guardian(tmp_path: Path, joshua_
     with running(tmp_path, joshua_domain_id, short) as rig:
         rig.follower.fault("unplug")
         rig.wait(lambda: rig.gone(rig.guardian))
+        assert rig.energised() == {True}
+        rig.follower.fault("replug")
+        rig.wait(lambda: rig.energised() == {False})  # the next driver makes up for it
         assert "is not verified" in rig.stop()
 
 

@@ -7,7 +7,9 @@ import threading
 import time
 
 import pytest
+from joshua.devices.serial_port import SerialPort
 from joshua.devices.servo.state import StateReader
+from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
 from servo_families import Kind
 
@@ -36,3 +38,19 @@ def test_the_stamp_is_that_of_the_positions_after_a_silence(kind: Kind, emulator
     phases = [math.tau * FREQUENCY_HZ * time_s + PHASE_RAD * index for index in range(3)]
     truth = [2048 + AMPLITUDE_RAD * math.sin(phase) * 4096 / math.tau for phase in phases]
     assert [reading.position for reading in readings] == pytest.approx(truth, abs=FASTEST_TICKS_S * 0.03)
+
+
+def test_a_slow_line_is_read_once(kind: Kind) -> None:
+    baudrate = 38_400 if kind.protocol == "feetech" else 57_600
+    ids = (1, 2, 3, 4, 5, 6)
+    with kind.emulated_bus(ids, baudrate=baudrate) as emulator:
+        port = SerialPort(Endpoint(emulator.port), baudrate)
+        port.open()
+        bus = kind.bus(port)
+        reader = StateReader(bus, kind.family, dict.fromkeys(ids, ""), list)
+        began_s = time.monotonic()
+        reader.feedback()
+        took_s = time.monotonic() - began_s
+        assert took_s > 0.03, "the replies alone take longer than what counts as one moment"
+        assert bus.counters.requests == 1 or took_s > 0.06, "a machine that was busy reads again"
+        port.close()

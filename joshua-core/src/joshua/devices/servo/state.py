@@ -13,7 +13,8 @@ from joshua.devices.stamps import StampClock
 
 SETTLED_ATTEMPTS = 3
 
-#: Positions that may be further apart in time are read once more: one stamp would be true of none of them.
+#: Positions further apart in time than this and the line's own time are read once more: one stamp would be
+#: true of none of them.
 COHERENT_NS = 30_000_000
 
 
@@ -61,11 +62,16 @@ class StateReader:
         found, stamp_ns, spread_ns = self._timed(retries=0 if self._missed else None)
         self._missed = len(found) < len(self._ids)
         values = self._all(found)
-        if spread_ns > COHERENT_NS:
+        if spread_ns > COHERENT_NS and spread_ns > (limit_ns := COHERENT_NS + self._wire_ns()):
             again, again_ns, spread_ns = self._timed(retries=0)
-            if len(again) == len(self._ids) and spread_ns <= COHERENT_NS:
+            if len(again) == len(self._ids) and spread_ns <= limit_ns:
                 values, stamp_ns = self._all(again), again_ns
         return self._parse(values), stamp_ns
+
+    def _wire_ns(self) -> int:
+        """Time that the replies take on the line."""
+        size = self._family.feedback[1] + self._bus.reply_overhead
+        return round(self._bus.port.wire_time_s(size * len(self._ids)) * 1e9)
 
     def _timed(self, *, retries: int | None) -> tuple[dict[int, bytes], int, int]:
         """Feedback of the servos that answer, the middle of the time that it took, and that time."""
