@@ -145,6 +145,8 @@ def test_the_software_is_listed_with_its_versions(make_host: MakeHost) -> None:
     assert found[0].subject == "joshua-core"
     assert " on Python 3." in found[0].message
     assert all(finding.level is Level.OK for finding in found if finding.subject == "joshua-sts3215")
+    subjects = [finding.subject for finding in found]
+    assert len(set(subjects)) == len(subjects), "each distribution once"
 
 
 def test_every_check_bears_a_machine_without_any_of_its_files(make_host: MakeHost) -> None:

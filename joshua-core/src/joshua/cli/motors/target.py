@@ -46,7 +46,7 @@ def parse_ids(text: str) -> tuple[int, ...]:
     try:
         for part in text.split(","):
             first, dash, last = part.partition("-")
-            ids += range(int(first), min(int(last), int(first) + MOST_IDS) + 1) if dash else [int(first)]
+            ids += range(int(first), min(int(last), int(first) + MOST_IDS - 1) + 1) if dash else [int(first)]
     except ValueError:
         ids = []
     if not ids or len(set(ids)) != len(ids) or min(ids) < 0 or len(ids) > MOST_IDS:

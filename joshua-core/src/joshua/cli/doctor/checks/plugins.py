@@ -49,7 +49,7 @@ def check(host: Host) -> Iterator[Finding]:
                 f"is {row.version}, made for another core than {core}",
                 f"pip install --upgrade joshua-core {row.distribution}",
             )
-        else:
+        elif row.distribution != "joshua-core":  # the core's own devices and models: it has its row
             yield Finding(Level.OK, NAME, row.distribution, row.version)
 
 
