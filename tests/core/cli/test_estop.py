@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.main import main
-from joshua.generator import run_directory
+from joshua.generator import run_bases
 from joshua.generator.run_directory import RunDirectory
 from joshua.guardian.latch import LatchFolder, Subject
 
@@ -232,15 +232,15 @@ def test_a_run_of_another_environment_is_stopped_and_released_too(
 ) -> None:
     user = str(os.getuid())
     (tmp_path / "run" / user).mkdir(parents=True)
-    monkeypatch.setattr(run_directory, "_RUNTIME_FOLDERS", tmp_path / "run")
-    monkeypatch.setattr(run_directory, "_FALLBACK", tmp_path)
+    monkeypatch.setattr(run_bases, "_RUNTIME_FOLDERS", tmp_path / "run")
+    monkeypatch.setattr(run_bases, "_FALLBACK", tmp_path)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run" / user))
-    run = RunDirectory.create(run_directory.base_directory({}), "/srv/robot.pbtxt", 7, ["/arm"], robot="desk")
+    run = RunDirectory.create(run_bases.base_directory({}), "/srv/robot.pbtxt", 7, ["/arm"], robot="desk")
     arm = Subject("desk", 7, "/arm")
 
     assert main(["estop"]) == 0
     assert "e-stop latched: /srv/robot.pbtxt" in capsys.readouterr().out
-    folders = [LatchFolder(base / "estop") for base in run_directory.base_directories({})]
+    folders = [LatchFolder(base / "estop") for base in run_bases.base_directories({})]
     assert [bool(folder.standing(arm)) for folder in folders] == [True, True]  # wherever it starts next
 
     assert main(["status"]) == 1  # this test does not answer for the run

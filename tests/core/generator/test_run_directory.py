@@ -5,58 +5,14 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from pathlib import Path
 
 import pytest
-from joshua.generator import run_directory
-from joshua.generator.run_directory import (
-    NodesInUseError,
-    RunDirectory,
-    RunDirectoryError,
-    base_directories,
-    base_directory,
-    running_systems,
-    user_systems,
-)
+from joshua.generator.run_bases import RunDirectoryError
+from joshua.generator.run_directory import NodesInUseError, RunDirectory, running_systems
 
 
 def make(base, nodes=("/arm", "/left/camera"), domain_id=7):
     return RunDirectory.create(base, "/data/robot.pbtxt", domain_id, list(nodes))
-
-
-def test_the_base_follows_the_environment(tmp_path):
-    assert base_directory({"XDG_RUNTIME_DIR": str(tmp_path)}) == tmp_path / "joshua"
-    fallback = Path(f"/tmp/joshua-{os.getuid()}")
-    assert base_directory({}) == fallback
-    assert base_directory({"XDG_RUNTIME_DIR": str(tmp_path / "missing")}) == fallback
-    assert base_directory({"XDG_RUNTIME_DIR": "relative"}) == fallback
-    assert base_directory({"XDG_RUNTIME_DIR": f"/{'x' * 5000}"}) == fallback
-
-
-def test_a_system_is_found_from_every_usual_environment(tmp_path, monkeypatch):
-    user = str(os.getuid())
-    (tmp_path / "run" / user).mkdir(parents=True)
-    monkeypatch.setattr(run_directory, "_RUNTIME_FOLDERS", tmp_path / "run")
-    monkeypatch.setattr(run_directory, "_FALLBACK", tmp_path)
-    terminal = {"XDG_RUNTIME_DIR": str(tmp_path / "run" / user)}
-    of_terminal, of_service = tmp_path / "run" / user / "joshua", tmp_path / f"joshua-{user}"
-    assert base_directories(terminal) == [of_terminal]
-
-    service = make(base_directory({}))  # such as one that systemd starts
-    assert base_directories(terminal) == [of_terminal, of_service]
-    assert [path for path, _ in user_systems(terminal)] == [service.path]
-    assert base_directories({}, make=True) == [of_service, of_terminal]
-    assert of_terminal.stat().st_mode & 0o777 == 0o700
-    (tmp_path / "own").mkdir()
-    assert user_systems({"XDG_RUNTIME_DIR": str(tmp_path / "own")}) == []  # chosen: nothing else counts
-
-    of_service.chmod(0o755)
-    assert base_directories(terminal) == [of_terminal]  # others may have written there
-    assert base_directories({}, make=True) == [of_terminal]
-    of_terminal.chmod(0o755)
-    with pytest.raises(RunDirectoryError, match="chmod 700"):
-        base_directories({}, make=True)
-    service.close()
 
 
 def test_who_only_looks_is_not_taken_for_the_run(tmp_path):

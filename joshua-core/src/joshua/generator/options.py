@@ -9,7 +9,7 @@ from pathlib import Path
 from joshua.generator.ladder import LadderTimes
 from joshua.generator.log_files import log_directory
 from joshua.generator.restart import RestartLimits
-from joshua.generator.run_directory import base_directory
+from joshua.generator.run_bases import base_directory
 from joshua.plan import NodeKind, NodeSpec
 
 #: Time that a node may take for one half of its start (to configured, to active), by kind.

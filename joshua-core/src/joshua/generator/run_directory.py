@@ -8,26 +8,19 @@ import json
 import os
 import secrets
 import shutil
-import stat
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from joshua.generator.run_bases import RunDirectoryError, base_directories, other_bases, private
 from joshua.guardian import estop_files, latch
 
 LOCK_NAME = "lock"
 INFO_NAME = "run.json"
 SOCKET_NAME = "control.sock"
 LOG_NAME = "log.jsonl"
-
-_RUNTIME_FOLDERS = Path("/run/user")
-_FALLBACK = Path("/tmp")  # noqa: S108 (owner and mode of the folder there are checked)
-
-
-class RunDirectoryError(Exception):
-    """The directory for running systems cannot be used; the message says why and what to do."""
 
 
 class NodesInUseError(Exception):
@@ -52,47 +45,6 @@ class RunInfo:
     nodes: tuple[str, ...]
     robot: str = ""
     actuators: tuple[str, ...] = ()
-
-
-def base_directory(environment: Mapping[str, str]) -> Path:
-    """``$XDG_RUNTIME_DIR/joshua``, else ``/tmp/joshua-<uid>``."""
-    runtime = environment.get("XDG_RUNTIME_DIR", "")
-    if Path(runtime).is_absolute() and os.path.isdir(runtime) and os.access(runtime, os.W_OK):  # noqa: PTH112
-        return Path(runtime) / "joshua"
-    return _FALLBACK / f"joshua-{os.getuid()}"
-
-
-def base_directories(environment: Mapping[str, str], *, make: bool = False) -> list[Path]:
-    """Every base at which systems of this user may run, that of this environment first.
-
-    A service, a container or ``su`` often lacks the ``XDG_RUNTIME_DIR`` that a terminal has: whoever stops a
-    robot must find it all the same. Who has set the variable to a folder of his own looks only there.
-
-    Args:
-        make: make those that are not there.
-
-    Raises:
-        RunDirectoryError: with ``make``, none can be used.
-    """
-    own, usual = base_directory(environment), _usual_places()
-    others = [path for path in usual if path != own and _is_private(path, make=make)] if own in usual else []
-    if make and not _is_private(own, make=True):
-        if not others:
-            _private(own)  # says why
-        return others  # a robot that runs there does not wait until the first one is put right
-    return [own, *others]
-
-
-def _usual_places() -> list[Path]:
-    return [_RUNTIME_FOLDERS / str(os.getuid()) / "joshua", _FALLBACK / f"joshua-{os.getuid()}"]
-
-
-def _is_private(path: Path, *, make: bool) -> bool:
-    """Whether a base is there and this user's own; what another user has put there is never read."""
-    try:
-        return (make or os.path.lexists(path)) and bool(_private(path))
-    except RunDirectoryError:
-        return False
 
 
 class RunDirectory:
@@ -173,13 +125,14 @@ class RunDirectory:
 
 def _make(base: Path, info: RunInfo) -> list[int]:
     """Makes the directory of a run; returns the locks that it holds."""
-    runs = _private(_private(base) / "runs")
-    locks = _private(base / "nodes")
+    runs = private(private(base) / "runs")
+    locks = private(base / "nodes")
     descriptors: list[int] = []
     try:
         with _locked(base / LOCK_NAME):
             remove_stale(runs)
             _take_nodes(locks, info, descriptors)
+            _refuse_held([other / "nodes" for other in other_bases(base)], info)
             path = runs / info.run
             path.mkdir(mode=0o700)
             descriptors.append(_lock(path / LOCK_NAME, wait=True))
@@ -224,8 +177,13 @@ def remove_stale(runs: Path) -> None:
 
 
 def _is_stale(path: Path) -> bool:
+    return _is_free(path / LOCK_NAME)
+
+
+def _is_free(lock: Path) -> bool:
+    """Whether nobody holds a lock; one that cannot be opened is held by nobody."""
     try:
-        descriptor = os.open(path / LOCK_NAME, os.O_RDWR | os.O_CLOEXEC)
+        descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
     except OSError:
         return True
     try:
@@ -237,24 +195,6 @@ def _is_stale(path: Path) -> bool:
         return True
     finally:
         os.close(descriptor)
-
-
-def _private(path: Path) -> Path:
-    """Makes a directory that only this user can enter, or checks the one that is there."""
-    try:
-        path.mkdir(mode=0o700, exist_ok=True)
-        status = path.lstat()
-    except OSError as error:
-        raise RunDirectoryError(f"{path} cannot be made: {error.strerror}; set XDG_RUNTIME_DIR") from error
-    mode = stat.S_IMODE(status.st_mode)
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-        raise RunDirectoryError(
-            f"{path} belongs to user {status.st_uid} or is no directory, so another user could pose as a "
-            f"running robot there; remove it or set XDG_RUNTIME_DIR to a folder of your own"
-        )
-    if mode & 0o077:
-        raise RunDirectoryError(f"{path} has mode {mode:04o}, so others can enter it: chmod 700 {path}")
-    return path
 
 
 @contextlib.contextmanager
@@ -287,7 +227,7 @@ def _take_nodes(locks: Path, info: RunInfo, descriptors: list[int]) -> None:
     """Locks each node, and adds the descriptors that hold the locks. Raises NodesInUseError."""
     held: dict[str, list[str]] = {}
     for node in info.nodes:
-        path = locks / f"{info.domain_id}{node.replace('/', '.')}"
+        path = locks / _lock_name(info, node)
         try:
             descriptor = _lock(path)
         except BlockingIOError:
@@ -297,11 +237,31 @@ def _take_nodes(locks: Path, info: RunInfo, descriptors: list[int]) -> None:
         os.ftruncate(descriptor, 0)
         os.write(descriptor, json.dumps(asdict(info)).encode())
     if held:
-        lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
-        raise NodesInUseError(
-            "another run has these nodes: " + "; ".join(lines) + ". Stop it with Ctrl-C or `joshua stop`, "
-            "or run this file in another ROS_DOMAIN_ID"
-        )
+        raise _in_use(held)
+
+
+def _refuse_held(folders: Sequence[Path], info: RunInfo) -> None:
+    """Looks for the nodes among those of runs in other environments. Raises NodesInUseError."""
+    held: dict[str, list[str]] = {}
+    for folder in folders:
+        for node in info.nodes:
+            path = folder / _lock_name(info, node)
+            if path.exists() and not _is_free(path):
+                held.setdefault(_holder(path), []).append(node)
+    if held:
+        raise _in_use(held)
+
+
+def _lock_name(info: RunInfo, node: str) -> str:
+    return f"{info.domain_id}{node.replace('/', '.')}"
+
+
+def _in_use(held: Mapping[str, Sequence[str]]) -> NodesInUseError:
+    lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
+    return NodesInUseError(
+        "another run has these nodes: " + "; ".join(lines) + ". Stop it with Ctrl-C or `joshua stop`, "
+        "or run this file in another ROS_DOMAIN_ID"
+    )
 
 
 def _holder(path: Path) -> str:

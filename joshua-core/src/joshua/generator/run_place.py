@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from joshua.generator.control_server import ControlServer, Handler
 from joshua.generator.logbook import Logbook
 from joshua.generator.reactor import Reactor
-from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError
+from joshua.generator.run_bases import RunDirectoryError
+from joshua.generator.run_directory import NodesInUseError, RunDirectory
 
 
 class RunPlace:

@@ -21,7 +21,8 @@ from joshua.generator.node_record import NodeRecord
 from joshua.generator.options import SupervisorOptions
 from joshua.generator.process_groups import process_groups
 from joshua.generator.reactor import Reactor
-from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError
+from joshua.generator.run_bases import RunDirectoryError
+from joshua.generator.run_directory import NodesInUseError, RunDirectory
 from joshua.generator.run_place import RunPlace
 from joshua.generator.run_requests import RunRequests
 from joshua.generator.run_view import run_status, start_table

@@ -14,7 +14,8 @@ from joshua.cli.calibration.arms import Refused
 from joshua.cli.exit_codes import ExitCode
 from joshua.generator.control_server import ControlServer
 from joshua.generator.reactor import Reactor
-from joshua.generator.run_directory import NodesInUseError, RunDirectory, RunDirectoryError, base_directory
+from joshua.generator.run_bases import RunDirectoryError, base_directory
+from joshua.generator.run_directory import NodesInUseError, RunDirectory
 from joshua.generator.status import NodeStatus, RunStatus
 from joshua.plan import Plan
 

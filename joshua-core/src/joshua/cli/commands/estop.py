@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     the file is invalid; 4: a device has not confirmed that its torque is off.
     """
     from joshua.cli.estop.latches import UserLatches
-    from joshua.generator.run_directory import RunDirectoryError, base_directories
+    from joshua.generator.run_bases import RunDirectoryError, base_directories
 
     word = getattr(args, "config", None) or args.system
     try:

@@ -21,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Asks every running system for its status and prints it; exit code 0, 1 if one does not answer."""
     from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, base_directories, latch_folder, user_systems
+    from joshua.generator.run_bases import base_directories
+    from joshua.generator.run_directory import SOCKET_NAME, latch_folder, user_systems
     from joshua.guardian.latch import LatchFolder
 
     bases = base_directories(os.environ)
