@@ -81,7 +81,10 @@ def test_what_comes_is_something_else(encoder_at: Make) -> None:
 
 
 def test_counts_are_no_angles(emulator_of: Start, encoder_at: Make) -> None:
-    text = refusal(encoder_at(emulator_of("line", resolution=1_000_000).port, "as5600"))
+    emulator = emulator_of("line", resolution=1_000_000)
+    time.sleep(0.05)
+    emulator.fault("stall")  # well beyond 4095 counts
+    text = refusal(encoder_at(emulator.port, "as5600"))
     assert "what comes are no lines of angles from 0 to 4095, such as " in text
 
 

@@ -81,6 +81,15 @@ def test_a_single_damage_brings_the_doubt_back() -> None:
     assert trust.take(100, 1000.003)
 
 
+def test_a_slow_adapter_keeps_its_rate_until_the_line_shows_damage() -> None:
+    trust = Trust(RESOLUTION)
+    for number in range(5):
+        trust.begin()
+        assert trust.take(100, number * 0.02, hurried=True)
+    trust.damaged()
+    assert not trust.take(8000, 0.1, hurried=True)
+
+
 def test_random_answers_break_nothing() -> None:
     draw, trust = random.Random(5), Trust(RESOLUTION)
     for number in range(ROUNDS):

@@ -30,6 +30,7 @@ class Trust:
     def __init__(self, resolution: int) -> None:
         self._resolution = resolution
         self._run = 0
+        self._damages = 0
         self._last: tuple[int, float] | None = None  # that counted
         self._speed = 0.0  # counts a second between those that counted
         self._pending: tuple[int, float] | None = None
@@ -42,12 +43,18 @@ class Trust:
     def damaged(self) -> None:
         """An answer showed damage."""
         self._run = 0
+        self._damages += 1
 
-    def take(self, count: int, time_s: float) -> bool:
-        """Takes a whole answer; returns whether it counts."""
+    def take(self, count: int, time_s: float, *, hurried: bool = False) -> bool:
+        """Takes a whole answer; returns whether it counts.
+
+        Args:
+            hurried: there is no time to ask again, unless the line is known to damage answers.
+        """
         self._run += 1
+        trusted = self._run > TRUST_RUN or (hurried and not self._damages)
         agreed = self._agrees(count, time_s)
-        if self._run <= TRUST_RUN and not agreed:
+        if not (trusted or agreed):
             return False
         if self._last is not None and time_s > self._last[1]:
             self._speed = self._way(self._last[0], count) / (time_s - self._last[1])
