@@ -74,13 +74,13 @@ def _names(context: Context) -> Iterator[Diagnostic]:
 
 
 def _arms(context: Context) -> Iterator[Diagnostic]:
-    """A calibration knows its actuator by node_name alone: no namespace tells two of them apart."""
-    first: dict[str, NodeEntry] = {}
+    """A calibration knows its actuator by node_name alone: no namespace tells two of one machine apart."""
+    first: dict[tuple[str, str], NodeEntry] = {}
     for entry in context.entries:
         block, name = block_of(entry.owner)[0], entry.node.node_name
         if not isinstance(entry.owner, pb.SingleAction) or not name or block in ("", *VIRTUAL_BLOCKS):
             continue
-        other = first.setdefault(name, entry)
+        other = first.setdefault((name, entry.node.host), entry)
         if other is entry or other.full_name == entry.full_name:
             continue  # two of one full name are reported for that
         path = f"{entry.path}.node_name"
