@@ -136,7 +136,12 @@ MAPPING = 'mirror_topic_mappings { ros_topic: "%s" mujoco_actuator: "j" }'
         (SIMULATION % ("MIRROR", MAPPING % "/laed"), "", ["mapping-unpublished"]),
         (SIMULATION % ("MIRROR", MAPPING % "/image"), "", ["mapping-type"]),
         (SIMULATION % ("MIRROR", ""), "", ["mode-lacks-block"]),
-        (SIMULATION % ("PASSIVE", MAPPING % "/lead"), RECORD % ("STORAGE_LOCAL", ""), ["block-unused"]),
+        (SIMULATION % ("PASSIVE", ""), RECORD % ("STORAGE_LOCAL", ""), ["mode-lacks-field"]),
+        (
+            SIMULATION % ("PASSIVE", MAPPING % "/lead"),
+            RECORD % ("STORAGE_LOCAL", 'local_path: "d"'),
+            ["block-unused"],
+        ),
     ],
 )
 def test_simulation(simulation: str, ai: str, expected: list[str], tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_an_absent_inner_field_is_named_by_its_path(motors: Provision) -> None:
     block = config_pb2.STS3215Config(motor_ids=[1])
     _, problems = make_settings(provision("acme_settings_for_test:SerialSettings"), block, field_path="b")
     assert [(p.field_path, p.message) for p in problems] == [
-        ("b.comm.serial.port", "comm.serial.port: Field required.")
+        ("b.comm.serial.port", "comm.serial.port is missing.")
     ]
 
 

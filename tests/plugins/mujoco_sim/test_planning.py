@@ -56,6 +56,19 @@ def test_unknown_actuator_of_a_mapping_is_found(tmp_path) -> None:
     assert found.allowed[0] == "gripper"
 
 
+def test_a_model_that_is_not_there_is_noted_with_the_nearest_and_stops_a_launch(tmp_path) -> None:
+    text = simulation_file().replace("so_arm100/scene.xml", "so_arm100/scne.xml")
+    for purpose, severity in ((Purpose.VALIDATE, Severity.NOTE), (Purpose.LAUNCH, Severity.ERROR)):
+        found = [
+            item
+            for item in examination(tmp_path, text, purpose).diagnostics
+            if item.field_path == "simulation.model_path"
+        ]
+        assert [item.severity for item in found] == [severity]
+        assert "nearest: so_arm100/scene.xml" in found[0].message
+    assert examination(tmp_path, text, Purpose.LAUNCH).plan is None
+
+
 def test_unknown_camera_is_found(tmp_path) -> None:
     found = error(tmp_path, simulation_file(camera="tap"))
     assert found.field_path == "robot.perceptions[0].sim_camera_config.camera"

@@ -53,7 +53,7 @@ def report_unknown_field(
             remedy = f"Close the block above before it with }}: {shown} is a field of {owner.name}."
         elif nearest(field.name, allowed):
             remedy = f"Did you mean {allowed[0]}?"
-        elif elsewhere := _home_of(around[0], field.name):
+        elif elsewhere := next(filter(None, (_home_of(outer, field.name) for outer in reversed(around))), ""):
             remedy = f"Move it into the block {elsewhere}, where {shown} is a field."
     problems.error(
         "unknown-field",

@@ -80,18 +80,19 @@ def check_file(request: Request) -> Checked:
 
 def finish(checked: Checked) -> Examination:
     """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
-    from joshua.generator.echoes import without_echoes
+    from joshua.generator.echoes import one_of_each
     from joshua.generator.planning import Planning
 
     request = checked.request
     planning = Planning(checked.loaded, checked.registry, request)
     planning.resolve()
-    findings = without_echoes(checked.diagnostics, planning.findings, checked.loaded.positions)
-    examination = Examination([*checked.diagnostics, *findings], checked.loaded.sources)
+    findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
+    examination = Examination(findings, checked.loaded.sources)
     if examination.errors or request.purpose is Purpose.VALIDATE:
         return examination
     plan = planning.plan()
-    examination = replace(examination, diagnostics=[*checked.diagnostics, *planning.findings])
+    findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
+    examination = replace(examination, diagnostics=findings)
     if plan is None or examination.errors:
         return examination
     return replace(examination, plan=plan.model_copy(update={"findings": tuple(examination.diagnostics)}))

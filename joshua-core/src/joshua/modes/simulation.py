@@ -38,6 +38,15 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy='Add trajectory_path: "recordings/wave.csv" to simulation, '
             "or ai { data_store { ... operation: DATA_STORE_REPLAY } }",
         )
+    recording = simulation.trajectory_path or context.config.ai.data_store.local_path
+    if simulation.mode == sim.PASSIVE and stored and not recording:
+        yield context.error(
+            "mode-lacks-field",
+            "PASSIVE replays the data set of ai.data_store, which has no local_path",
+            "ai.data_store.local_path",
+            position=context.block_position("ai.data_store"),
+            remedy='Add local_path: "datasets/my_data"',
+        )
     if simulation.HasField("generate") and not context.config.ai.data_store.local_path:
         yield context.error(
             "mode-lacks-block",

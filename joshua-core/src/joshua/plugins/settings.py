@@ -237,6 +237,8 @@ _BOUNDS = {
 def _field_error(detail: Any, settings_type: type[BlockSettings], block: Message) -> FieldError:
     """What pydantic itself has found, as a broken rule."""
     inner = _block_path(detail["loc"], settings_type)
+    if detail["type"] == "missing":
+        return FieldError(inner, f"{inner} is missing")
     message = f"{inner or block.DESCRIPTOR.name}: {detail['msg'].removeprefix('Value error, ')}"
     bounds = detail.get("ctx", {}).items()
     return FieldError(
