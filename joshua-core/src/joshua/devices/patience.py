@@ -6,6 +6,11 @@ from __future__ import annotations
 #: or two. Nothing is written meanwhile, so the joints stay at their last goal.
 SILENCE_LIMIT_S = 0.3
 
+#: A machine that holds the device up holds its driver up, too: so many readings are tried at least …
+LEAST_MISSES = 5
+#: … within this time.
+LONGEST_SILENCE_S = 1.0
+
 
 class Patience:
     """Judges readings that did not come; one for each actuator.
@@ -17,6 +22,7 @@ class Patience:
     def __init__(self, limit_s: float = SILENCE_LIMIT_S) -> None:
         self._limit_s = limit_s
         self._since_s: float | None = None
+        self._misses = 0
         self.missed = 0
         self.longest_s = 0.0
 
@@ -24,8 +30,10 @@ class Patience:
         """Counts a reading that was begun and did not come; returns whether that is still bearable."""
         self.missed += 1
         if self._since_s is None:
-            self._since_s = began_s
-        return now_s - self._since_s < self._limit_s
+            self._since_s, self._misses = began_s, 0
+        self._misses += 1
+        silence_s = now_s - self._since_s
+        return silence_s < (self._limit_s if self._misses >= LEAST_MISSES else LONGEST_SILENCE_S)
 
     def hear(self, now_s: float) -> float:
         """A reading came; returns how long the silence was that it ends, 0 where there was none."""
