@@ -88,8 +88,8 @@ def test_a_fault_that_the_emulator_does_not_know_stops_the_start(environment: di
     result = joshua(
         environment, "--config", preset("teleop_so_arm100"), "--emulate", "--fault", "leader_arm:melt"
     )
-    assert result.returncode == 1
-    assert "leader_arm: the emulator did not start" in result.stderr
+    assert result.returncode == 2
+    assert "--fault leader_arm: unknown fault 'melt'; allowed: drop, " in result.stderr
     assert "nothing was started" in result.stderr
 
 

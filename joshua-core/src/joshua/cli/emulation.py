@@ -30,7 +30,7 @@ def start_rig(
         physics: by node name, what moves the joints or draws the pictures of an emulated device.
     """
     from joshua.cli.report import show_findings
-    from joshua.generator.emulation import EmulatedRig, EmulationError, parse_faults
+    from joshua.generator.emulation import EmulatedRig, EmulationError, FaultRefusedError, parse_faults
 
     try:
         faults = parse_faults(arguments.faults)
@@ -48,7 +48,7 @@ def start_rig(
         return ExitCode.INVALID
     except EmulationError as error:
         sys.stderr.write(f"joshua: error: {error}\nnothing was started\n")
-        return ExitCode.FAILED
+        return ExitCode.INVALID if isinstance(error, FaultRefusedError) else ExitCode.FAILED
     show_rig(rig)
     return rig
 

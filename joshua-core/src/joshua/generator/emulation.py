@@ -16,14 +16,20 @@ from joshua.generator.devices import Wanted, unpack, wanted_nodes
 from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
-from joshua.plugins.emulator import Coupling, DeviceEmulator, EmulatedDevice, EmulationError
+from joshua.plugins.emulator import (
+    Coupling,
+    DeviceEmulator,
+    EmulatedDevice,
+    EmulationError,
+    FaultRefusedError,
+)
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
     from joshua.config.positions import Positions
 
-__all__ = ["EmulatedRig", "EmulationError", "parse_faults"]
+__all__ = ["EmulatedRig", "EmulationError", "FaultRefusedError", "parse_faults"]
 
 
 class EmulatedRig:
@@ -93,7 +99,7 @@ class EmulatedRig:
         """Starts every emulator and puts its endpoint and calibration into the configuration.
 
         Raises:
-            EmulationError: an emulator does not start; those that did are closed.
+            EmulationError: an emulator does not start, or refuses a fault; those that did are closed.
         """
         try:
             for want in self._wanted:

@@ -13,7 +13,11 @@ from joshua.schema.calibration_pb2 import ArmCalibration
 
 
 class EmulationError(Exception):
-    """An emulator cannot start or refuses a fault; the message says why and what to do."""
+    """An emulator cannot start; the message says why and what to do."""
+
+
+class FaultRefusedError(EmulationError):
+    """An emulator does not know a fault, or not with this value; the message lists what is allowed."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ class DeviceEmulator(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Starts the process and waits until it answers. Raises EmulationError."""
+        """Starts the process and waits until it answers. Raises EmulationError, FaultRefusedError."""
 
     @abstractmethod
     def amend(self, block: Message) -> None:

@@ -21,6 +21,7 @@ from joshua_emulator.dynamixel import registers as dynamixel
 from joshua_emulator.dynamixel.assembly import DynamixelAssembly
 from joshua_emulator.dynamixel.models import MODELS
 from joshua_emulator.eeprom_store import EepromStoreError
+from joshua_emulator.emulator_process import FAULT_REFUSED
 from joshua_emulator.encoder import cli as encoder_cli
 from joshua_emulator.feetech import registers as feetech
 from joshua_emulator.feetech.assembly import FeetechAssembly
@@ -66,11 +67,16 @@ def emulate(options: argparse.Namespace, root: Path) -> int:
     """Runs the device below a folder; returns the exit code."""
     try:
         machine = MAKERS.get(options.protocol, _bus)(options, root)
-        for text in options.fault:
-            machine.handle({"op": "fault", **parse_fault(text)})
     except (EepromStoreError, ControlError, MotionError, SpecError, OSError) as error:
         print(f"joshua-emulator: {error}", file=sys.stderr)  # noqa: T201 - the output of this program
         return 2
+    try:
+        for text in options.fault:
+            machine.handle({"op": "fault", **parse_fault(text)})
+    except ControlError as error:
+        machine.close()
+        print(f"joshua-emulator: {error}", file=sys.stderr)  # noqa: T201 - the output of this program
+        return FAULT_REFUSED
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: machine.stop())
     wake, wake_writer = os.pipe()  # a signal must end the wait of the loop

@@ -10,13 +10,14 @@ from joshua.plugins.emulator import (
     DeviceEmulator,
     EmulatedDevice,
     EmulationError,
+    FaultRefusedError,
     PhysicsCamera,
     PhysicsLink,
 )
 from joshua.schema.calibration_pb2 import ArmCalibration, MotorCalibration
 
 from joshua_emulator.camera.process import EmulatedCamera
-from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess
+from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess, FaultRefused
 from joshua_emulator.process import EmulatedBus
 from joshua_emulator.spike.process import EmulatedHub
 
@@ -35,11 +36,13 @@ class ProcessEmulator(DeviceEmulator):
         self._process: Any = None
 
     def start(self) -> None:
-        """Starts the process."""
+        """Starts the process. Raises EmulationError, FaultRefusedError."""
         try:
             self.device.state_folder.mkdir(parents=True, exist_ok=True)
             self._process = self.make_process(self.device.block, self.device.state_folder)
             self._process.start()
+        except FaultRefused as error:
+            raise FaultRefusedError(f"--fault {self.device.node_name}: {error}") from error
         except (EmulatorError, OSError) as error:
             raise EmulationError(f"{self.device.node_name}: {error}") from error
 

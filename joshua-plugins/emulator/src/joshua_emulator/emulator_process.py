@@ -21,9 +21,16 @@ START_TIMEOUT_S = 20.0
 ANSWER_TIMEOUT_S = 20.0
 STOP_TIMEOUT_S = 5.0
 
+#: Exit code of the program for a fault that it does not know.
+FAULT_REFUSED = 3
+
 
 class EmulatorError(Exception):
     """The emulator did not start, refused a request or is gone; the message says which and why."""
+
+
+class FaultRefused(EmulatorError):
+    """The emulator does not know a fault, or not with this value; the message lists what is allowed."""
 
 
 class EmulatorProcess:
@@ -75,10 +82,16 @@ class EmulatorProcess:
         )
         line = self._first_line()
         if not line:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(1.0)  # it is about to end by itself
             self._process.kill()
             _, errors = self._process.communicate()
+            refused = self._process.returncode == FAULT_REFUSED
             self.close()
-            raise EmulatorError(f"the emulator did not start: {errors.decode(errors='replace').strip()}")
+            said = errors.decode(errors="replace").strip()
+            if refused:
+                raise FaultRefused(said.partition(": ")[2])
+            raise EmulatorError(f"the emulator did not start: {said}")
         self.ready = json.loads(line)
 
     def close(self) -> None:
