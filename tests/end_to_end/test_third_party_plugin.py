@@ -103,7 +103,7 @@ def test_its_robot_is_valid_and_passes_its_test(joshua: JoshuaProgram, robot: Pa
     ("line", "message", "allowed"),
     [
         ("stroke_m: 0.9", "stroke_m must be above 0, at most 0.5 m", "above 0, at most 0.5 m"),
-        ("stroke_m: 0.4", "the fingers are too short to open that wide", "at most 0.2"),
+        ("stroke_m: 0.4", "The fingers are too short to open that wide", "at most 0.2"),
         ("strok_m: 0.4", "GripperConfig has no field strok_m", "stroke_m"),
     ],
 )

@@ -70,7 +70,7 @@ def test_a_calibration_outside_the_range_is_refused() -> None:
         (
             "b.position_max",
             "2000",
-            "the calibrated range of elbow lies outside position_min to position_max.",
+            "The calibrated range of elbow lies outside position_min to position_max.",
         )
     ]
 

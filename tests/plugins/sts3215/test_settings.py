@@ -99,7 +99,7 @@ def test_a_port_may_be_named_by_its_adapter() -> None:
             "four hexadecimal digits",
             '"1a86:55d3"',
         ),
-        ("position_min: 100", "position_min: 4000", "position_max", "the range is empty", "4001 to 4095"),
+        ("position_min: 100", "position_min: 4000", "position_max", "The range is empty", "4001 to 4095"),
     ],
 )
 def test_rules_across_fields_point_at_the_field(

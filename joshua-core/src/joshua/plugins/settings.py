@@ -203,7 +203,7 @@ def settings_diagnostics(
             Diagnostic(
                 code="invalid-setting",
                 severity=Severity.ERROR,
-                message=as_sentence(_begun(message, block)),
+                message=as_sentence(_begun(message)),
                 position=_nearest_position(positions, path),
                 field_path=path,
                 found="" if found is None else _as_text(found),
@@ -216,10 +216,13 @@ def settings_diagnostics(
     return diagnostics
 
 
-def _begun(message: str, block: Message) -> str:
-    """A message with a capital letter, unless it begins with the name of a field."""
-    first = message.partition(" ")[0]
-    is_word = first.isalpha() and first not in block.DESCRIPTOR.fields_by_name
+# Words that a message may begin with and that name neither a field nor a joint.
+_PLAIN_WORDS = frozenset(("a", "an", "the", "one", "two", "no", "each", "every", "nobody"))
+
+
+def _begun(message: str) -> str:
+    """A message with a capital letter, unless it may begin with the name of something."""
+    is_word = message.partition(" ")[0] in _PLAIN_WORDS
     return message[0].upper() + message[1:] if is_word else message
 
 
