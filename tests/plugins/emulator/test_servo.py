@@ -133,6 +133,18 @@ def test_an_offset_beyond_the_register_is_cut() -> None:
     assert abs(servo.get("homing_offset")) == 2047
 
 
+@pytest.mark.parametrize(("goal", "sign"), [(3500, 0), (600, 1)])
+def test_load_and_current_carry_their_direction_in_a_bit_of_their_own(goal: int, sign: int) -> None:
+    servo = make()
+    servo.joint.blocked = True
+    servo.write(GOAL, word(goal), 1.0)
+    servo.advance(1.5)
+    load, current = read_word(servo, 60, 1.5), read_word(servo, 69, 1.5)
+    assert (load >> 10, load & 0x3FF) == (sign, 1000)
+    assert current >> 15 == sign
+    assert 0 < current & 0x7FFF < 1000
+
+
 def test_overload_cuts_the_torque_after_its_time_until_torque_is_set_again() -> None:
     servo = make()
     servo.joint.blocked = True

@@ -70,7 +70,7 @@ TABLE = (
     Register("status", 65, 1, _F),  # bits: see Status
     Register("moving", 66, 1, _F),
     Register("target_position", 67, 2, _F, sign_bit=15),  # ticks
-    Register("present_current", 69, 2, _F),  # 6.5 mA
+    Register("present_current", 69, 2, _F, sign_bit=15),  # 6.5 mA
     Register("moving_threshold", 80, 1, _X, 1),
     Register("control_period", 81, 1, _X, 1),  # ms
     Register("speed_unit", 82, 1, _X, 1),

@@ -232,7 +232,7 @@ class Servo(EmulatedServo):
             self.status,
             int(joint.velocity != 0.0),
             int.from_bytes(self.memory[42:44], "little"),
-            round(joint.current_a / CURRENT_UNIT_A),
+            round(joint.current_a / CURRENT_UNIT_A) | (load < 0) << 15,
         )
 
     def _retarget(self, written: Collection[str]) -> None:
