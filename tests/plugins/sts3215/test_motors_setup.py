@@ -220,7 +220,7 @@ def test_the_motors_of_a_file_are_set_up(new_motors: EmulatedBus, tmp_path: Path
         ((), 2, "say which motors: --config FILE"),
         (("--port", "/dev/nope", "--ids", "1-6"), 4, "/dev/nope: no such serial port. Ports here:"),
         (("--port", "/dev/null", "--ids", "1-6"), 4, "/dev/null: is no serial port"),
-        (("--port", "/dev/null", "--ids", "0-300"), 2, "cannot have the id 254: allowed 0 to 253"),
+        (("--port", "/dev/null", "--ids", "200-300"), 2, "cannot have the id 254: allowed 0 to 253"),
         (
             ("--port", "/dev/null", "--ids", "1,x"),
             2,

@@ -121,7 +121,7 @@ def test_a_calibration_must_know_each_motor_and_leave_it_a_range() -> None:
     assert "has no motor 5" in problem.message
     assert problem.allowed == ("1", "2")
     _, (problem,) = settings_of(BLOCK.replace("min: 100", "min: 3100"), {"calibration": CALIBRATION})
-    assert "pan cannot move: position_min 3100" in problem.message
+    assert "The joint pan cannot move: position_min 3100" in problem.message
     broken = {**CALIBRATION, "motors": [{**CALIBRATION["motors"][0], "range_max": 9999}]}  # type: ignore[index]
     settings, (problem, *_) = settings_of(BLOCK, {"calibration": broken})
     assert settings is None

@@ -141,7 +141,9 @@ class GamepadSettings(InputSettings):
             )
         if [other.name for other in self.mapping].index(entry.name) != index:
             yield FieldError(
-                f"mapping[{index}].name", f"{entry.name} is mapped twice", remedy="remove one of the entries"
+                f"mapping[{index}].name",
+                f"the name {entry.name} is mapped twice",
+                remedy="remove one of the entries",
             )
 
 

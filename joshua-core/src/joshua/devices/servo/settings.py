@@ -112,7 +112,7 @@ class ServoSettings(BlockSettings):
                 assert motor is not None
                 raise FieldError(
                     "position_max",
-                    f"{motor.joint_name} cannot move: position_min {self.position_min_ticks} and "
+                    f"the joint {motor.joint_name} cannot move: position_min {self.position_min_ticks} and "
                     f"position_max {self.position_max_ticks} leave nothing of its calibrated range, "
                     f"{motor.range_min} to {motor.range_max}",
                     remedy="widen position_min and position_max; the calibrated range holds anyway",
