@@ -53,7 +53,8 @@ class Presence:
                 list(self._nodes.values()),
             )
         except (NodesInUseError, RunDirectoryError) as error:
-            raise Refused(str(error), ExitCode.HARDWARE) from error
+            held = isinstance(error, NodesInUseError)
+            raise Refused(str(error), ExitCode.HARDWARE if held else ExitCode.FAILED) from error
         stack.callback(directory.close)
         self._reactor = Reactor()
         stack.callback(self._reactor.close)
@@ -63,7 +64,7 @@ class Presence:
             )
         except OSError as error:
             raise Refused(
-                f"{directory.socket_path}: {error}; set XDG_RUNTIME_DIR", ExitCode.HARDWARE
+                f"{directory.socket_path}: {error}; set XDG_RUNTIME_DIR", ExitCode.FAILED
             ) from error
         stack.callback(server.close)
 
