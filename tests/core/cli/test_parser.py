@@ -88,6 +88,7 @@ def test_a_slip_in_a_range_of_ids_is_refused_at_once(capsys: pytest.CaptureFixtu
         (("calibrate", "--fault", "arm:drop=1"), "joshua calibrate: --fault breaks an emulated device"),
         (("--open",), "joshua: error: --open shows the page of a calibration"),
         (("calibrate", "--check", "--open"), "joshua calibrate --check: --open has no effect here"),
+        (("calibrate", "export-lerobot", "--sim"), "joshua calibrate export-lerobot: --sim has no"),
         (
             ("calibrate", "import-lerobot", "--force"),
             "joshua calibrate import-lerobot: --force has no",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 import socket
 import time
 import urllib.request
@@ -237,3 +238,19 @@ def test_drives_limit_speed_and_torque() -> None:
     assert physics.model.actuator_forcerange[5] == pytest.approx((-1.34, 1.34))
     with pytest.raises(ValueError, match="3 values for 1 joints, or one that is not finite"):
         drives.want(np.array([np.nan, 1, 1]))
+
+
+def test_a_hand_moves_the_joints_where_no_physics_runs(tmp_path: Path) -> None:
+    """A calibration starts no node, so that nobody answers at the socket."""
+    with EmulatedBus(
+        arm="so_arm100",
+        identity="ARM1",
+        physics=tmp_path / "nobody.sock",
+        physics_actuators=JOINTS,
+        physics_start_rad=[0.5] * 6,
+    ) as emulated:
+        before = [servo["angle"] for servo in emulated.servos()]
+        emulated.guide(None, 0.2)
+        time.sleep(0.3)
+        moved = [servo["angle"] - angle for servo, angle in zip(emulated.servos(), before, strict=True)]
+        assert moved == pytest.approx([-0.5 * 4096 / math.tau] * 6, abs=3)

@@ -87,7 +87,7 @@ def _with_file(arguments: argparse.Namespace, *, is_import: bool) -> int:
 
 
 def _import(checked: Checked, arguments: argparse.Namespace) -> None:
-    place = calibration_place(arguments.emulate, arguments.sim)
+    place = calibration_place(arguments.emulate)
     path = place(checked.loaded.path, checked.loaded.config.general.id)
     if not path:
         raise _Refused(

@@ -92,6 +92,7 @@ def _without_effect(arguments: argparse.Namespace) -> str:
     wrong = {
         "--node": exchanges and arguments.nodes,
         "--open": arguments.open and (exchanges or looks),
+        "--sim": arguments.sim and exchanges,  # the exchange is of what real servos keep
         "--force": arguments.force and arguments.action != ACTIONS[1],
     }
     return next((option for option, is_wrong in wrong.items() if is_wrong), "")

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from joshua.devices.bus_tools import BusTools
     from joshua.generator.devices import Wanted
 
-#: No bus holds more motors; a slip such as 1-60000000 is refused at once.
-MOST_IDS = 256
+#: A slip such as 1-60000000 is refused at once; which of fewer ids there are, the motors say.
+MOST_IDS = 1000
 
 
 class TargetRefused(Exception):
@@ -46,7 +46,7 @@ def parse_ids(text: str) -> tuple[int, ...]:
     try:
         for part in text.split(","):
             first, dash, last = part.partition("-")
-            ids += range(int(first), min(int(last), int(first) + MOST_IDS - 1) + 1) if dash else [int(first)]
+            ids += range(int(first), min(int(last), int(first) + MOST_IDS) + 1) if dash else [int(first)]
     except ValueError:
         ids = []
     if not ids or len(set(ids)) != len(ids) or min(ids) < 0 or len(ids) > MOST_IDS:
