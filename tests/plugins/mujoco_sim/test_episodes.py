@@ -153,6 +153,7 @@ def make(folder: Path, seed: int, *, late: int = 0) -> None:
         world.advance(late)
         wanted = settings(folder, count=2, cameras=cameras())
         maker = EpisodeMaker(world, wanted, read_trajectories(wave(folder)), Silent())
+        maker.open()
         maker.begin()
         while not maker.done and not maker.error:
             world.advance(7)
@@ -178,6 +179,7 @@ def test_divergence_drops_the_episode(tmp_path: Path) -> None:
     world = scene()
     with world.lock:
         maker = EpisodeMaker(world, settings(tmp_path), (), Silent())
+        maker.open()
         maker.begin()
         world.advance(30)
         world.physics.data.qvel[:] = np.nan
@@ -195,6 +197,7 @@ def test_endless_resets_are_an_error(tmp_path: Path) -> None:
     world = scene()
     with world.lock:
         maker = EpisodeMaker(world, settings(tmp_path), (), Silent())
+        maker.open()
         maker.begin()
         for _ in range(8):
             world.advance(5)

@@ -33,6 +33,7 @@ def record(folder: Path, name: str, steps: int = 100) -> list[Path]:
     world = World(WorldSettings("so_arm100/scene.xml", real_time_factor=0))
     render = Render(camera="top", width=96, height=64, fps=20, output=str(folder / "out" / name))
     file = RenderFile(world, render)
+    file.open()
     file.begin()
     with world.lock:
         world.physics.group(()).set_command(world.physics.group(()).range_max_rad)
@@ -56,6 +57,7 @@ def test_pictures_go_on_after_a_reset(tmp_path: Path) -> None:
     file = RenderFile(world, render)
     with world.lock:
         world.advance(30)  # 60 ms, before anybody draws
+        file.open()
         file.begin()
         world.advance(40)
         assert file.count == 1  # at 100 ms

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import numpy as np
@@ -100,6 +101,34 @@ def test_divergence_follows_the_policy(resets: bool) -> None:
         else:
             assert "diverged" in world.failure
     finally:
+        world.close()
+
+
+def test_physics_waits_for_a_deferred_job_and_devices_do_not() -> None:
+    world = World(SCENE)
+    begun, end = threading.Event(), threading.Event()
+
+    def draw() -> None:
+        begun.set()
+        end.wait(10)
+
+    try:
+        world.start()
+        _wait(lambda: world.physics.time_s > 0)
+        world.defer(draw)
+        assert begun.wait(10)
+        with world.lock:  # a device reads meanwhile
+            held_s = world.physics.time_s
+        time.sleep(0.05)
+        assert world.physics.time_s == held_s
+        end.set()
+        _wait(lambda: world.physics.time_s > held_s)
+        done: list[int] = []
+        world.call(lambda: done.append(threading.get_ident()))
+        assert done
+        assert done[0] != threading.get_ident()
+    finally:
+        end.set()
         world.close()
 
 

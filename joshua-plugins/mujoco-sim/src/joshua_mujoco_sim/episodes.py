@@ -123,6 +123,7 @@ class EpisodeMaker:
         self._pending: dict[str, Any] | None = None
         self._frame = self._lost = 0
         self._last_s = 0.0
+        self._closed = False
         self.error = ""
         self._hooks: list[Callable[[], None]] = []
 
@@ -132,7 +133,7 @@ class EpisodeMaker:
         return self._writer.episodes >= self._settings.count
 
     def begin(self) -> None:
-        """Starts the first episode; the caller holds the world's lock."""
+        """Starts the first episode; after ``open``, and the caller holds the world's lock."""
         self._hooks = [self._world.before_step(self._look), self._world.after_step(self._keep)]
         self._start(0)
 
@@ -141,6 +142,7 @@ class EpisodeMaker:
         for unhook in self._hooks:
             unhook()
         self._hooks = []
+        self._closed = True
         self._writer.close()
 
     def report(self) -> str:
@@ -169,7 +171,9 @@ class EpisodeMaker:
             if (drive := self._drive) is not None:
                 drive.command(physics.time_s)
             if physics.time_s >= self._frame / self._settings.fps - 1e-9:
-                self._pending = {STATE: self._group.position_rad} | self._pictures(physics)
+                self._pending = {STATE: self._group.position_rad}
+                for renderer in self._renderers.values():
+                    renderer.look(physics.data)
         except (EpisodeError, RenderingError) as error:
             self.error = str(error)
 
@@ -177,10 +181,17 @@ class EpisodeMaker:
         """Completes the frame by what was commanded in its step (after each step)."""
         if self._pending is None or self.error:
             return
-        frame, self._pending = self._pending, None
+        frame, self._pending = self._pending | {ACTION: self._group.command}, None
         stamp_ns = round((physics.time_s - physics.timestep_s) * 1e9)
+        self._world.defer(lambda: self._write(stamp_ns, frame))
+
+    def _write(self, stamp_ns: int, frame: dict[str, Any]) -> None:
+        """Draws a frame and writes it, while the physics waits (without the lock)."""
+        if self.error or self._closed:
+            return
         try:
-            self._writer.add_frame(stamp_ns, frame | {ACTION: self._group.command})
+            pictures = {self._keys[camera]: drawn.draw() for camera, drawn in self._renderers.items()}
+            self._writer.add_frame(stamp_ns, frame | pictures)
             self._frame += 1
             number = self._writer.episodes
             if self._frame >= self._frames[number % len(self._frames)]:
@@ -190,8 +201,9 @@ class EpisodeMaker:
                 if self.done:
                     self._free()
                 else:
-                    self._start(None)
-        except EpisodeError as error:
+                    with self._world.lock:
+                        self._start(None)
+        except (EpisodeError, RenderingError) as error:
             self.error = str(error)
 
     def _lose(self, physics: Physics) -> None:
@@ -206,16 +218,14 @@ class EpisodeMaker:
         self._log.warning("episode %d was cut off, and is made anew", self._writer.episodes + 1)
         self._start(None)
 
-    def _pictures(self, physics: Physics) -> dict[str, Any]:
-        settings = self._settings
-        for camera in settings.cameras:
-            if camera not in self._renderers:  # on the thread of the physics, to which OpenGL binds it
-                self._renderers[camera] = CameraRenderer(
-                    physics.model, camera, settings.width, settings.height
-                )
-        for renderer in self._renderers.values():
-            renderer.look(physics.data)
-        return {self._keys[camera]: renderer.draw() for camera, renderer in self._renderers.items()}
+    def open(self) -> None:
+        """Makes the renderers; on the thread of the physics, to which OpenGL binds them."""
+        settings, model = self._settings, self._world.physics.model
+        try:
+            for camera in settings.cameras:
+                self._renderers[camera] = CameraRenderer(model, camera, settings.width, settings.height)
+        except RenderingError as error:
+            self.error = str(error)
 
     def _free(self) -> None:
         for renderer in self._renderers.values():

@@ -92,6 +92,7 @@ class SimulatorNode(NodeBehaviour):
             raise DeviceError(str(error)) from error
         if settings.generate is not None:
             self._maker = self._make_episodes(world, settings, settings.generate)
+        self._open_renderers(world)
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
             self._mirror.subscribe()
@@ -141,12 +142,12 @@ class SimulatorNode(NodeBehaviour):
         if world is not None:
             world.pause()
             for file in self._files:
-                with world.lock:
+                with world.quiet():
                     file.close()
                 self.context.log.info("%d pictures in %s", file.count, file.output)
             self._files = []
             if self._maker is not None:
-                with world.lock:
+                with world.quiet():
                     self._maker.close()
                 self.context.log.info("%s", self._maker.report())
             if self._replay is None:
@@ -178,6 +179,16 @@ class SimulatorNode(NodeBehaviour):
             return Replay(world.physics, recordings, settings.replay_speed)
         except TrajectoryError as error:
             raise DeviceError(str(error)) from error
+
+    def _open_renderers(self, world: World) -> None:
+        parts: list[RenderFile | EpisodeMaker] = [*self._files]
+        if self._maker is not None:
+            parts.append(self._maker)
+        for part in parts:
+            world.start()
+            world.call(part.open)
+            if part.error:
+                raise DeviceError(part.error)
 
     def _make_episodes(
         self, world: World, settings: SimulationSettings, made: DatasetSettings

@@ -103,6 +103,7 @@ class RenderFile:
         self._frame: int | None = None
         self._last_s = 0.0
         self._world = world
+        self._closed = False
         self._unhook: Callable[[], None] | None = None
 
     @property
@@ -111,29 +112,40 @@ class RenderFile:
         return self._render.output
 
     def begin(self) -> None:
-        """Draws from now on."""
-        self._unhook = self._world.before_step(self._draw)
+        """Draws from now on; after ``open``."""
+        self._unhook = self._world.before_step(self._look)
 
     def close(self) -> None:
         """Completes the file; after the physics has stopped."""
         if self._unhook is not None:
             self._unhook()
+        self._closed = True
         self._writer.close()
 
-    def _draw(self, physics: Physics) -> None:
+    def open(self) -> None:
+        """Makes the renderer; on the thread of the physics, to which OpenGL binds it."""
+        size = self._render
+        try:
+            self._renderer = CameraRenderer(self._model, size.camera, size.width, size.height)
+        except RenderingError as error:
+            self.error = f"{self._render.output}: {error}"
+
+    def _look(self, physics: Physics) -> None:
         rate = self._render.fps
         if self._frame is None or physics.time_s < self._last_s:  # at first, and after a reset
             self._frame = math.ceil(physics.time_s * rate - 1e-6)
         self._last_s = physics.time_s
-        if self.error or physics.time_s < self._frame / rate - 1e-9:
+        if self.error or self._renderer is None or physics.time_s < self._frame / rate - 1e-9:
+            return
+        self._renderer.look(physics.data)
+        self._frame += 1
+        self._world.defer(self._draw)
+
+    def _draw(self) -> None:
+        if self._renderer is None or self._closed:
             return
         try:
-            if self._renderer is None:  # on the thread of the physics, to which OpenGL binds it
-                size = self._render
-                self._renderer = CameraRenderer(self._model, size.camera, size.width, size.height)
-            self._renderer.look(physics.data)
             self._writer.write(self._renderer.draw())
             self.count += 1
-            self._frame += 1
         except (RenderingError, OSError) as error:
             self.error = f"{self._render.output}: {error}"

@@ -6,9 +6,11 @@ Simulated actuators and cameras of one file live in one process (``process_group
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,6 +76,8 @@ class World:
         self.divergences: list[str] = []
         self.divergence_count = 0
         self._pacer = Pacer(self.physics.timestep_s, settings.real_time_factor)
+        self._jobs: deque[Callable[[], None]] = deque()
+        self._jobs_lock = threading.RLock()
         self._before: list[Hook] = []
         self._after: list[Hook] = []
         self._paused = False
@@ -95,6 +99,33 @@ class World:
             hook: what is called; first: before all the others that are there.
         """
         return self._hooked(self._after, hook, 0 if first else len(self._after))
+
+    def defer(self, job: Callable[[], None]) -> None:
+        """Has the stepping thread do something before its next step, without the lock.
+
+        For what takes long, such as drawing: the physics waits, and devices still read and command.
+        """
+        self._jobs.append(job)
+
+    def call(self, job: Callable[[], None]) -> None:
+        """Has the running stepping thread do something, and waits until it is done."""
+        done = threading.Event()
+
+        def run() -> None:
+            try:
+                job()
+            finally:
+                done.set()
+
+        self.defer(run)
+        while not done.wait(0.1) and not self._stop.is_set():
+            pass
+
+    @contextlib.contextmanager
+    def quiet(self) -> Iterator[None]:
+        """Holds the lock while no deferred job runs."""
+        with self._jobs_lock, self.lock:
+            yield
 
     def start(self) -> None:
         """Starts to step; a second call does nothing."""
@@ -151,10 +182,13 @@ class World:
 
     def _run(self) -> None:
         while not self._stop.is_set():
+            self._do_jobs()
             due = self._due()
             if due:
-                with self.lock:
-                    self.advance(due)
+                while due > 0 and not self._stop.is_set():
+                    with self.lock:
+                        due -= self._steps(due)
+                    self._do_jobs()
                 if self.settings.real_time_factor <= 0:
                     time.sleep(0)  # lets others take the lock
                 continue
@@ -168,18 +202,33 @@ class World:
         return due
 
     def advance(self, count: int) -> None:
-        """Does some steps at once, with all hooks; the caller holds ``lock``."""
+        """Does some steps at once, with all hooks and deferred jobs; the caller holds ``lock``."""
+        self._do_jobs()
+        while count > 0 and not self.failure:
+            count -= self._steps(count)
+            self._do_jobs()
+
+    def _do_jobs(self) -> None:
+        with self._jobs_lock:
+            while self._jobs:
+                self._jobs.popleft()()
+
+    def _steps(self, count: int) -> int:
+        """Does steps until ``count`` or until a job is deferred; returns how many; under the lock."""
         physics = self.physics
+        done = 0
         try:
-            if not self._before and not self._after:
+            if not self._before and not self._after and not self._jobs:
                 physics.step(count)
-            for _ in range(count if self._before or self._after else 0):
+                done = count
+            while done < count and not self._jobs:
                 for hook in tuple(self._before):
                     hook(physics)
                 mujoco.mj_step(physics.model, physics.data)
                 for hook in tuple(self._after):
                     hook(physics)
-            self._simulated_s += count * physics.timestep_s
+                done += 1
+            self._simulated_s += done * physics.timestep_s
             physics.check()
         except DivergenceError as error:
             self.divergence_count += 1
@@ -190,6 +239,8 @@ class World:
             else:
                 self.failure = str(error)
                 self._stop.set()
+            return count
+        return done
 
     def _hooked(self, hooks: list[Hook], hook: Hook, index: int) -> Callable[[], None]:
         def remove() -> None:
