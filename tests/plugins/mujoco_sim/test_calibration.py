@@ -13,8 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joshua.calibration.arm_file import ArmFile
+from joshua.cli.simulation import take_calibrations
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua.devices.errors import DeviceError
+from joshua.generator.calibration_place import calibration_place
+from joshua.generator.examination import check_file
+from joshua.generator.request import Request
 from joshua.testing import check_actuator, check_calibration_target
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.actuator import SimActuator
@@ -247,3 +252,26 @@ def test_an_arm_that_the_file_calls_simulated_is_calibrated_beside_it(tmp_path: 
     assert checked.returncode == 1, checked.stdout + checked.stderr
     assert "DIFFERS  arm (simulation)" in checked.stdout
     assert "! gripper (id 1): calibrated from" in checked.stdout
+
+
+def test_a_simulated_arm_of_the_file_keeps_its_calibration_until_sim_has_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(simulation_file(arm='actuators: ["gripper"]'))
+    motor = MotorCalibration(id=1, joint_name="gripper", homing_offset=587, range_min=1400, range_max=2700)
+
+    def calibrate(file: str, stamp: str) -> str:
+        """Writes a calibration, and says whose a run with --sim takes."""
+        arm = ArmCalibration(motors=(motor,), calibrated_at=stamp)
+        ArmFile(file).prepare("arm", arm).commit()
+        checked = check_file(Request(str(path)))
+        take_calibrations(checked, ())
+        (taken,) = checked.loaded.config.calibration.arms
+        return str(taken.calibrated_at)
+
+    beside = calibration_place(emulate=False)(str(path), "sim-test")
+    assert calibrate(beside, "of the file") == "of the file"
+    kept = calibration_place(emulate=False, simulate=True)(str(path), "sim-test")
+    assert calibrate(kept, "of --sim") == "of --sim"

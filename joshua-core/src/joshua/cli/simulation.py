@@ -66,17 +66,26 @@ def start_simulation(
 def take_calibrations(checked: Checked, names: Collection[str]) -> None:
     """Puts the calibrations of simulated arms in place of those of the real ones, which are not theirs.
 
+    An arm that the file itself describes as simulated keeps its own where ``--sim`` has found none.
+
     Raises FileRefused.
     """
     from joshua.calibration.arm_file import ArmFile
+    from joshua.config.checks.device_table import block_of
+    from joshua.config.topics import node_entries
     from joshua.generator.calibration_place import calibration_place
 
     config = checked.loaded.config
-    kept = [arm for arm in config.calibration.arms if arm.node_name not in names]
     path = calibration_place(emulate=False, simulate=True)(checked.loaded.path, config.general.id)
-    found = [(name, ArmFile(path).arm(name)) for name in names] if path else []
+    simulated = [e.node.node_name for e in node_entries(config) if block_of(e.owner)[0] == "sim_config"]
+    found = {name: ArmFile(path).arm(name) for name in dict.fromkeys(simulated)} if path else {}
+    kept = [
+        arm
+        for arm in config.calibration.arms
+        if arm.node_name not in names and found.get(arm.node_name) is None
+    ]
     config.ClearField("calibration")
     config.calibration.arms.extend(kept)
-    config.calibration.arms.extend(arm.to_block(name) for name, arm in found if arm is not None)
+    config.calibration.arms.extend(arm.to_block(name) for name, arm in found.items() if arm is not None)
     if not config.calibration.arms:
         config.ClearField("calibration")
