@@ -136,8 +136,7 @@ class SimCamera(Sensor):
         """Draws each frame that is due: on a thread of its own, because OpenGL binds its context to one."""
         size = self.settings
         try:
-            with world.lock:
-                renderer = CameraRenderer(world.physics.model, size.camera, size.width, size.height)
+            renderer = CameraRenderer(world.physics.model, size.camera, size.width, size.height)
         except RenderingError as error:
             self._error = str(error)
             self._ready.set()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+import threading
 from typing import Any
 
 import mujoco
@@ -21,6 +22,10 @@ _LIBRARIES = {
     "egl": ("libEGL.so.1", "libegl1 libgl1-mesa-dri"),
     "osmesa": ("libOSMesa.so.8", "libosmesa6"),
 }
+
+
+#: One renderer is made at a time: each makes sure that the model's buffer is large enough for it.
+_making = threading.Lock()
 
 
 class RenderingError(Exception):
@@ -94,18 +99,19 @@ class CameraRenderer:
     """
 
     def __init__(self, model: mujoco.MjModel, camera: str, width: int, height: int) -> None:
-        visual = model.vis.global_
-        visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
-        self._model = model
-        self._gl = _open_context(width, height)
-        self._camera = mujoco.MjvCamera()
-        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = model.camera(camera).id
-        self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
-        self._option = mujoco.MjvOption()
-        self._perturbation = mujoco.MjvPerturb()
-        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        with _making:
+            visual = model.vis.global_
+            visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
+            self._model = model
+            self._gl = _open_context(width, height)
+            self._camera = mujoco.MjvCamera()
+            self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+            self._camera.fixedcamid = model.camera(camera).id
+            self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
+            self._option = mujoco.MjvOption()
+            self._perturbation = mujoco.MjvPerturb()
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._area = mujoco.MjrRect(0, 0, width, height)
         self._pixels: Picture = np.empty((height, width, 3), np.uint8)
 
