@@ -13,6 +13,7 @@ from joshua.devices.serial_errors import PortBusy, PortNotFound
 from joshua.devices.serial_port import SerialPort
 from joshua_emulator import EmulatedEncoder, EmulatedLidar
 from joshua_encoder.encoder import SerialEncoder
+from joshua_encoder.sources import Amt21Source
 
 Start = Callable[..., EmulatedEncoder]
 Make = Callable[..., SerialEncoder]
@@ -153,6 +154,24 @@ def test_an_amt21_at_another_address(emulator_of: Start, encoder_at: Make) -> No
     emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384, addresses=[88, 120])
     text = refusal(encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384))
     assert "no AMT21 answers at address 84 (0x54); those at 88, 120 do: correct address" in text
+
+
+def test_an_amt21_that_answers_only_at_times(
+    emulator_of: Start, encoder_at: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384)
+    answers, refused = Amt21Source._answers, [84]
+
+    def missed(source: Amt21Source, address: int, *timeout_s: float) -> bool:
+        if address in refused:
+            refused.remove(address)
+            return False
+        return answers(source, address, 0.2)
+
+    monkeypatch.setattr(Amt21Source, "_answers", missed)
+    monkeypatch.setattr("joshua_encoder.sources._LARGEST_ADDRESS", 88)
+    text = refusal(encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384))
+    assert "the AMT21 at address 84 (0x54) answers only at times: check its power" in text
 
 
 def test_an_amt21_at_another_line_speed(emulator_of: Start, encoder_at: Make) -> None:

@@ -286,6 +286,11 @@ class Amt21Source(Source):
                 return DeviceError(
                     f"{port}: {wanted} at {asked} bit/s, but one does at {speed}: set baudrate: {speed}"
                 )
+            if found and set(missing) <= set(found):
+                return DeviceError(
+                    f"{port}: the AMT21 at address {listed} answers only at times: check its power, both "
+                    "wires of the bus and its termination"
+                )
             if found:
                 there = ", ".join(str(address) for address in found)
                 return DeviceError(
