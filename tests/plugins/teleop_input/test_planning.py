@@ -75,12 +75,16 @@ def test_names_of_an_arm_without_calibration_are_not_judged(tmp_path: Path) -> N
     real = """sts3215_config { comm { serial { port: "/dev/ttyACM0" baudrate: 1000000 } } motor_ids: [1]
       position_max: 4095 }"""
     text = text.replace("mock_motor_config { num_motors: 2 position_max: 4095 }", real)
-    (tmp_path / "robot.pbtxt").write_text(text)
-    assert [
-        item
-        for item in examine(Request(str(tmp_path / "robot.pbtxt"))).diagnostics
-        if item.code == "invalid-setting"
-    ] == []
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(text)
+    examination = examine(Request(str(path)))
+    assert [item for item in examination.diagnostics if item.code == "invalid-setting"] == []
+    assert examination.plan is not None  # nor by the node, before the arm says that it is not calibrated
+    assert "joints" not in next(node for node in examination.plan.nodes if node.name == "keyboard").context
+    waived = examine(Request(str(path), allow_uncalibrated=True)).diagnostics
+    assert [item.message for item in waived if item.code == "invalid-setting"] == [
+        "The actuator has no joint named 'shoulder_pan'."
+    ]
 
 
 def test_two_keyboards_cannot_share_the_terminal(tmp_path: Path) -> None:

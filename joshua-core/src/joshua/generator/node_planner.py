@@ -121,9 +121,10 @@ class NodePlanner:
         if want.kind is ProvisionKind.ACTUATOR:
             joints = {"joints": self._joints[want.entry.path]}
             return joints | self._commanders(want) | ({"testing": True} if self._testing else {})
+        if want.kind is ProvisionKind.SENSOR:  # it was resolved with the joints that it reaches
+            return {"testing": True} if self._testing else {}
         commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
-        testing = {"testing": True} if self._testing and want.kind is ProvisionKind.SENSOR else {}
-        return testing | ({"joints": commanded} if commanded else {})
+        return {"joints": commanded} if commanded else {}
 
     def _commanders(self, want: Wanted) -> dict[str, Any]:
         """Of those who publish what an actuator hears: its leader, and who may take over."""

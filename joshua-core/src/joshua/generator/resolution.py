@@ -86,8 +86,9 @@ class Resolver:
                 resolved.append(Resolved(want, provision, settings, context))
             if want.kind is ProvisionKind.ACTUATOR:
                 joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
-                # Before its calibration an arm's joints have names that nobody will use.
-                if calibration is not None or (provision is not None and provision.virtual):
+                # Without calibration an arm's joints have names that nobody will use, unless that is waived.
+                virtual = provision is not None and provision.virtual
+                if calibration is not None or virtual or "allow_uncalibrated" in self._waivers:
                     self._final_names.add(want.entry.path)
                 if provision is not None:
                     check_safety(want, provision, joints, self._findings)
