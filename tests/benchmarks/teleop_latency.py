@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import os
-import random
 import re
 import signal
 import statistics
@@ -23,6 +22,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[1] / "support"))
 
 from emulated_teleop import PRESET, teleoperation
+from joshua.testing.domain import reserved_domain
 from joshua_emulator import EmulatedBus
 
 AMPLITUDE_RAD, FREQUENCY_HZ = 0.4, 0.4  # at most 1.0 rad/s, below the preset's speed limit
@@ -69,12 +69,12 @@ def measure(seconds: float, rate_hz: float, cameras: int) -> None:
     rates = tuple(f"robot.actions[{arm}].node.publishers[0].publish_rate_hz={rate_hz}" for arm in (0, 1))
     motion = f"sine,amplitude_rad={AMPLITUDE_RAD},frequency_hz={FREQUENCY_HZ}"
     with (
+        reserved_domain() as domain_id,
         tempfile.TemporaryDirectory() as folder,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER", motion=motion) as leader,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
     ):
         start_s = leader.log("motion")[-1]["t_ns"] / 1e9
-        domain_id = random.randrange(1, 100)
         with teleoperation(leader, follower, Path(folder), domain_id, overrides=rates, text=text) as process:
             follower.wait_for(["torque"], timeout_s=60.0)
             begin_s = time.monotonic() + SETTLED_S

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import random
 import signal
 import sys
 import tempfile
@@ -26,6 +25,7 @@ sys.path.append(str(Path(__file__).parents[1] / "support"))
 from emulated_teleop import teleoperation
 from joshua.messages import decode
 from joshua.plan import QosProfile, TransportSpec
+from joshua.testing.domain import reserved_domain
 from joshua.transport import open_transport
 from joshua_emulator import EmulatedBus
 
@@ -85,9 +85,9 @@ def main() -> None:
     """Prints what was seen; exit code 1 where a requirement is broken."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
     motion = f"sine,amplitude_rad={AMPLITUDE_RAD},frequency_hz={FREQUENCY_HZ}"
-    domain_id = random.randrange(1, 100)
     tracks = {name: Track() for name in TOPICS}
     with (
+        reserved_domain() as domain_id,
         tempfile.TemporaryDirectory() as folder,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="L", motion=motion, fault=FAULTS) as leader,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="F", fault=FAULTS, seed=1) as follower,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 #: A machine that gives nobody its time, or a hub that settles, keeps every reply back for a tenth of a second
 #: or two. Nothing is written meanwhile, so the joints stay at their last goal.
-SILENCE_LIMIT_S = 0.3
+SILENCE_LIMIT_S = 0.4
 
 #: A machine that holds the device up holds its driver up, too: so many readings are tried at least …
 LEAST_MISSES = 5

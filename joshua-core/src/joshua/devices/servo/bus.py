@@ -8,6 +8,7 @@ of further bytes for a while, so that a late reply has the wrong length.
 
 from __future__ import annotations
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -108,15 +109,25 @@ class ServoBus(ABC):
         return address, length + padding, 0
 
     def sync_read(
-        self, address: int, length: int, ids: tuple[int, ...], *, retries: int | None = None
+        self,
+        address: int,
+        length: int,
+        ids: tuple[int, ...],
+        *,
+        retries: int | None = None,
+        within_s: float = math.inf,
     ) -> dict[int, bytes]:
         """Reads the same bytes of several servos; those that do not answer within all retries are left out.
 
+        Args:
+            within_s: no retry begins later than this; on a busy machine each takes longer than its time-out.
+
         Raises PortDisconnected.
         """
+        began_s = time.monotonic()
         values = self._sync_read_once(address, length, ids)
         for _ in range(self.retries if retries is None else retries):
-            if len(values) == len(ids):
+            if len(values) == len(ids) or time.monotonic() - began_s > within_s:
                 break
             self.counters.retries += 1
             missing = tuple(servo_id for servo_id in ids if servo_id not in values)

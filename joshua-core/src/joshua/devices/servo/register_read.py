@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 from joshua.devices.servo.bus import ServoBus
@@ -10,16 +11,24 @@ from joshua.devices.servo.register import Register
 
 
 def read_registers(
-    bus: ServoBus, family: ServoFamily, registers: Iterable[Register], ids: tuple[int, ...]
+    bus: ServoBus,
+    family: ServoFamily,
+    registers: Iterable[Register],
+    ids: tuple[int, ...],
+    *,
+    within_s: float = math.inf,
 ) -> dict[int, dict[Register, bytes]]:
     """Bytes of each register by servo id; a servo that does not answer every request is left out.
+
+    Args:
+        within_s: of each request; no retry begins later than this.
 
     Raises PortDisconnected.
     """
     found: dict[int, dict[Register, bytes]] = {servo_id: {} for servo_id in ids}
     for group in _groups(sorted(registers, key=lambda register: register.address), family.reads_gaps):
         start = group[0].address
-        values = bus.sync_read(start, group[-1].end - start, tuple(found))
+        values = bus.sync_read(start, group[-1].end - start, tuple(found), within_s=within_s)
         found = {
             servo_id: {
                 **found[servo_id],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from joshua.devices.errors import DeviceError
@@ -12,6 +13,7 @@ from joshua.devices.servo.register import Register
 from joshua.devices.servo.register_read import read_registers
 
 ATTEMPTS = 3
+LAPSE_S = 0.03  # a look between two control cycles, which comes again
 
 #: Values of the registers of a move beside the goal.
 MoveValues = Mapping[Register, int]
@@ -97,17 +99,17 @@ class TorqueSwitch:
         Servos that do not answer are not judged. Raises PortDisconnected.
         """
         lapsed = []
-        for servo_id, found in self._states().items():
+        for servo_id, found in self._states(within_s=LAPSE_S).items():
             kept = self._kept.get(servo_id, {})
             has_torque = found[self._family.torque_enable] == self._on
             if not has_torque or {register: found[register] for register in kept} != kept:
                 lapsed.append(servo_id)
         return self._list(lapsed)
 
-    def _states(self) -> dict[int, dict[Register, bytes]]:
+    def _states(self, within_s: float = math.inf) -> dict[int, dict[Register, bytes]]:
         """Torque and the registers of a move."""
         registers = (self._family.torque_enable, *self._family.moves)
-        return read_registers(self._bus, self._family, registers, self._ids)
+        return read_registers(self._bus, self._family, registers, self._ids, within_s=within_s)
 
     def _has_taken(self, found: Mapping[Register, bytes] | None, row: bytes) -> bool:
         if found is None or found[self._family.torque_enable] != self._on:
