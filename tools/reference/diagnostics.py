@@ -14,8 +14,8 @@ from reference.markdown import table
 HEAD = """# Diagnostics
 
 What the check of a file can report. The code stands in brackets behind each message, and in the field
-`code` of `--format json`. An **error** keeps a file from starting (exit code 2), a **warning** does not,
-and a **note** names what is missing on this machine or has no effect.
+`code` of `--format json`. An **error** keeps a file from starting (exit code 2, or 3 where a plugin is
+missing), a **warning** does not, and a **note** names what is missing on this machine or has no effect.
 """
 
 JSON_FORM = """## Findings as JSON

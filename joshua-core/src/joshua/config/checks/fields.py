@@ -8,9 +8,9 @@ from typing import Any
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import block_of, messages_of
+from joshua.config.checks.device_table import LINKS, block_of, messages_of
 from joshua.config.checks.topics import type_text
-from joshua.config.field_facts import FieldFacts, number_text
+from joshua.config.field_facts import FieldFacts, field_facts, number_text
 from joshua.config.nearest import nearest_first
 from joshua.plan import Diagnostic
 
@@ -62,8 +62,17 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
         block.field_path(single.name) if single else block.path,
         position=context.block_position(block.path),
         allowed=allowed,
-        remedy=f"Add {in_words([endpoint.sample(facts) for facts in missing])}",
+        remedy=f"Add {in_words([_link(block, facts) or endpoint.sample(facts) for facts in missing])}",
     )
+
+
+def _link(block: Block, facts: FieldFacts) -> str:
+    """The link of a device with the kind that it needs, serial where it takes either; "" for other fields."""
+    if not facts.is_message or facts.message_type.full_name != "joshua.Comm":
+        return ""
+    kind = LINKS.get(block_name(block), "serial")
+    inner = next(link for link in field_facts(facts.message_type) if link.name == kind)
+    return f"comm {{ {inner.sample()} }}"
 
 
 class _Endpoint:
