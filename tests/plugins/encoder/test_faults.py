@@ -83,8 +83,9 @@ def test_what_comes_is_something_else(encoder_at: Make) -> None:
 
 def test_counts_are_no_angles(emulator_of: Start, encoder_at: Make) -> None:
     emulator = emulator_of("line", resolution=1_000_000)
-    time.sleep(0.05)
-    emulator.fault("stall")  # well beyond 4095 counts
+    while abs(emulator.ask("state")["angle_rad"]) < 0.5:  # well beyond 4095 counts
+        time.sleep(0.01)
+    emulator.fault("stall")
     text = refusal(encoder_at(emulator.port, "as5600"))
     assert "what comes are no lines of angles from 0 to 4095, such as " in text
 

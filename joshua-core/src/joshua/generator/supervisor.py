@@ -188,7 +188,7 @@ class Supervisor:
             self._stop(str(error), EXIT_NOT_INSTALLED if missing else EXIT_FAILED)
             return False
         except Exception as error:  # noqa: BLE001 (whatever the middleware raises, the nodes must stop)
-            self._stop(f"the Zenoh router cannot be opened: {error}", EXIT_FAILED)
+            self._stop(f"the transport cannot be opened: {type(error).__name__}: {error}", EXIT_FAILED)
             return False
         if self._router is not None:
             closers.append(self._router.close)
