@@ -258,6 +258,19 @@ def test_store_and_its_writer_are_asked_for(tmp_path: Path) -> None:
     assert "provides data_store for FORMAT_HUGGINGFACE, not for FORMAT_CSV" in unfit.message
 
 
+def test_only_the_simulation_mode_makes_episodes(tmp_path: Path) -> None:
+    path = tmp_path / "robot.pbtxt"
+    arm = (
+        'robot { actions { node { node_name: "arm" node_id: 1 publishers { data_type: JOINT_STATE '
+        'topic_name: "/arm" publish_rate_hz: 50 } } action_type: ACTION_SINGLE sim_config { } } }'
+    )
+    path.write_text(dataset_file().replace("MODE_SIMULATION", "MODE_TEST") + arm)
+    found = examine(Request(str(path)))
+    assert "simulation.generate" in [d.field_path for d in found.diagnostics if d.code == "block-unused"]
+    (simulator,) = [node for node in found.plan.nodes if node.name == "simulation"]
+    assert simulator.settings["generate"] is None
+
+
 def test_generated_episodes_belong_to_offscreen(tmp_path: Path) -> None:
     path = tmp_path / "robot.pbtxt"
     path.write_text(dataset_file().replace("mode: OFFSCREEN", "mode: INTERACTIVE"))

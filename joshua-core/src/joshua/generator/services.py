@@ -195,8 +195,19 @@ def _present(config: pb.Config, share: ModeShare) -> list[Service]:
         services.append(Service("ai.training", ProvisionKind.TRAINER, ai.training, value))
     if "simulation" in share.services and config.HasField("simulation"):
         value = _name(simulation_pb2.SimulationMode, config.simulation.mode)
-        services.append(Service("simulation", ProvisionKind.SIMULATOR, config.simulation, value))
+        services.append(Service("simulation", ProvisionKind.SIMULATOR, _simulation(config), value))
     return services
+
+
+def _simulation(config: pb.Config) -> Any:
+    """The simulation block as far as the mode uses it: only MODE_SIMULATION makes episodes by itself."""
+    block = config.simulation
+    if config.general.mode != pb.MODE_SIMULATION and block.HasField("generate"):
+        block = type(block)()
+        block.CopyFrom(config.simulation)
+        block.ClearField("generate")
+        block.ClearField("trajectory_path")  # which drives the episodes
+    return block
 
 
 def _trainer_value(training: pb.Training) -> str:

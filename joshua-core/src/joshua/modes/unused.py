@@ -50,6 +50,8 @@ def check(context: Context) -> Iterator[Diagnostic]:
         owner, _, name = path.rpartition(".")
         if mode not in use.modes and (config.ai if owner else config).HasField(name):
             yield _note(context, path, path, f"it counts {use.where}")
+    if config.simulation.HasField("generate") and mode in _DRIVING:
+        yield _note(context, "simulation.generate", "simulation.generate", "it counts in MODE_SIMULATION")
     share = mode_share(config)
     if config.ai.models and not share.models and mode != pb.MODE_TRAINING:
         yield _note(context, "ai.models", "ai.models[0]", "models run in MODE_INFERENCE and MODE_TEST")
