@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,9 @@ class Commands:
         goal = self._goal.copy()
         for name, value in zip(message.name, message.position, strict=False):
             if name not in self._group.joints:
-                self._warn(f"no joint {name!r}; the model has {', '.join(self._group.joints)}")
+                near = get_close_matches(name, self._group.joints, n=1)
+                nearest = f"did you mean {near[0]}? " if near else ""
+                self._warn(f"no joint {name!r}; {nearest}the model has {', '.join(self._group.joints)}")
             elif not np.isfinite(value):
                 self._warn(f"{name} is {value}; a position in radians is a finite number")
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -83,7 +84,12 @@ class Mirror:
             try:
                 value = float(message.position[names.index(wanted)])
             except (ValueError, IndexError):
-                self._warn(mapping.ros_topic, f"has no joint {wanted!r}; it has {', '.join(names) or 'none'}")
+                near = get_close_matches(wanted, names, n=1)
+                self._warn(
+                    mapping.ros_topic,
+                    f"has no joint {wanted!r}; {f'did you mean {near[0]}? ' if near else ''}it has "
+                    f"{', '.join(names) or 'none'}; name the right one in mirror_topic_mappings.joint",
+                )
                 continue
             if not np.isfinite(value):
                 self._warn(mapping.ros_topic, f"says {value} for {wanted!r}; the joint stays where it is")
@@ -111,4 +117,4 @@ class Mirror:
     def _warn(self, topic: str, text: str) -> None:
         if f"{topic}{text}" not in self._warned:
             self._warned.add(f"{topic}{text}")
-            self._context.log.warning("%s %s; name the right one in mirror_topic_mappings.joint", topic, text)
+            self._context.log.warning("%s %s", topic, text)
