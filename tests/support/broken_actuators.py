@@ -15,6 +15,7 @@ from joshua.devices.actuator import JointLimits, JointReading
 from joshua.devices.errors import DeviceError
 from joshua.devices.mock_actuator import MockActuator
 from joshua.devices.mock_settings import MockMotorSettings
+from joshua.messages.make import joint_state
 from joshua.schema import config_pb2
 
 
@@ -261,6 +262,21 @@ class SharesStateOnTheClass(MockActuator):
     def disconnect(self) -> None:
         super().disconnect()
         self.open_ports.clear()
+
+
+class SendsAnotherType(MockActuator):
+    @property
+    def further_types(self) -> tuple[str, ...]:
+        return ("sensor_msgs/msg/BatteryState",)
+
+    def further_message(self, type_name: str, frame_id: str) -> Any:
+        return joint_state(["battery"], [8.1], frame_id=frame_id)
+
+
+class OffersAnUnknownType(MockActuator):
+    @property
+    def further_types(self) -> tuple[str, ...]:
+        return ("BATTERY_STATE",)
 
 
 @functools.cache

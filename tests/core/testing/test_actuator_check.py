@@ -29,10 +29,12 @@ from broken_actuators import (
     NamesNeedConnection,
     NamesTwice,
     NoSpeed,
+    OffersAnUnknownType,
     OpensInConstructor,
     ReadsWhenClosed,
     ReleaseNeedsTorque,
     SaysConnectedAtOnce,
+    SendsAnotherType,
     SharesItsArray,
     SharesStateOnTheClass,
     SilentError,
@@ -131,6 +133,8 @@ BROKEN: list[tuple[type[Actuator], str, str]] = [
     (LeavesAHandle, "nothing left", "disconnect left 1 file handle (/dev/null)"),
     (LeavesAThread, "nothing left", "disconnect left 1 thread (orphan)"),
     (SharesStateOnTheClass, "instances", "opening one opened the other"),
+    (SendsAnotherType, "further messages", "made sensor_msgs/msg/JointState where sensor_msgs/msg/Batt"),
+    (OffersAnUnknownType, "further messages", "names BATTERY_STATE, which is no known ROS 2 type"),
 ]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from joshua.devices.actuator import Actuator, JointReading
+from joshua.messages import encode, known_types
 from joshua.testing import lifecycle
 from joshua.testing.actuator_motion import STATES, ActuatorFactory, MotionClauses
 from joshua.testing.conformance import Checklist, name_of, require
@@ -52,6 +53,7 @@ def check_actuator(
         checklist.run("reading", clauses.reading)
         checklist.run("stamps", clauses.stamps)
         checklist.run("own data", clauses.own_data)
+        checklist.run("further messages", clauses.further_messages)
         checklist.run("torque", motion.torque)
         checklist.run("torque read back", motion.torque_read_back)
         checklist.run("enable", motion.enable)
@@ -205,3 +207,34 @@ class _ActuatorClauses:
                 why="the caller's goal is the caller's",
                 cause="the clamp works in place",
             )
+
+    def further_messages(self) -> None:
+        """Each further type is known without a connection, and becomes a message that can be sent."""
+        with lifecycle.made(self._factory) as device:
+            types = device.further_types
+        unknown = [name for name in types if name not in known_types()]
+        require(
+            not unknown,
+            f"further_types names {unknown[0] if unknown else ''}, which is no known ROS 2 type",
+            why="a topic's type is a ROS 2 type such as sensor_msgs/msg/BatteryState",
+            cause="a name without /msg/, or the enum name of the configuration file",
+        )
+        with lifecycle.opened(self._factory) as device:
+            device.read()
+            for type_name in types:
+                message = device.further_message(type_name, "frame_of_the_test")
+                made = getattr(message, "__msgtype__", type(message).__name__)
+                require(
+                    made == type_name,
+                    f"further_message made {made} where {type_name} was asked for",
+                    why="the topic carries the type that the file says, from the first reading on",
+                    cause="further_message ignores type_name, or waits for something else than read",
+                )
+                encode(message)
+                header = getattr(message, "header", None)
+                require(
+                    header is None or header.frame_id == "frame_of_the_test",
+                    f"{type_name} has frame_id {getattr(header, 'frame_id', '')!r}",
+                    why="the file says which frame the data are in",
+                    cause="further_message does not use its argument frame_id",
+                )
