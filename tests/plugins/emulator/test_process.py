@@ -78,6 +78,9 @@ def test_a_calibrated_arm_has_the_middle_of_each_range_at_2048() -> None:
         ("fault", {"kind": "drop", "value": 2}, "a probability from 0 to 1"),
         ("motion", {"kind": "waltz"}, "unknown motion 'waltz'; allowed: none, sine, sweep, file"),
         ("set", {"volts": "many"}, "a value is wrong"),
+        ("set", {"volts": float("nan")}, "NaN is no finite number"),
+        ("set_register", {"name": "goal_position", "value": 1 << 40}, "a number is too large"),
+        ("set_register", {"name": "baudrate", "value": 99}, "no line speed has the code 99; allowed: 0, 1"),
     ],
 )
 def test_wrong_requests_are_answered_with_a_reason(

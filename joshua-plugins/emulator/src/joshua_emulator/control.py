@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import socket
 from collections.abc import Callable, Iterable
@@ -88,8 +89,8 @@ class ControlServer:
 
     def _answer(self, line: bytes) -> dict[str, Any]:
         try:
-            request = json.loads(line)
-        except ValueError as error:
+            request = json.loads(line, parse_float=_finite, parse_constant=_finite)
+        except (ValueError, RecursionError) as error:
             return {"ok": False, "error": f"the line is no JSON object: {error}"}
         if not isinstance(request, dict) or not isinstance(request.get("op"), str):
             return {"ok": False, "error": 'a request is an object with "op", such as {"op": "state"}'}
@@ -97,3 +98,12 @@ class ControlServer:
             return {"ok": True, **self.handler(request)}
         except ControlError as error:
             return {"ok": False, "error": str(error)}
+        except OverflowError as error:
+            return {"ok": False, "error": f"{request['op']}: a number is too large ({error})"}
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text} is no finite number")
+    return number

@@ -239,7 +239,7 @@ class Servo(EmulatedServo):
         self.put("present_speed", round(self.direction * joint.velocity / VELOCITY_TICKS_S))
         self.put("present_position", self.present())
         self.put("position_trajectory", self.present())
-        self.put("present_voltage", max(0, round(self._volts() * 10)))
+        self.put("present_voltage", max(0, min(0xFFFF, round(self._volts() * 10))))
         self.put("present_temperature", max(0, min(255, round(joint.temperature_c))))
         self.put("pending_write", int(self.pending is not None))
 

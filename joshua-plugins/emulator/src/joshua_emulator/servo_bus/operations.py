@@ -127,8 +127,12 @@ class Operations:
         return {"registers": {name: servo.get(name) for name in servo.registers}}
 
     def _set_register(self, request: Request) -> None:
+        name, value = request["name"], int(request["value"])
         for servo in self._servos(request):
-            servo.put(request["name"], int(request["value"]))
+            if name == "baudrate" and value not in servo.baudrates:
+                codes = ", ".join(map(str, servo.baudrates))
+                raise ControlError(f"no line speed has the code {value}; allowed: {codes}")
+            servo.put(name, value)
 
     def _calibration(self, request: Request) -> dict[str, Any]:
         """Calibration of the arm as its EEPROM holds it, in the fields of a calibration block."""
