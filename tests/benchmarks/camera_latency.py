@@ -89,7 +89,7 @@ def run_joshua(count: int, seconds: float) -> list[Figures]:
         environment["ROS_DOMAIN_ID"] = str(domain)
         command = [sys.executable, "-m", "joshua.cli.main", "--config", str(file)]
         program = start(command, stack, environment)
-        lines = read_until(program, "nodes ready")
+        lines = read_until(program, " ready after ")
         processes = [int(match[1]) for line in lines if (match := re.match(r"/camera_\d+ +(\d+)", line))]
         receiver = start([sys.executable, __file__, str(domain), str(count), "--receive"], stack)
         assert receiver.stdout is not None

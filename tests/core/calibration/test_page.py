@@ -73,6 +73,19 @@ def test_the_page_comes_whole_and_needs_nothing_from_elsewhere(page: Page):
     assert re.findall(r'(?:src|href)="([^"]+)"', html) == ["data:,", "page.css", "page.js"]
 
 
+def test_the_address_for_a_browser_leads_to_the_page_once(front_end: PageFrontEnd, page: Page):
+    path = front_end.opening_address().removeprefix(page.origin)
+    assert page.address not in front_end.opening_address()
+    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=5)
+    connection.request("GET", path)
+    first = connection.getresponse()
+    first.read()
+    assert (first.status, first.headers["Location"]) == (303, path_of(page))
+    connection.request("GET", path)
+    assert connection.getresponse().status == 404
+    connection.close()
+
+
 def test_it_listens_on_loopback_only(front_end: PageFrontEnd):
     port = int(front_end.address.split(":")[2].partition("/")[0])
     others = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}

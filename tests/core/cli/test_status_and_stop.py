@@ -66,7 +66,7 @@ def start(environment, tmp_path, name):
     shown = ""
     for line in process.stdout:
         shown += line
-        if "nodes ready after" in line:
+        if " ready after " in line:
             return process, path
     process.wait()
     process.stdout.close()

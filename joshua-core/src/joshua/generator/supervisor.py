@@ -161,7 +161,8 @@ class Supervisor:
         tools = (self._reactor, launcher, self._logbook)
         groups = process_groups(plan.nodes)
         self._processes = [ManagedProcess(specs, plan.transport, options, tools, self) for specs in groups]
-        self._logbook.write(logging.INFO, f"starting {len(plan.nodes)} nodes of {plan.source}")
+        count = "1 node" if len(plan.nodes) == 1 else f"{len(plan.nodes)} nodes"
+        self._logbook.write(logging.INFO, f"starting {count} of {plan.source}")
         if not self._processes:
             self._stop("the plan has no nodes for this machine", EXIT_FAILED)
             return

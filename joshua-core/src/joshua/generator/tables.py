@@ -57,7 +57,9 @@ def start_lines(table: StartTable) -> list[str]:
             place = f"{finding.position}: " if finding.position is not None else ""
             lines.append(f"{finding.severity.value}: {place}{finding.message}")
     lines += [f"note: {note}" for note in table.notes]
-    lines.append(f"all {len(table.nodes)} nodes ready after {table.ready_s:.2f} s; stop with Ctrl-C")
+    count = len(table.nodes)
+    who = "1 node" if count == 1 else f"all {count} nodes"
+    lines.append(f"{who} ready after {table.ready_s:.2f} s; stop with Ctrl-C")
     return [clean(line) for line in lines]
 
 

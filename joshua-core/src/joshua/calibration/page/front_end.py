@@ -25,6 +25,10 @@ class PageFrontEnd(FrontEnd):
         """What a browser opens."""
         return self._server.address
 
+    def opening_address(self) -> str:
+        """An address that leads to the page once, for the command line of a browser."""
+        return self._server.opening_address()
+
     @property
     def can_ask(self) -> bool:
         """A browser can be opened at any time."""

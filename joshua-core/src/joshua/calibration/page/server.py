@@ -2,6 +2,8 @@
 
 The address holds a token that cannot be guessed. The names in Host and Origin must be the server's own, so
 that no other page, not even one whose name leads to this machine, can read the stream or press a button.
+What a browser is started with, everybody on the machine can read in the list of processes: it gets an address
+that leads to the page once.
 """
 
 from __future__ import annotations
@@ -95,11 +97,37 @@ class PageServer:
         """What a browser opens."""
         return f"http://{HOST}:{self._server.server_address[1]}/{self.token}/"
 
+    def opening_address(self) -> str:
+        """An address that leads to the page once, for the command line of a browser."""
+        return f"http://{HOST}:{self._server.server_address[1]}/{self._server.openings.new()}"
+
     def close(self) -> None:
         """Stops serving; a second call does nothing."""
         self.channel.close()
         self._server.shutdown()
         self._server.server_close()
+
+
+class _Openings:
+    """Words that are good for one request each."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._words: set[str] = set()
+
+    def new(self) -> str:
+        """Another word."""
+        word = secrets.token_urlsafe(24)
+        with self._lock:
+            self._words.add(word)
+        return word
+
+    def take(self, word: str) -> bool:
+        """Whether the word was good; it is not any more."""
+        with self._lock:
+            found = word in self._words
+            self._words.discard(word)
+            return found
 
 
 class _Server(ThreadingHTTPServer):
@@ -110,6 +138,7 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, address: tuple[str, int], token: str, channel: Channel) -> None:
         super().__init__(address, _Handler)
         self.token = token
+        self.openings = _Openings()
         self.channel = channel
         port = self.server_address[1]
         self.names = (f"{HOST}:{port}", f"localhost:{port}")
@@ -169,6 +198,9 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
             self._refuse(HTTPStatus.FORBIDDEN)
             return None
+        if self.command == "GET" and self.server.openings.take(self.path[1:]):
+            self._answer(HTTPStatus.SEE_OTHER, location=f"/{self.server.token}/")
+            return None
         _, token, *rest = [*self.path.split("/", 2), ""]
         if not secrets.compare_digest(token.encode(), self.server.token.encode()) or self.path.count("/") < 2:
             self._refuse(HTTPStatus.NOT_FOUND)
@@ -198,12 +230,14 @@ class _Handler(BaseHTTPRequestHandler):
         self.close_connection = True
         self._answer(status, f"{status.value} {status.phrase}\n".encode(), "text/plain; charset=utf-8")
 
-    def _answer(self, status: HTTPStatus, body: bytes = b"", kind: str = "") -> None:
+    def _answer(self, status: HTTPStatus, body: bytes = b"", kind: str = "", location: str = "") -> None:
         self.send_response(status)
         for header, value in HEADERS.items():
             self.send_header(header, value)
         if kind:
             self.send_header("Content-Type", kind)
+        if location:
+            self.send_header("Location", location)
         if status is not HTTPStatus.NO_CONTENT:
             self.send_header("Content-Length", str(len(body)))
         self.end_headers()

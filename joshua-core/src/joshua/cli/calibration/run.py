@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from joshua.calibration.front_end import FrontEnd
+    from joshua.calibration.page.front_end import PageFrontEnd
     from joshua.calibration.session import Arm, Session
     from joshua.generator.emulation import EmulatedRig
     from joshua.generator.examination import Checked
@@ -108,20 +109,20 @@ def _front_ends(stack: ExitStack, *, display: bool, open_page: bool) -> list[Fro
         sys.stdout.write(f"page: {page.address}\n")
         sys.stdout.flush()
         if open_page:
-            _open(page.address)
+            _open(page)
     terminal = TerminalFrontEnd(sys.stdin, sys.stdout)
     stack.callback(terminal.close)
     return [terminal, *front_ends]
 
 
-def _open(address: str) -> None:
+def _open(page: PageFrontEnd) -> None:
     import os
     import webbrowser
 
     # Without a screen, what would open is a browser in this very terminal.
     has_screen = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if not (has_screen and webbrowser.open(address)):
-        port = address.split(":")[2].partition("/")[0]
+    if not (has_screen and webbrowser.open(page.opening_address())):
+        port = page.address.split(":")[2].partition("/")[0]
         sys.stdout.write(
             "no browser can be opened here: open the address by hand, or use the table below. Over SSH, "
             f"`ssh -L {port}:127.0.0.1:{port} HOST` on your own machine makes the address work there\n"
