@@ -337,7 +337,7 @@ def test_a_device_that_stays_silent_fails_the_node(start: Any, monkeypatch: pyte
 
     monkeypatch.setattr(node.arm, "read", silent)
     with pytest.raises(DeviceSilent, match="no servo answers"):  # noqa: PT012
-        for _ in range(10):
+        for _ in range(40):
             node.cycle()
     assert node.node._status.patience.missed > 2
 

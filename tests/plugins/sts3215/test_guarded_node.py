@@ -136,6 +136,6 @@ def test_a_bus_that_stands_still_for_a_moment_is_borne(arm_emulator: EmulatedBus
     context.tick("diagnostics")
     rows = context.publishers["/diagnostics"].messages[-1].status
     assert "readings did not come since the last report" in rows[0].message
-    assert int(next(pair.value for pair in rows[-1].values if pair.key == "retries")) >= 4
+    assert int(next(pair.value for pair in rows[-1].values if pair.key == "retries")) > 0
     node.deactivate()
     node.cleanup()
