@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -54,10 +55,12 @@ class User:
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         base: Path = self.robot.options().run_base
         deadline_s = time.monotonic() + 30
-        while not (systems := running_systems(base)) or not (systems[0][0] / "control.sock").exists():
+        while True:
+            if systems := running_systems(base):
+                with contextlib.suppress(FileNotFoundError, ConnectionRefusedError):  # it does not listen yet
+                    return ask(systems[0][0] / "control.sock", request, 30.0)
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
-        return ask(systems[0][0] / "control.sock", request, 30.0)
 
     def resume(self, node: str = ARM) -> dict[str, Any]:
         return self.ask({"request": "resume", "node": node})
