@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable, Mapping, Sequence
 
 from joshua.devices.servo.bus import ServoBus
@@ -14,7 +15,11 @@ from joshua.devices.stamps import StampClock
 SETTLED_ATTEMPTS = 3
 
 #: A control loop that is silent for 0.2 s counts as hung; all retries take less where nobody else is busy.
-CYCLE_S = 0.09
+CYCLE_S = 0.06
+
+#: Distance of two requests while servos are silent: requests must not run out of lengths that tell a late
+#: reply to one of them from the reply to another (see ``bus``), for as long as a node bears a silence.
+SILENT_PERIOD_S = 0.08
 
 #: Positions further apart in time than this and the line's own time are read once more: one stamp would be
 #: true of none of them.
@@ -43,6 +48,8 @@ class StateReader:
         self._parse = parse
         self._stamps = StampClock()
         self._missed = False
+        self._next_s = 0.0
+        self._reason = ""
 
     def settled_feedback(self) -> list[Feedback]:
         """Feedback where nothing is in a hurry, and a machine that starts a run may stand still for a moment.
@@ -62,8 +69,11 @@ class StateReader:
         Replies that took long to come are read anew, so that the time is that of all positions.
         Raises NoReply and PortDisconnected.
         """
+        if self._missed and time.monotonic() < self._next_s:
+            raise NoReply(self._reason)
         found, stamp_ns, spread_ns = self._timed(retries=0 if self._missed else None)
         self._missed = len(found) < len(self._ids)
+        self._next_s = time.monotonic() + SILENT_PERIOD_S
         values = self._all(found)
         if spread_ns > COHERENT_NS and spread_ns > (limit_ns := COHERENT_NS + self._wire_ns()):
             again, again_ns, spread_ns = self._timed(retries=0)
@@ -97,9 +107,10 @@ class StateReader:
             return [values[servo_id] for servo_id in self._ids]
         port = self._bus.port
         if len(missing) == len(self._ids):
-            raise NoReply(
+            self._reason = (
                 f"{port}: no servo answers any more. Check the supply and the cable to the first servo."
             )
+            raise NoReply(self._reason)
         names = ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in missing)
         first = self._ids.index(missing[0])
         broken = (
@@ -107,4 +118,5 @@ class StateReader:
             if missing == list(self._ids[first:])
             else ""
         )
-        raise NoReply(f"{port}: {names} does not answer any more{broken}. Check cable and supply.")
+        self._reason = f"{port}: {names} does not answer any more{broken}. Check cable and supply."
+        raise NoReply(self._reason)

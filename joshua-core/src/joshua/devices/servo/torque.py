@@ -13,7 +13,7 @@ from joshua.devices.servo.register import Register
 from joshua.devices.servo.register_read import read_registers
 
 ATTEMPTS = 3
-LAPSE_S = 0.03  # a look between two control cycles, which comes again
+LAPSE_S = 0.0  # no retries: it is a look between two control cycles, which comes again
 
 #: Values of the registers of a move beside the goal.
 MoveValues = Mapping[Register, int]
