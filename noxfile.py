@@ -29,7 +29,7 @@ CORE_SOURCES = "joshua-core/src"
 EXAMPLES = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("docs/examples/*/pyproject.toml"))
 PLUGINS = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("joshua-plugins/*/pyproject.toml"))
 
-# Tests that run on all cores at once: they compute, or wait for time-outs of devices, and their outcome does
+# Tests that run several at a time: they compute, or wait for time-outs of devices, and their outcome does
 # not depend on how busy the machine is. All others run one after the other, because they judge rates, motions
 # and latencies, which a busy machine spoils; so does what is new.
 SIDE_BY_SIDE = (
@@ -110,7 +110,8 @@ def tests(session: nox.Session) -> None:
         session.run("pytest", *session.posargs)
         return
     beside = [str(path.relative_to(ROOT)) for pattern in SIDE_BY_SIDE for path in sorted(ROOT.glob(pattern))]
-    session.run("pytest", "--numprocesses", "logical", "--dist", "worksteal", *beside)
+    workers = min(2 * (os.cpu_count() or 1), 8)  # most of what they do is to wait
+    session.run("pytest", f"--numprocesses={workers}", "--dist=worksteal", *beside)
     session.run("pytest", "tests", *(f"--ignore={path}" for path in beside))
 
 
