@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import nox
+from nox.command import CommandFailed
 
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
@@ -111,8 +112,14 @@ def tests(session: nox.Session) -> None:
         return
     beside = [str(path.relative_to(ROOT)) for pattern in SIDE_BY_SIDE for path in sorted(ROOT.glob(pattern))]
     workers = min(2 * (os.cpu_count() or 1), 8)  # most of what they do is to wait
-    session.run("pytest", f"--numprocesses={workers}", "--dist=worksteal", *beside)
+    failed: CommandFailed | None = None
+    try:
+        session.run("pytest", f"--numprocesses={workers}", "--dist=worksteal", *beside)
+    except CommandFailed as error:  # what fails here must not hide what fails in the other part
+        failed = error
     session.run("pytest", "tests", *(f"--ignore={path}" for path in beside))
+    if failed is not None:
+        raise failed
 
 
 @nox.session
