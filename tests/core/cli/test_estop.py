@@ -79,8 +79,7 @@ class Shell:
         path.write_text(CONFIGURATION.replace("NAME", name).replace("PORT", str(port)))
         return path
 
-    def start(self, name: str) -> Path:
-        path = self.file(name)
+    def launch(self, path: Path) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
             env=self.environment,
@@ -89,6 +88,11 @@ class Shell:
             text=True,
         )
         self.processes.append(process)
+        return process
+
+    def start(self, name: str) -> Path:
+        path = self.file(name)
+        process = self.launch(path)
         assert process.stdout is not None
         shown = ""
         for line in process.stdout:
@@ -174,6 +178,17 @@ def test_the_same_robot_under_another_file_is_stopped(shell: Shell) -> None:
     assert result.returncode == 0, result.stderr
     assert f"e-stop latched: {running} (process" in result.stdout
     assert "read back from 2 joints by its driver" in result.stdout
+    assert shell.states()["/desk_arm"] == "fault"
+
+
+def test_a_run_that_is_just_being_started_is_stopped(shell: Shell) -> None:
+    path = shell.file("desk")
+    process = shell.launch(path)
+    result = shell.joshua("estop")  # both begin at the same moment: mostly nothing runs yet
+    assert result.returncode == 0, result.stderr
+    assert f"e-stop latched: {path}" in result.stdout
+    assert process.stdout is not None
+    assert any("nodes ready after" in line for line in process.stdout)
     assert shell.states()["/desk_arm"] == "fault"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 SUMMARY = "take the torque off every actuator, and keep it off"
 
 TIMEOUT_S = 5.0
+
+#: A run that is just being started is there for this command within this time, before it gives any torque.
+STARTING_S = 2.0
+POLL_S = 0.05
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,6 +75,7 @@ def stop(bases: list[Path], latches: UserLatches, word: str, args: argparse.Name
     systems = _systems(bases, word)
     if not systems and getattr(args, "config", None):
         return stop_file(bases, latches, args)
+    systems = systems or _starting(bases, word)
     if not systems:
         known = _systems(bases, "")
         problem = f"no system {word!r} runs" if known else "nothing runs"
@@ -173,6 +179,14 @@ def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
         for folder, info in all_systems(base)
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]
+
+
+def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
+    """Waits for systems that are just being started, where none runs."""
+    end_s = time.monotonic() + STARTING_S
+    while time.monotonic() < end_s and not _systems(bases, ""):
+        time.sleep(POLL_S)
+    return _systems(bases, word)
 
 
 def _show(title: str, reports: list[EstopReport]) -> bool:
