@@ -129,3 +129,12 @@ def test_a_scanner_that_stands_still_makes_no_scan() -> None:
     samples = Samples(np.full(count, 1.0), np.ones(count), np.ones(count), np.arange(count) * 5)
     assembler = TurnAssembler(whole_turn(), 0.0, 100.0)
     assert assembler.add(samples, START_NS + np.arange(count) * 1_000_000) == []
+
+
+def test_a_stamp_a_little_beyond_now_is_now_and_one_far_beyond_is_no_stamp() -> None:
+    scan = Scan(1_000_000_000, -1e-3, 0.1, np.zeros(3, np.float32), np.zeros(0, np.float32), 3)
+    assert scan.not_later_than(1_000_000_000) is scan
+    late = scan.not_later_than(998_000_000)
+    assert late is not None
+    assert (late.stamp_ns, late.turn_s, late.points) == (998_000_000, 0.1, 3)
+    assert scan.not_later_than(989_000_000) is None

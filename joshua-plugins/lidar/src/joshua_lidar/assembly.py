@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,9 @@ _FEWEST_TIMES = 3
 
 #: Silence in turns after which nobody knows how often the scanner has turned.
 _LONGEST_GAP_TURNS = 0.4
+
+#: How far, in turns, the line through the times of a turn may reach beyond now; farther is no jitter.
+_LARGEST_LEAD_TURNS = 0.1
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,18 @@ class Scan:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def not_later_than(self, now_ns: int) -> Scan | None:
+        """This scan with a stamp that is not in the future; None where that takes more than jitter.
+
+        Where a turn ends with a packet, its last beam was measured just now, and a line through all times of
+        the turn may reach a little beyond.
+        """
+        lead_ns = self.stamp_ns - now_ns
+        if lead_ns <= 0:
+            return self
+        within = lead_ns <= _LARGEST_LEAD_TURNS * self.turn_s * _NS_PER_S
+        return replace(self, stamp_ns=now_ns) if within else None
 
 
 class TurnAssembler:

@@ -276,9 +276,10 @@ class SerialLidar(Sensor):
         self._packet_s = time.monotonic()
         times_ns = self._arrivals.times_ns(samples.end)
         self._arrivals.forget(int(samples.end[-1]))
-        for scan in assembler.add(samples, times_ns):
+        for turn in assembler.add(samples, times_ns):
             self._turn_s = time.monotonic()
-            if scan.stamp_ns <= self._last_stamp_ns or scan.stamp_ns > now_ns:
+            scan = turn.not_later_than(now_ns)
+            if scan is None or scan.stamp_ns <= self._last_stamp_ns:
                 continue
             self._last_stamp_ns = scan.stamp_ns
             coverage = 1.0 - float(np.isnan(scan.ranges_m).mean())
