@@ -103,9 +103,12 @@ def test_keep_all_drops_nothing_for_a_slow_callback(pair, eventually):
 
 def test_a_late_subscription_gets_the_kept_messages(pair, eventually):
     kept = QosProfile(durability="TRANSIENT_LOCAL", depth=3)
-    publisher, first = pair(kept, QosProfile(), lambda sample: None)
+    early: list = []
+    publisher, first = pair(kept, QosProfile(), early.append)
     for value in range(5):
         publisher.publish(number(value))
+    # what is still on its way would reach a new subscription as live data
+    eventually(lambda: values(early)[-1:] == [4])
     late, volatile = [], []
     _, a = pair(replace(kept, depth=1), kept, late.append)
     _, b = pair(replace(kept, depth=1), QosProfile(), volatile.append)
