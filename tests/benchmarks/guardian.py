@@ -4,7 +4,7 @@ Each round runs the teleoperation preset on two emulated arms, ends one process 
 e-stop while all is well), and takes the emulator's own record of the last motor that lost its torque. All
 processes share the monotonic clock. The baseline is the safe stop of an arm that nobody drives: what the port
 and the wire take.
-Run: PYTHONPATH=tests/support python tests/benchmarks/guardian.py [ROUNDS]
+Run: python tests/benchmarks/guardian.py [ROUNDS]
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
+
+sys.path.append(str(Path(__file__).parents[1] / "support"))
 
 from emulated_teleop import teleoperation
 from joshua.devices.calibration import ArmCalibration
