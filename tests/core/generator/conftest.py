@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import random
-import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +16,14 @@ from joshua.generator.restart import RestartLimits
 from joshua.generator.status import LogEntry, RunEvent, RunStatus, StartTable
 from joshua.generator.supervisor import Supervisor
 from joshua.plan import NodeKind, NodeSpec, Plan, RunReport, TopicSpec, TransportSpec
+from joshua.testing.domain import reserved_domain
+from joshua.testing.program import router_port
 
 BEHAVIOURS = Path(__file__).parent / "behaviours"
 
 
-def free_port() -> int:
-    """A TCP port that nobody listens on just now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 class Recorder:
-    """A user interface that keeps everything, and reacts to log lines and events."""
+    """A user interface that keeps everything, and looks at each change whether something has come about."""
 
     def __init__(self) -> None:
         self.tables: list[StartTable] = []
@@ -39,6 +32,8 @@ class Recorder:
         self.events: list[RunEvent] = []
         self.reports: list[RunReport] = []
         self.on_ready: Any = None
+        self.until: Callable[[], object] | None = None
+        self.on_reached: Callable[[], None] = lambda: None
 
     def on_table(self, table: StartTable) -> None:
         self.tables.append(table)
@@ -47,12 +42,19 @@ class Recorder:
 
     def on_status(self, status: RunStatus) -> None:
         self.statuses.append(status)
+        self._look()
 
     def on_log(self, entry: LogEntry) -> None:
         self.entries.append(entry)
+        self._look()
 
     def on_event(self, event: RunEvent) -> None:
         self.events.append(event)
+
+    def _look(self) -> None:
+        if self.until is not None and self.until():
+            self.until = None
+            self.on_reached()
 
     def on_finish(self, report: RunReport) -> None:
         self.reports.append(report)
@@ -73,12 +75,12 @@ class Recorder:
 class Robot:
     """Makes plans of test behaviours and runs them."""
 
-    def __init__(self, server: ForkServer, folder: Path) -> None:
+    def __init__(self, server: ForkServer, folder: Path, domain_id: int) -> None:
         self.server = server
         self.folder = folder
         self.ui = Recorder()
         self.transport = TransportSpec(
-            domain_id=random.randrange(1, 230), listen_endpoints=(f"tcp/localhost:{free_port()}",)
+            domain_id=domain_id, listen_endpoints=(f"tcp/localhost:{router_port(domain_id)}",)
         )
         self.notes = folder / "notes"
 
@@ -112,6 +114,14 @@ class Robot:
         options = self.options(duration_s=duration_s, **fields)
         return Supervisor(self.plan(*nodes), self.server, options, self.ui).run()
 
+    def run_until(self, reached: Callable[[], object], *nodes: NodeSpec, **fields: Any) -> RunReport:
+        """Runs nodes until something has come about, however long that takes, and stops them then."""
+        options = self.options(duration_s=60.0, status_period_s=0.05, **fields)
+        supervisor = Supervisor(self.plan(*nodes), self.server, options, self.ui)
+        self.ui.until = reached
+        self.ui.on_reached = lambda: supervisor.stop_soon("it has come about")
+        return supervisor.run()
+
     def noted(self) -> list[str]:
         """What the behaviours noted, in order."""
         return self.notes.read_text().splitlines() if self.notes.exists() else []
@@ -133,8 +143,9 @@ def fork_server_shared() -> Iterator[ForkServer]:
 
 
 @pytest.fixture
-def robot(fork_server_shared: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
+def robot(fork_server_shared: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     """Runs plans in a folder of the test's own; a busy machine must not look like a hang."""
     for kind in NodeKind:
-        monkeypatch.setitem(HANG_AFTER_S, kind, 5.0)
-    return Robot(fork_server_shared, tmp_path)
+        monkeypatch.setitem(HANG_AFTER_S, kind, 20.0)
+    with reserved_domain() as domain_id:
+        yield Robot(fork_server_shared, tmp_path, domain_id)

@@ -43,7 +43,7 @@ def connect(path):
     import os
 
     connection = socket.socket(socket.AF_UNIX)
-    connection.settimeout(10.0)
+    connection.settimeout(60.0)
     folder = os.open(path.parent, os.O_RDONLY)
     connection.connect(f"/proc/self/fd/{folder}/{path.name}")
     os.close(folder)
@@ -52,8 +52,8 @@ def connect(path):
 
 def test_a_request_is_answered_on_a_path_of_any_length(served):
     assert served.stat().st_mode & 0o777 == 0o600
-    assert ask(served, {"request": "echo", "text": "ä"}) == {"got": "ä"}
-    assert len(ask(served, {"request": "big"}, timeout_s=10.0)["x"]) == 2_000_000
+    assert ask(served, {"request": "echo", "text": "ä"}, timeout_s=60.0) == {"got": "ä"}
+    assert len(ask(served, {"request": "big"}, timeout_s=60.0)["x"]) == 2_000_000
 
 
 @pytest.mark.parametrize(
@@ -74,11 +74,28 @@ def was_cut_off(connection):
         return True
 
 
+def test_a_socket_that_is_found_listens(tmp_path, monkeypatch):
+    seen = []
+    listen = socket.socket.listen
+
+    def look(self, backlog):
+        seen.append(sorted(path.name for path in tmp_path.iterdir()))
+        listen(self, backlog)
+
+    monkeypatch.setattr(socket.socket, "listen", look)
+    reactor = Reactor()
+    server = ControlServer(reactor, tmp_path / "control.sock", {})
+    assert seen == [[".control.sock"]]
+    assert [path.name for path in tmp_path.iterdir()] == ["control.sock"]
+    server.close()
+    reactor.close()
+
+
 def test_a_request_without_end_is_cut_off(served):
     with connect(served) as connection:
         connection.sendall(b"x" * (MAX_REQUEST_BYTES + 10))
         assert was_cut_off(connection)
-    assert ask(served, {"request": "echo"}) == {"got": None}
+    assert ask(served, {"request": "echo"}, timeout_s=60.0) == {"got": None}
 
 
 def test_too_many_clients_are_turned_away_and_the_others_served(served):

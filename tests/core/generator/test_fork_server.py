@@ -14,7 +14,7 @@ import pytest
 from joshua.generator import fork_server
 from joshua.ipc.frames import EndOfStreamError
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 def wait_for(server, kind):
@@ -134,7 +134,8 @@ def test_a_signal_reaches_a_child_and_a_stranger_gets_none(server, descriptors):
     assert os.waitstatus_to_exitcode(exited.status) == -signal.SIGTERM
 
 
-def test_closing_kills_children_that_ignore_everything(server, descriptors):
+def test_closing_kills_children_that_ignore_everything(server, descriptors, monkeypatch):
+    monkeypatch.setattr(fork_server, "CLOSE_TIMEOUT_S", 60.0)  # a busy server gets the time for it
     script = """
 import os, signal, time
 signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -18,7 +18,7 @@ from joshua.generator.run_directory import SOCKET_NAME, running_systems
 from joshua.generator.stop_signals import ECHO_S
 
 HERE = Path(__file__).parent
-PATIENCE_S = 30.0
+PATIENCE_S = 50.0
 
 
 class Run:
@@ -80,7 +80,7 @@ class Run:
         if self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.wait(5.0)
+                self.process.wait(20.0)
             except subprocess.TimeoutExpired:
                 self.process.kill()
         self.process.wait(PATIENCE_S)
@@ -109,9 +109,9 @@ def alive(pid):
     return fields[0] != "Z"
 
 
-def wait_until_gone(pids, timeout_s):
-    """Returns the processes that are still there after the time."""
-    deadline = time.monotonic() + timeout_s
+def wait_until_gone(pids):
+    """Returns the processes that are still there after a long time."""
+    deadline = time.monotonic() + PATIENCE_S
     while (left := [pid for pid in pids if alive(pid)]) and time.monotonic() < deadline:
         time.sleep(0.01)
     return left
@@ -126,7 +126,7 @@ def test_a_signal_stops_the_run_in_good_order(robot, launch, number):
 
     assert run.end() == 0, run.text()
     assert run.wait_for("states") == {"/ticking": "stopped", "/quiet": "stopped"}
-    assert wait_until_gone(pids, 5.0) == []
+    assert wait_until_gone(pids) == []
     assert robot.noted()[-1].endswith("cleanup")
 
 
@@ -153,11 +153,12 @@ def test_ctrl_c_during_the_start_is_130_and_leaves_nothing(robot, launch):
 
 
 def test_a_second_ctrl_c_kills_at_once(robot, launch):
-    run = launch(robot.node("IgnoresStop"), robot.node("Quiet"))
+    run = launch(robot.node("IgnoresStop", context={"stop_timeout_s": 60.0}), robot.node("Quiet"))
     pids = run.pids()
 
-    run.process.send_signal(signal.SIGINT)
-    run.process.send_signal(signal.SIGINT)  # at once: the same order, delivered twice
+    # At once, however busy this program is: the same order, delivered twice.
+    for number in (signal.SIGSTOP, signal.SIGINT, signal.SIGTERM, signal.SIGCONT):
+        run.process.send_signal(number)
     run.wait_for("log", lambda text: text == "step: deactivate")
     time.sleep(2 * ECHO_S)
     run.process.send_signal(signal.SIGINT)
@@ -166,7 +167,7 @@ def test_a_second_ctrl_c_kills_at_once(robot, launch):
     assert run.wait_for("reasons")["/ignoresstop"] == "killed by the second signal"
     assert run.wait_for("states")["/ignoresstop"] == "killed"
     assert "SIGINT again: killing what is left" in run.text()
-    assert wait_until_gone(pids, 5.0) == []
+    assert wait_until_gone(pids) == []
 
 
 def test_a_child_that_is_killed_comes_back(robot, launch):
@@ -225,8 +226,8 @@ def test_no_process_outlives_a_killed_supervisor_by_more_than_a_second(robot, la
     if victims == "supervisor and fork server":
         os.kill(server, signal.SIGKILL)
 
-    # The bound of a second is measured in the benchmarks; here a busy machine gets more.
-    assert wait_until_gone([server, *nodes], 5.0) == []
+    # The bound of a second is measured in the benchmarks; here a busy machine gets as long as it needs.
+    assert wait_until_gone([server, *nodes]) == []
     if victims == "supervisor":
         assert "quiet deactivate" in robot.noted()
 
@@ -239,7 +240,7 @@ def test_nodes_of_a_killed_fork_server_stop_in_good_order_and_the_run_ends_in_er
 
     assert run.end() == 1, run.text()
     assert "the fork server has died" in run.text()
-    assert wait_until_gone(nodes, 5.0) == []
+    assert wait_until_gone(nodes) == []
     assert "quiet deactivate" in robot.noted()
 
 
@@ -261,7 +262,7 @@ def test_a_killed_run_leaves_nothing_that_stops_the_next(robot, launch):
     first = launch(robot.node("Quiet"))
     pids = first.pids()
     os.kill(first.process.pid, signal.SIGKILL)
-    assert wait_until_gone(pids, 5.0) == []
+    assert wait_until_gone(pids) == []
     first.process.wait(PATIENCE_S)
     runs = first.base / "runs"
     (stale,) = runs.iterdir()
@@ -282,14 +283,14 @@ def test_the_control_socket_answers_and_stops_the_run(robot, launch):
     ((path, info),) = running_systems(run.base)
     assert info.process_id == run.process.pid
 
-    status = ask(path / SOCKET_NAME, {"request": "status"})["status"]
+    status = ask(path / SOCKET_NAME, {"request": "status"}, PATIENCE_S)["status"]
     assert [node["state"] for node in status["nodes"]] == ["ready"]
-    refused = ask(path / SOCKET_NAME, {"request": "explode"})
+    refused = ask(path / SOCKET_NAME, {"request": "explode"}, PATIENCE_S)
     assert refused == {
         "error": "unknown request 'explode'",
         "allowed": ["estop", "guardian", "resume", "status", "stop"],
     }
-    assert ask(path / SOCKET_NAME, {"request": "stop"}) == {"stopping": True}
+    assert ask(path / SOCKET_NAME, {"request": "stop"}, PATIENCE_S) == {"stopping": True}
 
     assert run.end() == 0
     assert "joshua stop" in run.wait_for("reason")

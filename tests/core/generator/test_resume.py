@@ -19,14 +19,19 @@ from joshua.plan import NodeKind, RunReport
 ARM = "/arm"
 
 
+class RunIsOverError(Exception):
+    """Nobody is there to be asked any more."""
+
+
 class User:
     """Somebody in another terminal, who works while the run runs."""
 
     def __init__(self, robot: Any, work: Callable[[User], None]) -> None:
         self.robot = robot
         self.wish = robot.folder / "wish"
-        self.wish.write_text("resume")
+        self.will("resume")
         self._work = work
+        self._over = threading.Event()
         self._errors: list[BaseException] = []
 
     def run(self, *others: Any, **options: Any) -> RunReport:
@@ -36,8 +41,11 @@ class User:
         )
         thread = threading.Thread(target=self._do)
         thread.start()
-        report: RunReport = self.robot.run(node, *others, duration_s=60.0, **options)
-        thread.join()
+        try:
+            report: RunReport = self.robot.run(node, *others, duration_s=90.0, **options)
+        finally:
+            self._over.set()
+            thread.join()
         if self._errors:
             raise self._errors[0]
         return report
@@ -48,19 +56,25 @@ class User:
             try:
                 self._work(self)
             finally:
-                self.ask({"request": "stop"})
+                with contextlib.suppress(RunIsOverError):
+                    self.ask({"request": "stop"})
         except BaseException as error:  # noqa: BLE001 (raised again by the test's own thread)
             self._errors.append(error)
 
+    def will(self, wish: str) -> None:
+        """Lets the arm do something from now on; it never reads half a word."""
+        whole = self.wish.with_suffix(".new")
+        whole.write_text(wish)
+        whole.replace(self.wish)
+
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         base: Path = self.robot.options().run_base
-        deadline_s = time.monotonic() + 30
-        while True:
+        while not self._over.is_set():
             if systems := running_systems(base):
-                with contextlib.suppress(FileNotFoundError, ConnectionRefusedError):  # it does not listen yet
-                    return ask(systems[0][0] / "control.sock", request, 30.0)
-            assert time.monotonic() < deadline_s
+                with contextlib.suppress(FileNotFoundError, ConnectionError):  # not yet, or not any more
+                    return ask(systems[0][0] / "control.sock", request, 60.0)
             time.sleep(0.01)
+        raise RunIsOverError
 
     def resume(self, node: str = ARM) -> dict[str, Any]:
         return self.ask({"request": "resume", "node": node})
@@ -70,7 +84,7 @@ class User:
         return next(dict(node) for node in status["nodes"] if node["full_name"] == ARM)
 
     def wait_for(self, state: str) -> dict[str, Any]:
-        deadline_s = time.monotonic() + 30
+        deadline_s = time.monotonic() + 60
         while (arm := self.arm())["state"] != state:
             assert time.monotonic() < deadline_s, arm
             time.sleep(0.01)
@@ -91,7 +105,7 @@ def test_a_fault_is_a_state_of_its_own_and_ends_by_resume(robot: Any) -> None:
 
 def test_a_refusal_changes_nothing_and_the_run_ends_with_1(robot: Any) -> None:
     def work(user: User) -> None:
-        user.wish.write_text("refuse")
+        user.will("refuse")
         assert user.resume() == {"resumed": False, "text": "still too hot"}
         assert user.wait_for("fault")["restarts"] == 0
 
@@ -102,11 +116,11 @@ def test_a_refusal_changes_nothing_and_the_run_ends_with_1(robot: Any) -> None:
 
 def test_a_failure_while_resuming_is_answered_and_restarts_the_node(robot: Any) -> None:
     def work(user: User) -> None:
-        user.wish.write_text("fail")
+        user.will("fail")
         answer = user.resume()
         assert answer == {"resumed": False, "text": "/arm failed: the cable is gone"}
-        user.wish.write_text("resume")
-        deadline_s = time.monotonic() + 30
+        user.will("resume")
+        deadline_s = time.monotonic() + 60
         while user.arm()["restarts"] == 0:
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
@@ -117,14 +131,20 @@ def test_a_failure_while_resuming_is_answered_and_restarts_the_node(robot: Any) 
 
 
 def test_nothing_is_started_again_while_the_run_stops(robot: Any) -> None:
-    def work(user: User) -> None:
-        user.ask({"request": "stop"})
-        user.wait_for("stopped")
-        answer = user.resume()
-        assert "the run is stopping" in answer["error"]
+    gate = robot.folder / "gate"
 
-    report = User(robot, work).run(robot.node("IgnoresStop"), ladder=LadderTimes(0.5, 0.2))
-    assert {node.full_name: node.state for node in report.nodes} == {ARM: "stopped", "/ignoresstop": "killed"}
+    def work(user: User) -> None:
+        try:
+            user.ask({"request": "stop"})
+            user.wait_for("stopped")
+            answer = user.resume()
+            assert "the run is stopping" in answer["error"]
+        finally:
+            gate.touch()
+
+    waits = robot.node("StopsLate", module="resume_behaviours", context={"gate": str(gate)})
+    report = User(robot, work).run(waits, ladder=LadderTimes(40.0, 10.0))
+    assert {node.full_name: node.state for node in report.nodes} == {ARM: "stopped", "/stopslate": "stopped"}
 
 
 def test_resuming_may_take_longer_than_a_loop_may_be_silent(
@@ -133,7 +153,7 @@ def test_resuming_may_take_longer_than_a_loop_may_be_silent(
     monkeypatch.setitem(HANG_AFTER_S, NodeKind.ACTUATOR, 1.0)
 
     def work(user: User) -> None:
-        user.wish.write_text("slow")
+        user.will("slow")
         assert user.resume()["resumed"]
         assert user.wait_for("ready")["restarts"] == 0
 
@@ -143,11 +163,14 @@ def test_resuming_may_take_longer_than_a_loop_may_be_silent(
 
 def test_two_users_at_once_get_the_same_answer(robot: Any) -> None:
     def work(user: User) -> None:
-        user.wish.write_text("slow")
+        user.will("wait")
         answers: list[dict[str, Any]] = []
         threads = [threading.Thread(target=lambda: answers.append(user.resume())) for _ in range(2)]
         for thread in threads:
             thread.start()
+        user.wait_for("resuming")
+        time.sleep(0.5)  # the other one asks, too; where it does so later, there is nothing to resume
+        user.will("resume")
         for thread in threads:
             thread.join()
         assert answers == [{"resumed": True, "text": "has torque again"}] * 2
@@ -157,17 +180,16 @@ def test_two_users_at_once_get_the_same_answer(robot: Any) -> None:
 
 def test_a_node_that_stays_down_is_started_again(robot: Any) -> None:
     def work(user: User) -> None:
-        user.wish.write_text("fail")
+        user.will("gone")
         user.resume()
-        user.wish.write_text("absent")
-        deadline_s = time.monotonic() + 30
+        deadline_s = time.monotonic() + 60
         while "stays down" not in robot.ui.text():
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
         refused = user.resume()
         assert refused["resumed"] is False
         assert refused["text"] == "/arm is not resumed, because it failed: the arm is not there"
-        user.wish.write_text("resume")
+        user.will("resume")
         while not user.resume()["resumed"]:  # unless it starts just now
             assert time.monotonic() < deadline_s
         user.wait_for("ready")

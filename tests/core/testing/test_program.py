@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from joshua.testing.program import JoshuaProgram, free_port
+from joshua.testing.program import JoshuaProgram, free_port, router_port
 
 CONFIGURATION = """
 general { mode: MODE_TELEOPERATE name: "watched" id: "watched" }
@@ -75,6 +75,16 @@ def test_commands_without_a_file_run_as_they_are(joshua_run: JoshuaProgram) -> N
     result = joshua_run("plugins", "--json")
     assert result.returncode == 0, result.stderr
     assert any(row["name"] == "joshua-core" for row in json.loads(result.stdout))
+
+
+def test_a_router_has_the_port_of_its_domain_unless_that_is_taken(joshua_domain_id: int) -> None:
+    port = router_port(joshua_domain_id)
+    assert port < 32768, "systems give out those above"
+    assert router_port(joshua_domain_id) == port
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", port))
+        server.listen()
+        assert router_port(joshua_domain_id) != port
 
 
 def test_a_free_port_can_be_bound() -> None:

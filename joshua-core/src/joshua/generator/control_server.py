@@ -60,11 +60,14 @@ class ControlServer:
         self._clients: dict[int, _Client] = {}
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.setblocking(False)
+        unheard = path.with_name(f".{path.name}")
         try:
-            with socket_address(path) as address:
+            unheard.unlink(missing_ok=True)
+            with socket_address(unheard) as address:
                 self._socket.bind(address)
-            path.chmod(0o600)
+            unheard.chmod(0o600)
             self._socket.listen(MAX_CLIENTS)
+            unheard.replace(path)  # who finds it is heard
         except OSError:
             self._socket.close()
             raise
@@ -164,7 +167,7 @@ class _Client:
         self.finished = False
 
 
-def ask(path: Path, request: dict[str, Any], timeout_s: float = 2.0) -> dict[str, Any]:
+def ask(path: Path, request: dict[str, Any], timeout_s: float = 5.0) -> dict[str, Any]:
     """Sends one request to a running system and returns its answer.
 
     Raises:

@@ -12,7 +12,10 @@ from pathlib import Path
 from typing import Any
 
 #: Time that a run may take to stop in good order before it is killed.
-STOP_S = 20.0
+STOP_S = 40.0
+
+#: Routers listen here, by their domain: below the ports that systems give to connections as they come.
+ROUTER_PORTS = 20_000
 
 
 class JoshuaProgram:
@@ -29,7 +32,7 @@ class JoshuaProgram:
 
     def __init__(self, folder: Path, domain_id: int, environment: Mapping[str, str] | None = None) -> None:
         self.folder = folder
-        self.router = f"tcp/localhost:{free_port()}"
+        self.router = f"tcp/localhost:{router_port(domain_id)}"
         runtime = folder / "runtime"
         runtime.mkdir(mode=0o700, exist_ok=True)
         self.environment = {
@@ -97,6 +100,17 @@ class JoshuaProgram:
         if "--config" not in arguments or not self.router:
             return list(arguments)
         return [*arguments, "--set", f'transport.listen_endpoints="{self.router}"']
+
+
+def router_port(domain_id: int) -> int:
+    """The port of a domain's router: as long as the domain is reserved, nobody else is given it meanwhile."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", ROUTER_PORTS + domain_id))
+        except OSError:
+            return free_port()
+    return ROUTER_PORTS + domain_id
 
 
 def free_port() -> int:

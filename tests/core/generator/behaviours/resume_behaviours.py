@@ -9,6 +9,17 @@ from joshua.node.behaviour import NodeBehaviour
 from joshua.node.errors import NodeError, ResumeRefusedError
 
 
+class StopsLate(NodeBehaviour):
+    """Stops once a file is there."""
+
+    def configure(self) -> None:
+        self.context.create_timer(0.01, lambda: None, name="tick")
+
+    def deactivate(self) -> None:
+        while not Path(self.context.spec.context["gate"]).exists():
+            time.sleep(0.01)
+
+
 class Faulty(NodeBehaviour):
     """Is in fault from the start; what ``resume`` does stands in a file, so that it can change."""
 
@@ -18,7 +29,7 @@ class Faulty(NodeBehaviour):
 
     def configure(self) -> None:
         self.context.create_timer(0.01, lambda: None, name="tick")
-        if self.wish == "absent":
+        if self.wish == "gone":
             raise NodeError("the arm is not there")
 
     def activate(self) -> None:
@@ -28,9 +39,12 @@ class Faulty(NodeBehaviour):
         wish = self.wish
         if wish == "slow":
             time.sleep(2.0)
+        while wish == "wait":
+            time.sleep(0.01)
+            wish = self.wish
         if wish == "refuse":
             raise ResumeRefusedError("still too hot")
-        if wish == "fail":
+        if wish in ("fail", "gone"):
             raise NodeError("the cable is gone")
         self.context.fault("")
         return "has torque again"

@@ -49,6 +49,8 @@ class Ticking(Quiet):
 
     def tick(self) -> None:
         self.ticks += 1
+        if self.ticks == 1:
+            self.note("ticks")
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         return [("ticks", self.ticks > 0, str(self.ticks))]
@@ -82,6 +84,8 @@ class Listener(Quiet):
         assert message.data == "hello"
         assert received_ns > 0
         self.received += 1
+        if self.received == 10:
+            self.note("heard")
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         return [("received", self.received > 0, str(self.received))]
@@ -153,7 +157,9 @@ class InTimer(Quiet):
     def tick(self) -> None:
         self.count += 1
         if self.count == self.after_ticks and self.wanted():
+            self.note("acts")
             self.act()
+            self.note("acted")
 
     def wanted(self) -> bool:
         """Only before the first restart, where the context says so."""
