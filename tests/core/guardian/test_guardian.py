@@ -5,21 +5,25 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from joshua.guardian import main
 from joshua.guardian.driver_process import DriverProcess
 from joshua.guardian.estop_files import EstopFiles
 from joshua.guardian.latch import LatchFolder
 from joshua.guardian.link import GuardianError, GuardianLink
-from joshua.guardian.order import GuardianOrder
+from joshua.guardian.order import ARMED, DONE, GuardianOrder
 from joshua.guardian.silence import TICK_S, SilenceWatch
+from stepped_time import SteppedTime
 
 ACTION = """
 import json, pathlib
@@ -49,7 +53,7 @@ def order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
             "/arm",
             action,
             {"file": str(tmp_path / "done")},
-            5.0,
+            30.0,
             os.getpid(),
             threading.get_native_id(),
             hang_limit_s=30.0,
@@ -168,7 +172,7 @@ def test_an_estop_ends_a_parking(order: Any, tmp_path: Path) -> None:
     while not (tmp_path / "done").exists():
         time.sleep(0.01)
     folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
-    thread.join(30.0)
+    thread.join(60.0)
     assert reports[0]["joints"] == {"1": "release"}
 
 
@@ -204,6 +208,32 @@ def test_a_guardian_that_does_not_listen_guards_nobody(order: Any) -> None:
             link.beat()
     os.kill(link.process_id, signal.SIGKILL)
     link.done()
+
+
+@pytest.mark.parametrize("steps", [[7.0], [0.0] * 60])
+def test_only_time_in_which_a_guardian_could_look_counts_before_the_first_beat(
+    monkeypatch: pytest.MonkeyPatch, steps: list[float]
+) -> None:
+    ours, theirs = socket.socketpair()
+    clock, left = SteppedTime(), [*steps]
+
+    def select_(reading: list[Any], _writing: Any, _errors: Any, pause_s: float) -> Any:
+        if left:
+            clock.sleep(pause_s + left.pop())
+            return [], [], []
+        ours.send(DONE)
+        return reading, [], []
+
+    monkeypatch.setattr(main, "time", clock)
+    order = GuardianOrder("/arm", "a:b", {}, 5.0, os.getpid(), threading.get_native_id())
+    with ours, theirs:
+        ours.send(ARMED)
+        guardian = main.Guardian(theirs, order, lambda request: {})
+        reads = iter([([theirs], [], [])])
+        looks = SimpleNamespace(select=lambda *words: next(reads, None) or select_(*words))
+        monkeypatch.setattr(main, "select", looks)
+        hung = "the driver hung while it switched the device on or off"
+        assert guardian._watch() == ("" if len(steps) == 1 else hung)
 
 
 class Driver(DriverProcess):

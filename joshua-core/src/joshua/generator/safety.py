@@ -14,7 +14,7 @@ PARK_TIMEOUT_S = 5.0
 ON_STALE_AFTER_S = 5.0
 
 #: Beyond the time for parking: the guardian's own, its report, and the closing of the device.
-STOP_MARGIN_S = 4.0
+STOP_MARGIN_S = 6.0
 
 
 def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:

@@ -9,7 +9,17 @@ import subprocess
 import sys
 from typing import Any
 
-from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, RELEASE_ONLY, STOPPING, GuardianOrder
+from joshua.guardian.order import (
+    ARMED,
+    BEAT,
+    DONE,
+    EXECUTE,
+    OVERTIME_S,
+    READY,
+    RELEASE_ONLY,
+    STOPPING,
+    GuardianOrder,
+)
 
 #: An interpreter must start and import the action within this time, also on a busy small board.
 START_TIMEOUT_S = 15.0
@@ -17,8 +27,8 @@ START_TIMEOUT_S = 15.0
 #: Room for some seconds of beats: a guardian that has not listened for so long does not guard.
 SEND_BUFFER_BYTES = 32768
 
-#: Time beyond the order's own in which a report must come.
-REPORT_MARGIN_S = 2.0
+#: Time beyond the order's own in which a report must come, which an action that is given up has overdrawn.
+REPORT_MARGIN_S = OVERTIME_S + 2.0
 
 
 class GuardianError(Exception):

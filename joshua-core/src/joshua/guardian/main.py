@@ -19,7 +19,17 @@ from joshua.guardian.action import Action, run_bounded
 from joshua.guardian.driver_process import DriverProcess
 from joshua.guardian.estop_files import EstopFiles, EstopReport
 from joshua.guardian.latch import Latch, LatchFolder, Subject
-from joshua.guardian.order import ARMED, BEAT, DONE, EXECUTE, READY, RELEASE_ONLY, STOPPING, GuardianOrder
+from joshua.guardian.order import (
+    ARMED,
+    BEAT,
+    DONE,
+    EXECUTE,
+    OVERTIME_S,
+    READY,
+    RELEASE_ONLY,
+    STOPPING,
+    GuardianOrder,
+)
 from joshua.guardian.reporting import report_to_run
 from joshua.guardian.silence import SilenceWatch
 
@@ -34,9 +44,6 @@ ESTOP_PATIENCE_S = 0.3
 
 #: Pause between two looks for an e-stop.
 LOOK_S = 0.1
-
-#: An action that has not returned by then is given up.
-OVERTIME_S = 1.5
 
 
 class Guardian:
@@ -83,8 +90,12 @@ class Guardian:
         armed = beating = False
         give_up_s = estop_s = float("inf")
         while True:
-            ready, _, _ = select.select([self._socket], [], [], silence.patience_s() if beating else LOOK_S)
+            pause_s = silence.patience_s() if beating else LOOK_S
+            began_s = time.monotonic()
+            ready, _, _ = select.select([self._socket], [], [], pause_s)
             now_s = time.monotonic()
+            stood_still_s = max(0.0, now_s - began_s - pause_s)  # the machine, and so perhaps the driver
+            give_up_s, estop_s = give_up_s + stood_still_s, estop_s + stood_still_s
             if armed and estop_s == float("inf") and self._latch() is not None:
                 estop_s = now_s + ESTOP_PATIENCE_S
             if ready:

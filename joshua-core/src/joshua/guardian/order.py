@@ -12,6 +12,9 @@ BEAT_S = 0.05
 #: Silence that counts as a hang.
 HANG_LIMIT_S = 0.2
 
+#: An action that has not returned this long after the order's time is given up.
+OVERTIME_S = 1.5
+
 # Words of the driver, one byte each.
 ARMED = b"A"  # from now on the joints may be energised
 BEAT = b"B"
