@@ -6,7 +6,6 @@ import http.client
 import json
 import re
 import socket
-import time
 from collections.abc import Iterator
 from importlib.resources import files
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import pytest
 from calibration_run import Page
 from joshua.calibration.front_end import ArmState, Ask, Board, Request
+from joshua.calibration.page import server
 from joshua.calibration.page.front_end import PageFrontEnd
 from joshua.calibration.page.server import FILES
 from joshua.calibration.procedure import Procedure
@@ -37,13 +37,13 @@ def page(front_end: PageFrontEnd) -> Page:
 
 
 def asked(front_end: PageFrontEnd) -> list[Request]:
-    time.sleep(0.05)
+    """What was asked for before the last answer came."""
     return list(front_end.requests())
 
 
 def raw(page: Page, method: str, path: str, headers: dict[str, str], body: bytes = b"") -> int:
     """A request whose Host is what the test says."""
-    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=5)
+    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=60)
     try:
         connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
         for name, value in headers.items():
@@ -76,7 +76,7 @@ def test_the_page_comes_whole_and_needs_nothing_from_elsewhere(page: Page):
 def test_the_address_for_a_browser_leads_to_the_page_once(front_end: PageFrontEnd, page: Page):
     path = front_end.opening_address().removeprefix(page.origin)
     assert page.address not in front_end.opening_address()
-    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=5)
+    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=60)
     connection.request("GET", path)
     first = connection.getresponse()
     first.read()
@@ -176,10 +176,13 @@ def test_a_long_body_is_not_read(front_end: PageFrontEnd, page: Page):
     assert asked(front_end) == []
 
 
-def test_the_stream_sends_each_change_once(front_end: PageFrontEnd, page: Page):
+def test_the_stream_sends_each_change_once(
+    front_end: PageFrontEnd, page: Page, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(server, "KEEP_ALIVE_S", 3600.0)  # only changes come
     front_end.show(BOARD)
     front_end.show(BOARD)
-    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=5)
+    connection = http.client.HTTPConnection(page.origin.removeprefix("http://"), timeout=60)
     connection.request("GET", path_of(page, "events"))
     answer = connection.getresponse()
     assert answer.getheader("Content-Type") == "text/event-stream; charset=utf-8"

@@ -6,6 +6,19 @@ import pytest
 from joshua.devices.mock_actuator import MockActuator
 from joshua.devices.mock_settings import MockMotorSettings
 from joshua.schema import config_pb2
+from stepped_time import SteppedTime
+
+#: Modules of ``joshua.devices`` by whose clock mock devices and their nodes work.
+CLOCKED = ("actuator_node", "command_intake", "mock_actuator", "pacing", "stamps")
+
+
+@pytest.fixture
+def stepped_time(monkeypatch: pytest.MonkeyPatch) -> SteppedTime:
+    """The clock of the mock devices and their nodes, in the hands of the test."""
+    clock = SteppedTime()
+    for name in CLOCKED:
+        monkeypatch.setattr(f"joshua.devices.{name}.time", clock)
+    return clock
 
 
 @pytest.fixture

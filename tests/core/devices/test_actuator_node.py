@@ -15,6 +15,7 @@ from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plugins.targets import TargetError
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from stepped_time import SteppedTime
 
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=200.0)
 COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
@@ -47,7 +48,8 @@ def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **f
 class Running:
     """A node that was configured and activated."""
 
-    def __init__(self, node_spec: NodeSpec) -> None:
+    def __init__(self, node_spec: NodeSpec, clock: SteppedTime) -> None:
+        self.clock = clock
         self.context = RecordingContext(node_spec)
         self.node = ActuatorNode(self.context)
         self.node.configure()
@@ -57,7 +59,7 @@ class Running:
         for _ in range(count):
             if send is not None:
                 self.context.receive(topic, send, publisher)
-            time.sleep(0.005)
+            self.clock.sleep(0.005)
             self.context.tick("control")
 
     @property
@@ -80,11 +82,11 @@ class Running:
 
 
 @pytest.fixture
-def run() -> Iterator[Any]:
+def run(stepped_time: SteppedTime) -> Iterator[Any]:
     started: list[Running] = []
 
     def start(*args: Any, **fields: Any) -> Running:
-        started.append(Running(spec(*args, **fields)))
+        started.append(Running(spec(*args, **fields), stepped_time))
         return started[-1]
 
     yield start
@@ -136,7 +138,7 @@ def test_joints_hold_when_commands_stop(run: Any, caplog: pytest.LogCaptureFixtu
     caplog.set_level("INFO")
     node = run(context={"stale_after_s": 0.05})
     node.cycles(5, send=joint_state(["joint_1"], [1.0]))
-    time.sleep(0.06)
+    node.clock.sleep(0.06)
     node.cycles(2)
     held = node.written[-1].position.copy()
     node.cycles(10)
@@ -192,7 +194,7 @@ def test_whoever_is_declared_takes_over_and_gives_back(run: Any, caplog: pytest.
     turned = np.array([message.position[0] for message in node.written[before:]])
     assert (np.diff(turned) < 0).all(), "nothing of the model gets through"
     assert np.diff(turned).min() > -0.011, "the new one is approached at the speed of a first command"
-    time.sleep(0.55)
+    node.clock.sleep(0.55)
     node.cycles(2, send=model, publisher="/model")
     assert node.written[-1].position[0] > turned[-1]
     assert caplog.messages == [
@@ -237,7 +239,7 @@ def test_the_safe_state_of_a_follower_is_to_hold(run: Any) -> None:
     node.cycles(10, send=joint_state(["joint_1"], [0.5]))
     node.node.deactivate()
     before = node.actuator.read().position_rad
-    time.sleep(0.05)
+    node.clock.sleep(0.05)
     assert node.actuator.read().position_rad == pytest.approx(before, abs=2e-3)
     node.actuator.write(np.zeros(2))  # torque is on, else this raises
     count = len(node.written)
@@ -269,7 +271,7 @@ def test_the_test_table_of_a_healthy_follower(run: Any) -> None:
     node = run(publishers=(STATE.model_copy(update={"rate_hz": 50.0}),))
     for _ in range(60):
         node.context.receive("/arm/command", joint_state(["joint_1", "joint_2"], [0.02, 0.0]))
-        time.sleep(0.02)
+        node.clock.sleep(0.02)
         node.context.tick("control")
     results = node.node.test_results()
     assert [check for check, _, _ in results] == [

@@ -11,6 +11,7 @@ from joshua.devices.errors import DeviceError
 from joshua.devices.mock_actuator import VELOCITY_MAX_RAD_S, follow
 from joshua.devices.units import rad_to_ticks, ticks_to_rad
 from joshua.schema import config_pb2
+from stepped_time import SteppedTime
 
 
 def test_it_starts_in_the_middle_of_its_range(mock_arm: Any) -> None:
@@ -23,20 +24,19 @@ def test_it_starts_in_the_middle_of_its_range(mock_arm: Any) -> None:
     arm.disconnect()
 
 
-def test_it_moves_to_its_goal_and_stops_there(mock_arm: Any) -> None:
+def test_it_moves_to_its_goal_and_stops_there(mock_arm: Any, stepped_time: SteppedTime) -> None:
     arm = mock_arm()
     arm.connect()
     arm.enable()
     goal = np.array([0.5, -0.5, 0.1])
     assert arm.write(goal) == pytest.approx(goal)
     moving = False
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
+    for _ in range(5000):
         reading = arm.read()
         moving |= bool((np.abs(reading.effort) > 0.01).any())
         if np.abs(reading.position_rad - goal).max() < 0.002 and np.abs(reading.effort).max() < 0.01:
             break
-        time.sleep(0.002)
+        stepped_time.sleep(0.002)
     assert moving
     assert reading.position_rad == pytest.approx(goal, abs=0.002)
     assert np.abs(reading.velocity_rad_s).max() < 0.1
@@ -60,15 +60,15 @@ def test_readings_are_whole_ticks(mock_arm: Any) -> None:
             assert value == ticks_to_rad(rad_to_ticks(value))
 
 
-def test_hold_stops_on_the_way(mock_arm: Any) -> None:
+def test_hold_stops_on_the_way(mock_arm: Any, stepped_time: SteppedTime) -> None:
     arm = mock_arm(time_constant_s=10.0)
     arm.connect()
     arm.enable()
     arm.write(np.full(3, 1.5))
-    time.sleep(0.01)
+    stepped_time.sleep(0.01)
     arm.hold()
     stopped = arm.read().position_rad
-    time.sleep(0.05)
+    stepped_time.sleep(0.05)
     assert arm.read().position_rad == pytest.approx(stopped, abs=1e-9)
 
 
@@ -110,23 +110,23 @@ def test_the_motion_is_the_exact_solution_whatever_the_step() -> None:
     assert (follow(goal, goal, 1.0, 0.05) == goal).all()
 
 
-def test_a_sine_moves_joints_that_have_no_torque(mock_arm: Any) -> None:
+def test_a_sine_moves_joints_that_have_no_torque(mock_arm: Any, stepped_time: SteppedTime) -> None:
     arm = mock_arm(motion=config_pb2.MOCK_MOTION_SINE, motion_frequency_hz=5.0, motion_amplitude_rad=0.3)
     arm.connect()
     positions = []
     for _ in range(100):
         positions.append(arm.read().position_rad)
-        time.sleep(0.003)
+        stepped_time.sleep(0.003)
     swing = np.ptp(np.array(positions), axis=0)
     assert (swing > 0.4).all()
     assert (swing < 0.61).all()
     arm.enable()
     held = arm.read().position_rad
-    time.sleep(0.05)
+    stepped_time.sleep(0.05)
     assert arm.read().position_rad == pytest.approx(held), "torque holds against the hand"
 
 
-def test_a_sine_stays_within_the_range(mock_arm: Any) -> None:
+def test_a_sine_stays_within_the_range(mock_arm: Any, stepped_time: SteppedTime) -> None:
     arm = mock_arm(
         position_min=2000, position_max=2100, motion=config_pb2.MOCK_MOTION_SINE, motion_frequency_hz=10.0
     )
@@ -136,15 +136,17 @@ def test_a_sine_stays_within_the_range(mock_arm: Any) -> None:
         position = arm.read().position_rad
         assert (position >= low - 1e-9).all()
         assert (position <= high + 1e-9).all()
-        time.sleep(0.002)
+        stepped_time.sleep(0.002)
 
 
-def test_a_file_is_replayed_and_held_at_its_end(mock_arm: Any, tmp_path: Path) -> None:
+def test_a_file_is_replayed_and_held_at_its_end(
+    mock_arm: Any, tmp_path: Path, stepped_time: SteppedTime
+) -> None:
     file = tmp_path / "motion.csv"
     file.write_text("time_s,joint_2,joint_1,joint_3\n0,0,0,0\n0.05,0.2,0.1,0.3\n", encoding="utf-8")
     arm = mock_arm(motion=config_pb2.MOCK_MOTION_FILE, motion_file=str(file))
     arm.connect()
-    time.sleep(0.08)
+    stepped_time.sleep(0.08)
     assert arm.read().position_rad == pytest.approx([0.1, 0.2, 0.3], abs=1e-3)
 
 

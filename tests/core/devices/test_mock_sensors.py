@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 import struct
-import time
 import zlib
 from typing import Any
 
@@ -18,6 +17,9 @@ from joshua.devices.png import encode_png
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import decode, encode
 from joshua.schema import config_pb2
+from stepped_time import SteppedTime
+
+pytestmark = pytest.mark.usefixtures("stepped_time")
 
 
 def camera(width: int = 64, height: int = 48, fps: int = 200) -> MockCamera:
@@ -63,11 +65,11 @@ def test_each_reading_comes_once_in_order(make: Any) -> None:
     assert all(sensor.implausible(reading) == "" for reading in readings)
 
 
-def test_a_late_reader_gets_the_newest_frame_and_no_bunch() -> None:
+def test_a_late_reader_gets_the_newest_frame_and_no_bunch(stepped_time: SteppedTime) -> None:
     sensor = camera(fps=100)
     sensor.connect()
     first = next_reading(sensor)
-    time.sleep(0.1)
+    stepped_time.sleep(0.1)
     late, after = next_reading(sensor), next_reading(sensor)
     assert late.sequence - first.sequence >= 9
     assert after.sequence > late.sequence
@@ -161,11 +163,13 @@ def test_only_rgb_pictures_become_png() -> None:
 
 
 @pytest.mark.parametrize(("inverted", "sign"), [(False, 1), (True, -1)])
-def test_the_encoder_turns_at_its_speed_in_whole_ticks(inverted: bool, sign: int) -> None:
+def test_the_encoder_turns_at_its_speed_in_whole_ticks(
+    inverted: bool, sign: int, stepped_time: SteppedTime
+) -> None:
     sensor = encoder(speed_rad_s=100.0, inverted=inverted)
     sensor.connect()
     first = next_reading(sensor)
-    time.sleep(0.05)
+    stepped_time.sleep(0.05)
     last = next_reading(sensor)
     assert first.data.ticks == 0
     elapsed_s = (last.stamp_ns - first.stamp_ns) / 1e9

@@ -78,6 +78,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> Any:
     module.OneSensor = sensor  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr(sensor_node, "RECONNECT_FIRST_S", 0.01)
+    monkeypatch.setattr(sensor_node, "SILENCE_S", 3600.0)  # a busy machine is no silent sensor
     return sensor
 
 
@@ -202,6 +203,8 @@ def test_silence_is_reported_once(
     context, node = start(scripted_spec())
     wait_until(lambda: len(caplog.messages) == 1)
     time.sleep(0.1)
+    assert len(caplog.messages) == 1
+    monkeypatch.setattr(sensor_node, "SILENCE_S", 3600.0)  # from now on nothing is a silence
     scripted.script.put((5, 0, 20))
     wait_until(lambda: len(caplog.messages) == 2)
     end(context, node)

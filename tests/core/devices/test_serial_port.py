@@ -1,4 +1,5 @@
 import contextlib
+import fcntl
 import os
 import struct
 import subprocess
@@ -34,6 +35,16 @@ def port_of(emulator: EmulatedBus, baudrate: int = 1_000_000) -> SerialPort:
     return SerialPort(Endpoint(emulator.port, device_root=str(emulator.root)), baudrate)
 
 
+def await_bytes(port: SerialPort, count: int) -> None:
+    """Waits until so many bytes lie in the port, and are not read yet."""
+    waiting = b""
+    deadline_s = time.monotonic() + 30
+    while waiting != struct.pack("i", count):
+        assert time.monotonic() < deadline_s, waiting
+        time.sleep(0.005)
+        waiting = fcntl.ioctl(port._fd, termios.FIONREAD, bytes(4))
+
+
 @contextmanager
 def as_other_user() -> Iterator[None]:
     """Runs as a user without rights where the tests run as root."""
@@ -53,7 +64,7 @@ def test_bytes_go_out_and_come_back_at_usual_and_unusual_speeds(baudrate: int) -
         port = port_of(emulator, baudrate)
         port.open()
         port.send(ping(1))
-        assert port.receive(6, time.monotonic() + 10) == bytes.fromhex("ffff010200fc")
+        assert port.receive(6, time.monotonic() + 30) == bytes.fromhex("ffff010200fc")
         port.close()
         port.close()
 
@@ -62,12 +73,14 @@ def test_a_read_ends_at_its_deadline_with_what_there_is(emulator: EmulatedBus) -
     port = port_of(emulator)
     port.open()
     port.send(ping(1))
+    await_bytes(port, 6)
     assert len(port.receive(50, time.monotonic() + 0.1)) == 6
     assert port.receive(50, time.monotonic() - 1) == b""
     port.close()
 
 
-def test_a_line_that_is_full_for_a_moment_is_waited_for() -> None:
+def test_a_line_that_is_full_for_a_moment_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial_port, "FULL_LINE_S", 60.0)
     device, line = os.openpty()
     try:
         port = SerialPort(Endpoint(os.ttyname(line)), 1_000_000)
@@ -90,9 +103,10 @@ def test_sending_drops_what_came_before(emulator: EmulatedBus) -> None:
     port = port_of(emulator)
     port.open()
     port.send(ping(1))
-    port.receive(1, time.monotonic() + 10)  # five bytes stay behind
+    await_bytes(port, 6)
+    port.receive(1, time.monotonic() + 30)  # five bytes stay behind
     port.send(ping(2))
-    assert port.receive(6, time.monotonic() + 10) == bytes.fromhex("ffff020200fb")
+    assert port.receive(6, time.monotonic() + 30) == bytes.fromhex("ffff020200fb")
     port.close()
 
 
@@ -172,7 +186,7 @@ def test_an_unplugged_adapter_is_reported_as_gone(emulator: EmulatedBus) -> None
         match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable; named by its path it is "
         r"found again under this name only, under any by its serial_number \(joshua find-port --write\)",
     ):
-        port.receive(6, time.monotonic() + 10)
+        port.receive(6, time.monotonic() + 30)
     with pytest.raises(PortDisconnected):
         port.send(b"x")
     port.close()
@@ -194,7 +208,7 @@ def test_an_adapter_with_a_lasting_name_is_found_again(emulator: EmulatedBus) ->
     port.open()
     emulator.fault("unplug")
     with pytest.raises(PortDisconnected, match=r"found again by its identity, under whatever name it comes"):
-        port.receive(6, time.monotonic() + 10)
+        port.receive(6, time.monotonic() + 30)
     emulator.fault("replug", name="ttyUSB3")
     port.open()
     assert port.entry.path.endswith("ttyUSB3")
@@ -205,7 +219,7 @@ def test_waiting_bytes_are_dropped_on_request(emulator: EmulatedBus) -> None:
     port = port_of(emulator)
     port.open()
     port.send(ping(1))
-    time.sleep(0.1)
+    await_bytes(port, 6)
     port.discard_input()
     assert port.receive(6, time.monotonic() + 0.1) == b""
     port.close()

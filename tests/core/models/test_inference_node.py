@@ -71,7 +71,7 @@ def spec(**fields: Any) -> NodeSpec:
             "kind": NodeKind.MODEL,
             "behaviour": "",
             "implementation": "joshua_scripted_model:OneModel",
-            "context": {"joints": JOINTS, "task": "pick it up"},
+            "context": {"joints": JOINTS, "task": "pick it up", "observation_stale_s": 3600.0},
             "publishers": (ACTION,),
             "subscriptions": (SEEN,),
             **fields,
@@ -79,10 +79,15 @@ def spec(**fields: Any) -> NodeSpec:
     )
 
 
-def start(node_spec: NodeSpec) -> tuple[RecordingContext, InferenceNode]:
+def configured(node_spec: NodeSpec) -> tuple[RecordingContext, InferenceNode]:
     context = RecordingContext(node_spec)
     node = InferenceNode(context)
     node.configure()
+    return context, node
+
+
+def start(node_spec: NodeSpec) -> tuple[RecordingContext, InferenceNode]:
+    context, node = configured(node_spec)
     node.activate()
     return context, node
 
@@ -102,8 +107,12 @@ def see(context: RecordingContext, number: int) -> None:
     context.receive("/seen", message_class("std_msgs/msg/Int64")(number))
 
 
-def play_until(context: RecordingContext, count: int) -> None:
+def play_until(context: RecordingContext, count: int, *, seen: int | None = None) -> None:
+    """Lets time pass until so many actions were played; something is seen again and again meanwhile."""
+
     def enough() -> bool:
+        if seen is not None:
+            see(context, seen)
         context.tick("actions")
         return len(actions(context)) >= count
 
@@ -112,10 +121,11 @@ def play_until(context: RecordingContext, count: int) -> None:
 
 def test_observations_become_actions_at_the_publishers_rate(model: Any) -> None:
     model.chunk = np.array([[0.1, 0.0], [0.2, 0.05]])
-    context, node = start(spec())
-    assert context.timers["actions"][0] == 1 / 50
+    context, node = configured(spec())
     see(context, 1)
     see(context, 2)
+    node.activate()
+    assert context.timers["actions"][0] == 1 / 50
     play_until(context, 4)
     end(context, node)
     assert actions(context)[:4] == [[0.1, 0.0], [0.2, 0.05], [0.1, 0.0], [0.2, 0.05]]
@@ -145,14 +155,12 @@ def test_nothing_is_published_before_everything_was_observed(
 def test_what_was_planned_on_stale_observations_is_dropped(model: Any) -> None:
     model.chunk = np.full((1000, 2), 0.05)
     context, node = start(spec(context={"joints": JOINTS, "observation_stale_s": 0.3}))
-    see(context, 1)
-    play_until(context, 1)
+    play_until(context, 1, seen=1)
     time.sleep(0.35)
     count = len(actions(context))
     context.tick("actions", 20)
     assert len(actions(context)) == count
-    see(context, 2)
-    play_until(context, count + 1)
+    play_until(context, count + 1, seen=2)
     end(context, node)
 
 

@@ -25,6 +25,7 @@ from joshua.devices.serial_errors import (
 )
 from joshua.devices.usb_ports import Endpoint, PortEntry, describe_ports, resolve
 
+FULL_LINE_S = 1.0  # a line that takes no byte for so long is gone
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _LARGEST_MINIMUM = 255  # VMIN is one byte
 _IS_LINUX = sys.platform == "linux"
@@ -188,7 +189,7 @@ class SerialPort:
             return 0
 
     def _wait_writable(self) -> None:
-        _, writable, _ = select.select([], [self._fd], [], 1.0)
+        _, writable, _ = select.select([], [self._fd], [], FULL_LINE_S)
         if not writable:
             raise OSError(errno.EIO, "the line takes no bytes")
 

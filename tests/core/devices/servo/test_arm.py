@@ -25,10 +25,10 @@ def test_a_joint_beyond_its_range_stays_until_it_is_told_and_comes_back_slowly(
         assert here[1] > arm.limits.position_max_rad[1] + 0.8
         for _ in range(5):
             np.testing.assert_allclose(arm.write(here), here, atol=0.001)
+        began_s = time.monotonic()
         further = arm.write(here + 0.5)
         assert further[1] <= here[1] + 0.001, "no farther out"
         assert arm_emulator.servo(2)["goal_position"] == start
-        began_s = time.monotonic()
         back = arm.write(np.zeros(6))
         fastest = arm.limits.velocity_max_rad_s[1] * (time.monotonic() - began_s + 0.5)
         assert here[1] - back[1] <= fastest, "no faster than the joint may move"

@@ -12,13 +12,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joshua.devices.serial_port import SerialPort
+from joshua.devices.servo import safe_stop
 from joshua.devices.servo.safe_stop import SafeStopRequest, stop
 from joshua_emulator import EmulatedBus
 from servo_families import Kind
 
+SYNC_WRITE = 0x83  # the instruction, in the protocols of both families
 SUPPORT = Path(__file__).parents[3] / "support"
 DRIVER = """
-import sys, json, numpy as np
+import contextlib, sys, json, numpy as np
+from joshua.devices.errors import DeviceSilent
 from servo_families import KINDS
 (kind,) = [kind for kind in KINDS if kind.protocol == sys.argv[2]]
 arm = kind.actuator(kind.settings_type.model_validate_json(sys.argv[1]))
@@ -28,7 +32,8 @@ print("driving", flush=True)
 goal = arm.read().position_rad
 while True:
     goal = np.clip(goal + 0.002, arm.limits.position_min_rad, arm.limits.position_max_rad)
-    arm.read()
+    with contextlib.suppress(DeviceSilent):  # on a busy machine
+        arm.read()
     arm.write(goal)
 """
 
@@ -39,7 +44,7 @@ def request_for(emulator: EmulatedBus, action: str, **values: Any) -> SafeStopRe
         (1, 2, 3, 4, 5, 6),
         path=emulator.port,
         device_root=str(emulator.root),
-        **{"timeout_s": 10.0, **values},
+        **{"timeout_s": 40.0, **values},
     )
 
 
@@ -91,7 +96,7 @@ def test_hold_stops_where_the_arm_is(kind: Kind, moving_arm: EmulatedBus) -> Non
     assert set(report.joints.values()) == {"held"}
     assert energised(moving_arm) == {True}
     goals = [servo["goal_position"] for servo in moving_arm.servos()]
-    deadline_s = time.monotonic() + 10
+    deadline_s = time.monotonic() + 40
     while [servo["present_position"] for servo in moving_arm.servos()] != goals:
         assert time.monotonic() < deadline_s
 
@@ -112,9 +117,19 @@ def test_park_goes_to_the_pose_and_lets_go(kind: Kind, moving_arm: EmulatedBus) 
     assert all(abs(servo["present_position"] - 2100) <= 60 for servo in moving_arm.servos())
 
 
-def test_parking_that_takes_too_long_ends_in_a_release(kind: Kind, moving_arm: EmulatedBus) -> None:
+@pytest.fixture
+def long_reserve_s(monkeypatch: pytest.MonkeyPatch) -> float:
+    """Of the time for parking, a busy machine gets so much for letting go."""
+    monkeypatch.setattr(safe_stop, "RELEASE_RESERVE_S", 20.0)
+    return 20.0
+
+
+def test_parking_that_takes_too_long_ends_in_a_release(
+    kind: Kind, moving_arm: EmulatedBus, long_reserve_s: float
+) -> None:
     moving_arm.ask("set", id=2, blocked=True)
-    request = request_for(moving_arm, "PARK_THEN_RELEASE", park_ticks={2: 1500}, timeout_s=0.5)
+    timeout_s = long_reserve_s + 0.4
+    request = request_for(moving_arm, "PARK_THEN_RELEASE", park_ticks={2: 1500}, timeout_s=timeout_s)
     report = kind.stop(request)
     assert report.complete
     assert report.detail == "released before ids 2 reached the park pose"
@@ -123,7 +138,7 @@ def test_parking_that_takes_too_long_ends_in_a_release(kind: Kind, moving_arm: E
 
 def test_a_silent_servo_is_reported_honestly(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.fault("silent", 5)
-    report = kind.stop(request_for(moving_arm, "RELEASE", timeout_s=0.3))
+    report = kind.stop(request_for(moving_arm, "RELEASE", timeout_s=1.5))
     assert not report.complete
     assert report.joints[5] == "not verified"
     assert report.joints[1] == "released"
@@ -150,7 +165,7 @@ def test_an_absent_port_is_reported_in_time(kind: Kind, moving_arm: EmulatedBus)
 def test_an_adapter_that_comes_back_is_waited_for(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.fault("unplug", replug_after_s=0.2, name="ttyACM7")
     request = SafeStopRequest(
-        "RELEASE", (1, 2, 3, 4, 5, 6), serial_number="ARM1", device_root=str(moving_arm.root), timeout_s=10.0
+        "RELEASE", (1, 2, 3, 4, 5, 6), serial_number="ARM1", device_root=str(moving_arm.root), timeout_s=40.0
     )
     assert kind.stop(request).complete
     assert energised(moving_arm) == {False}
@@ -162,7 +177,7 @@ def test_a_port_that_cannot_be_opened_yet_is_waited_for(
     """As of an adapter that is back and whose rights the system has not set yet."""
     port = tmp_path / "ttyACM0"
     port.touch()
-    request = SafeStopRequest("RELEASE", (1, 2, 3, 4, 5, 6), path=str(port), timeout_s=10.0)
+    request = SafeStopRequest("RELEASE", (1, 2, 3, 4, 5, 6), path=str(port), timeout_s=40.0)
 
     def settle() -> None:
         port.unlink()
@@ -175,7 +190,9 @@ def test_a_port_that_cannot_be_opened_yet_is_waited_for(
     assert energised(moving_arm) == {False}
 
 
-def test_an_adapter_that_goes_away_meanwhile_is_waited_for(kind: Kind, moving_arm: EmulatedBus) -> None:
+def test_an_adapter_that_goes_away_meanwhile_is_waited_for(
+    kind: Kind, moving_arm: EmulatedBus, long_reserve_s: float
+) -> None:
     moving_arm.ask("set", id=2, blocked=True)
     moving_arm.fault("unplug", at_s=0.3, replug_after_s=0.2, name="ttyACM7")
     request = SafeStopRequest(
@@ -184,7 +201,7 @@ def test_an_adapter_that_goes_away_meanwhile_is_waited_for(kind: Kind, moving_ar
         serial_number="ARM1",
         device_root=str(moving_arm.root),
         park_ticks={2: 1500},
-        timeout_s=1.5,
+        timeout_s=long_reserve_s + 1.3,
     )
     report = kind.stop(request)
     assert [entry["event"] for entry in moving_arm.log("unplug", "plug")][-2:] == ["unplug", "plug"]
@@ -247,9 +264,11 @@ def test_it_imports_nothing_heavy(kind: Kind) -> None:
 
 @pytest.mark.parametrize("cut", [1, 2, 3, 4, 5, 6, 7, 10, 16])
 def test_half_a_packet_of_a_killed_driver_does_not_swallow_the_release(
-    kind: Kind, moving_arm: EmulatedBus, cut: int
+    kind: Kind, moving_arm: EmulatedBus, cut: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What comes first is understood, and not only what is sent again after a time-out."""
+    instruction = {"feetech": 4, "dynamixel": 7}[kind.protocol]  # its place in a packet
+    written: list[bytes] = []
     with kind.open_bus(moving_arm) as bus:
         sent: list[bytes] = []
         send = bus.port.send
@@ -258,9 +277,17 @@ def test_half_a_packet_of_a_killed_driver_does_not_swallow_the_release(
         bus.sync_write(goal.address, goal.width, dict.fromkeys((1, 2, 3, 4, 5, 6), goal.encode(2048)))
         send(sent[0][:cut])
     before = moving_arm.log()[-1]["sequence"]
+
+    def send_and_note(port: SerialPort, data: bytes) -> None:
+        written.extend([data] if data[instruction] == SYNC_WRITE else [])
+        send_of_port(port, data)
+
+    send_of_port = SerialPort.send
+    monkeypatch.setattr(SerialPort, "send", send_and_note)
     report = kind.stop(request_for(moving_arm, "RELEASE"))
     assert report.complete, report
     assert energised(moving_arm) == {False}
     understood = [entry["event"] for entry in moving_arm.log(since=before)]
-    # The release, a look for an echo, the release once more; further ones would follow lost replies.
-    assert understood.count("sync_write") <= 4, understood
+    # The release, a look for an echo, the release once more; further ones where replies are late.
+    assert len(written) >= 3
+    assert understood.count("sync_write") == len(written), understood
