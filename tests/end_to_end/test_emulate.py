@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sysconfig
-import time
 from pathlib import Path
 
 import pytest
@@ -122,7 +121,6 @@ def test_the_emulators_run_alone_until_ctrl_c(environment: dict[str, str]) -> No
         ports = [line.split(" at ")[1].strip() for line in lines[:2]]
         assert all(Path(port).exists() for port in ports)
         assert lines[2] == "stop with Ctrl-C\n"
-        time.sleep(0.1)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=30) == 0
         assert not any(Path(port).exists() for port in ports)

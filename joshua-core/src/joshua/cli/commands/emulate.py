@@ -42,16 +42,17 @@ def run(arguments: argparse.Namespace) -> int:
         rig = start_rig(checked, arguments, stack)
         if isinstance(rig, int):
             return rig
+        ended = catch_the_end()  # before anybody is told to ask for it
         sys.stdout.write("stop with Ctrl-C\n")
         sys.stdout.flush()
-        wait_for_the_end()
+        while not ended.wait(LOOK_S):
+            pass
     return ExitCode.OK
 
 
-def wait_for_the_end() -> None:
-    """Returns when a signal asks for the end, whichever thread the system gives it to."""
+def catch_the_end() -> threading.Event:
+    """Sets an event when a signal asks for the end, whichever thread the system gives it to."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
-    while not ended.wait(LOOK_S):
-        pass
+    return ended
