@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ def env(tmp_path: Path, joshua_domain_id: int) -> dict[str, str]:
     return environment(tmp_path, joshua_domain_id)
 
 
-def joshua(env: dict[str, str], *words: str, timeout: float = 90) -> subprocess.CompletedProcess[str]:
+def joshua(env: dict[str, str], *words: str, timeout: float = 200) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [str(JOSHUA), *words],
         capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL, env=env,
@@ -65,7 +64,7 @@ def test_keys_in_a_terminal_and_then_a_run_loads_it(
     checked = joshua(env, "calibrate", "--check", "--config", str(config))
     assert checked.returncode == 0, checked.stdout + checked.stderr
     assert checked.stdout.startswith("EQUAL  leader_arm")
-    again = robot(tmp_path, arm.port, mode="MODE_TEST", more="test { duration_s: 1 }")
+    again = robot(tmp_path, arm.port, mode="MODE_TEST", more="test { duration_s: 3 }")
     used = joshua(env, "--config", str(again))
     assert "positions" in used.stdout, used.stdout + used.stderr
     assert "shoulder_pan" in joshua(env, "plan", "--config", str(again), "--format", "json").stdout
@@ -76,9 +75,7 @@ def test_lines_from_a_pipe_and_plain_output(arm: EmulatedBus, tmp_path: Path, en
         run.wait_for("middle of its range")
         run.press("7\n")
         run.wait_for("leader_arm: refused: There is no such joint to repeat now.")
-        time.sleep(0.6)
-        run.press("\n")
-        run.wait_for("Move shoulder_pan from")
+        run.wait_for("Move shoulder_pan from", again=lambda: run.press("\n"))
         run.press("\n")
         run.wait_for("refused: shoulder_pan did not move")
         run.press("q\n")
@@ -95,8 +92,10 @@ def test_the_page_drives_it(arm: EmulatedBus, tmp_path: Path, env: dict[str, str
         run.wait_for("/\n")
         page = Page(re.findall(r"page: (\S+)", run.text)[0])
         sweep_all(run, arm, lambda: page.ask({"ask": "confirm"}))
+        run.wait_until(
+            lambda: page.board()["view"]["step"] == "review"
+        )  # the page is told after the terminal
         board = page.board()
-        assert board["view"]["step"] == "review"
         assert [joint["state"] for joint in board["view"]["joints"]] == ["done"] * 6
         assert board["arms"] == [["leader_arm", "active"]]
         assert page.ask({"ask": "confirm"}) == 204
@@ -121,12 +120,12 @@ def test_emulated_arms_go_through_it_by_themselves(tmp_path: Path, env: dict[str
     assert run.returncode == 0, run.stdout + run.stderr
 
 
-@pytest.mark.parametrize("at_s", [4.0, 5.7])
-def test_an_unplug_in_the_midst_costs_no_range(tmp_path: Path, env: dict[str, str], at_s: float) -> None:
+@pytest.mark.parametrize("reads", [170, 255])
+def test_an_unplug_in_the_midst_costs_no_range(tmp_path: Path, env: dict[str, str], reads: int) -> None:
     config = tmp_path / "calibrate.pbtxt"
     config.write_text((CONFIGS / "calibrate_so_arm100.pbtxt").read_text())
     words = ["--config", str(config), "--emulate", "--node", "leader_arm"]
-    fault = f"leader_arm:unplug,at_s={at_s},replug_after_s=1"
+    fault = f"leader_arm:unplug,after_reads={reads},replug_after_s=1"
     done = joshua(env, "calibrate", *words, "--fault", fault)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "No answer from the arm" in done.stdout
@@ -191,13 +190,12 @@ def test_an_arm_that_is_unplugged_meanwhile_goes_on_afterwards(
 ) -> None:
     with CalibrationRun(["--config", str(robot(tmp_path, arm.port))], env) as run:
         place = run.wait_for("middle of its range")
-        arm.ask("fault", kind="unplug", replug_after_s=1.0)
+        arm.ask("fault", kind="unplug")
         place = run.wait_for("No answer from the arm", since=place)
         run.press("\n")
+        arm.ask("fault", kind="replug")
         run.wait_for("The arm answers again.", since=place)
-        time.sleep(0.6)
-        run.press("\n")
-        run.wait_for("Move shoulder_pan from", since=place)
+        run.wait_for("Move shoulder_pan from", since=place, again=lambda: run.press("\n"))
         run.press("q\n")
         assert run.end() == 0
     assert never_energised(arm)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import pty
@@ -11,6 +12,7 @@ import subprocess
 import sysconfig
 import time
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,7 @@ robot {{ actions {{
 }} }}
 """
 ANSI = re.compile(r"\x1b\[[?0-9;]*[A-Za-z]")
+CUT_OFF = re.compile(r"\x1b(\[[?0-9;]*)?$")  # a piece of the output may end in the midst of a sequence
 
 
 def environment(folder: Path, domain_id: int) -> dict[str, str]:
@@ -56,6 +59,8 @@ class CalibrationRun:
 
     def __init__(self, words: list[str], env: dict[str, str], *, terminal: bool = False) -> None:
         self.text = ""
+        self._decoder = codecs.getincrementaldecoder("utf-8")(errors="replace")
+        self._pending = ""
         self._master = -1
         command = [str(JOSHUA), *words]
         if terminal:
@@ -91,11 +96,28 @@ class CalibrationRun:
             self.process.stdin.write(keys.encode())
             self.process.stdin.flush()
 
-    def wait_for(self, text: str, *, since: int = 0, timeout_s: float = 30.0) -> int:
-        """Waits until the output holds a text after a place; returns the place behind it."""
+    def wait_for(
+        self,
+        text: str,
+        *,
+        since: int = 0,
+        timeout_s: float = 60.0,
+        again: Callable[[], object] | None = None,
+        every_s: float = 3.0,
+    ) -> int:
+        """Waits until the output holds a text after a place; returns the place behind it.
+
+        Args:
+            again: what a person does now, and once more whenever ``every_s`` have passed without the text.
+        """
         deadline_s = time.monotonic() + timeout_s
+        again_s = 0.0
         while text not in self.text[since:]:
-            if not self._read(0.1) and (self.process.poll() is not None or time.monotonic() > deadline_s):
+            now_s = time.monotonic()
+            if again is not None and now_s >= again_s:
+                again()
+                again_s = time.monotonic() + every_s
+            if now_s > deadline_s or (not self._read(0.1) and self.process.poll() is not None):
                 while self._read(0.1):
                     pass
                 if text in self.text[since:]:
@@ -103,7 +125,19 @@ class CalibrationRun:
                 raise AssertionError(f"no {text!r} in:\n{self.text[-4000:]}")
         return self.text.index(text, since) + len(text)
 
-    def end(self, timeout_s: float = 30.0) -> int:
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
+        """Waits for a condition, and reads meanwhile: a program that cannot write stands still."""
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline_s, self.text[-4000:]
+            self._read(0.02)
+
+    def rest(self, seconds: float) -> None:
+        """Does nothing but read."""
+        end_s = time.monotonic() + seconds
+        self.wait_until(lambda: time.monotonic() >= end_s)
+
+    def end(self, timeout_s: float = 60.0) -> int:
         """Waits for the end; returns the exit code."""
         deadline_s = time.monotonic() + timeout_s
         while self.process.poll() is None and time.monotonic() < deadline_s:
@@ -120,23 +154,40 @@ class CalibrationRun:
             data = os.read(self._output, 65536)
         except OSError:
             return False
-        self.text += ANSI.sub("", data.decode(errors="replace")).replace("\r", "")
+        shown = self._pending + self._decoder.decode(data)
+        cut = CUT_OFF.search(shown)
+        end = cut.start() if cut else len(shown)
+        self._pending = shown[end:]
+        self.text += ANSI.sub("", shown[:end]).replace("\r", "")
         return bool(data)
 
 
-def sweep_all(run: CalibrationRun, emulator: EmulatedBus, confirm: Any, *, seconds: float = 1.0) -> None:
-    """Plays the person: middle pose, and each joint through its range as the program asks."""
+def sweep_all(
+    run: CalibrationRun, emulator: EmulatedBus, confirm: Callable[[], object], *, seconds: float = 1.0
+) -> None:
+    """Plays the person: middle pose, and each joint through its range as the program asks.
+
+    What the program refuses, because it was late and has not seen it, is done once more.
+    """
     place = run.wait_for("middle of its range")
     emulator.guide(None, 0.3)
-    time.sleep(0.9)
-    confirm()
+    run.rest(0.9)
+    place = run.wait_for("Move shoulder_pan from", since=place, again=confirm)
+    home = [servo["angle"] for servo in emulator.servos()]
     for slot in range(6):
         name = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")[slot]
-        place = run.wait_for(f"Move {name} from", since=place)
-        emulator.guide(slot, seconds)
-        back_s = time.monotonic() + seconds  # at the middle again
-        place = run.wait_for(f"{name} is complete", since=place)
-        time.sleep(max(0.0, back_s - time.monotonic()))
+        if slot:
+            place = run.wait_for(f"Move {name} from", since=place)
+
+        def move(slot: int = slot) -> None:
+            emulator.guide(slot, seconds)
+
+        place = run.wait_for(f"{name} is complete", since=place, again=move, every_s=seconds + 4.0)
+
+        def is_back(slot: int = slot) -> bool:
+            return bool(abs(emulator.servos()[slot]["angle"] - home[slot]) < 3)
+
+        run.wait_until(is_back)
         confirm()
     run.wait_for("Every joint is complete", since=place)
 
@@ -162,14 +213,14 @@ class Page:
 
     def board(self) -> dict[str, Any]:
         """The newest board of the stream."""
-        with urllib.request.urlopen(f"{self.address}events", timeout=10) as stream:
+        with urllib.request.urlopen(f"{self.address}events", timeout=60) as stream:
             line = stream.readline()
         return dict(json.loads(line.removeprefix(b"data: ")))
 
     @staticmethod
     def _open(request: urllib.request.Request) -> tuple[int, dict[str, str], bytes]:
         try:
-            with urllib.request.urlopen(request, timeout=10) as answer:
+            with urllib.request.urlopen(request, timeout=60) as answer:
                 return answer.status, dict(answer.headers), answer.read()
         except urllib.error.HTTPError as error:
             with error:

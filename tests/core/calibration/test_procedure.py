@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from calibration_hand import Hand
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from joshua.calibration.procedure import Procedure
 from joshua.calibration.result import RangeRefused
@@ -235,6 +235,14 @@ def test_an_arm_that_does_not_answer_confirms_nothing(hand: Hand):
     assert hand.procedure.step is Step.SWEEP
 
 
+def test_an_arm_that_is_gone_is_said_at_once(hand: Hand):
+    hand.rest()
+    hand.procedure.lost(hand.time_s, "no such serial port", gone=True)
+    assert message(hand) == "No answer from the arm: no such serial port"
+    hand.feed()
+    assert message(hand) == "The arm answers again."
+
+
 def test_one_lost_reading_is_no_event(hand: Hand):
     hand.rest()
     hand.time_s += 0.1
@@ -334,6 +342,8 @@ def test_an_arm_of_a_known_build_that_hardly_moves_is_remarked_upon():
     off=st.floats(-0.38, 0.38),
     speed=st.integers(8, 900),
 )
+@example(middle=0, half=120, off=-0.375, speed=8)  # an end that is nearer to the middle pose than 1/128 turn
+@example(middle=0, half=120, off=0.375, speed=8)
 def test_any_joint_gives_its_stops_back_wherever_its_encoder_wraps(
     middle: int, half: int, off: float, speed: int
 ):

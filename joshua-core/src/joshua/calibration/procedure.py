@@ -87,9 +87,13 @@ class Procedure:
         if self.step in (Step.SWEEP, Step.REVIEW):
             self._look_beyond()
 
-    def lost(self, time_s: float, reason: str) -> None:
-        """Says that the arm does not answer; from a moment on nothing can be confirmed then."""
-        if self._time_s is None or not 0.0 <= time_s - self._time_s <= GAP_S:
+    def lost(self, time_s: float, reason: str, *, gone: bool = False) -> None:
+        """Says that the arm does not answer; from a moment on nothing can be confirmed then.
+
+        Args:
+            gone: it will not answer before it is opened anew, so that the moment is now.
+        """
+        if gone or self._time_s is None or not 0.0 <= time_s - self._time_s <= GAP_S:
             self._lost = reason
             self._recent.clear()
 

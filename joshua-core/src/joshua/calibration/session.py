@@ -83,6 +83,8 @@ class Session:
         self._shown_s = 0.0
         self._guided: tuple[Step, int | None] | None = None
         self._guided_until_s = 0.0
+        self._script_s = 0.0
+        self._turned_s: float | None = None
         self._attempts = 0
         self._reconnect_s = 0.0
 
@@ -122,7 +124,7 @@ class Session:
             for front_end in self._front_ends:
                 for request in front_end.requests():
                     self._grant(request)
-            self._move_by_script(arm, started_s)
+            self._move_by_script(arm, self._script_time_s(started_s))
             if self._procedure.step is Step.WRITE:
                 self._show(always=True)
                 self._write(arm)
@@ -140,8 +142,12 @@ class Session:
             positions = arm.target.raw_positions()
             self._procedure.observe(time.monotonic(), positions)
         except DeviceError as error:
-            self._procedure.lost(time.monotonic(), str(error).splitlines()[0])
-            if not isinstance(error, NoReply):  # a servo alone may answer again; a port that is gone will not
+            gone = not isinstance(
+                error, NoReply
+            )  # a servo alone may answer again; a port that is gone will not
+            self._procedure.lost(time.monotonic(), str(error).splitlines()[0], gone=gone)
+            if gone:
+                self._show(always=True)  # however soon it is back
                 arm.target.disconnect()
                 self._reconnect_s = time.monotonic() + RECONNECT_S
 
@@ -155,6 +161,13 @@ class Session:
         else:
             self._procedure.repeat(request.joint)
             self._guided = None
+
+    def _script_time_s(self, now_s: float) -> float:
+        """Time of the script: where the machine is late it waits, as the hand does for each reading."""
+        if self._turned_s is not None:
+            self._script_s += min(now_s - self._turned_s, PERIOD_S)
+        self._turned_s = now_s
+        return self._script_s
 
     def _move_by_script(self, arm: Arm, now_s: float) -> None:
         """Lets an arm that nobody moves move as the procedure asks, and confirms where nobody else does."""

@@ -6,6 +6,7 @@ from joshua.devices.calibration_target import TargetMotor
 
 BINS_PER_TURN = 64
 TURNS_BACK = 1 / 128  # of a turn: the way back from an end by which it counts as an end
+CAME_TO = 1 / 256  # of a turn: the way to an end that is near where the joint was at first
 NEAR_END = 1 / 256  # of a turn: how close to the outermost position the joint must have turned back
 MOVED = 1 / 64  # of a turn: the way by which a joint counts as being moved
 SMALLEST_RANGE = 1 / 24  # of a turn: less is no range
@@ -29,6 +30,7 @@ class Sweep:
         self._last: int | None = None
         self._direction = 0
         self._turning_point = 0  # outermost position in the present direction
+        self._near_start = (0, 0, 0)  # where it was at first, lowest and highest before it had a direction
         self._valley: int | None = None  # lowest and highest position at which the joint turned back
         self._peak: int | None = None
         self.low: int | None = None
@@ -38,8 +40,10 @@ class Sweep:
         """Takes the next position; ``continuous`` says that no readings are missing before it."""
         if self._last is None or self.low is None or self.high is None:
             self.low = self.high = self._turning_point = position
+            self._near_start = (position, position, position)
         if not continuous:  # what happened in between is unknown: a turn in there is no end that was seen
             self._direction, self._turning_point = 0, position
+            self._near_start = (position, position, position)
         self._cover(position, continuous)
         self.low, self.high = min(self.low, position), max(self.high, position)
         self._last = position
@@ -117,9 +121,7 @@ class Sweep:
     def _turn_back(self, position: int) -> None:
         back = self._turn * TURNS_BACK
         if self._direction == 0:
-            if abs(position - self._turning_point) >= back:
-                self._direction = 1 if position > self._turning_point else -1
-                self._turning_point = position
+            self._find_direction(position, back)
         elif (position - self._turning_point) * self._direction >= 0:
             self._turning_point = position
         elif abs(position - self._turning_point) >= back:
@@ -129,6 +131,21 @@ class Sweep:
                 self._peak = -_lowest(None if self._peak is None else -self._peak, -self._turning_point)
             self._direction = -self._direction
             self._turning_point = position
+
+    def _find_direction(self, position: int, back: float) -> None:
+        start, low, high = self._near_start
+        low, high = min(low, position), max(high, position)
+        self._near_start = (start, low, high)
+        came = self._turn * CAME_TO
+        if position - low >= back:
+            self._direction = 1
+            if start - low >= came:
+                self._valley = _lowest(self._valley, low)
+        elif high - position >= back:
+            self._direction = -1
+            if high - start >= came:
+                self._peak = -_lowest(None if self._peak is None else -self._peak, -high)
+        self._turning_point = position
 
 
 def _lowest(known: int | None, new: int) -> int:

@@ -58,6 +58,8 @@ class Station:
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._stopped = False
+        self._away_s = 0.0
+        self._away_since_s: float | None = None
 
     def at(self, delay_s: float, action: Callable[[], None]) -> None:
         """Calls ``action`` after a delay, on the loop."""
@@ -76,15 +78,23 @@ class Station:
 
     def unplug(self) -> None:
         """Takes the adapter away; replies under way are lost."""
+        now_s = time.monotonic()
         self._replies.clear()
         self.line.unplug()
-        self.log.add("unplug", time.monotonic())
+        self._away_since_s = self._away_since_s or now_s
+        self.log.add("unplug", now_s)
 
     def replug(self, name: str) -> None:
         """Brings the adapter back under a device name."""
         self.bus.reset_line()
         self.line.plug(name)
-        self.log.add("plug", time.monotonic(), port=str(self.line.port))
+        now_s = time.monotonic()
+        self._away_s, self._away_since_s = self.unplugged_s(now_s), None
+        self.log.add("plug", now_s, port=str(self.line.port))
+
+    def unplugged_s(self, now_s: float) -> float:
+        """How long the adapter was away in all, up to a time of the monotonic clock."""
+        return self._away_s + (0.0 if self._away_since_s is None else max(0.0, now_s - self._away_since_s))
 
     def stop(self) -> None:
         """Ends ``run`` after the present turn."""

@@ -115,6 +115,8 @@ class SimCalibrationTarget(CalibrationTarget):
     def raw_positions(self) -> tuple[int, ...]:
         """Encoder positions in joint order."""
         positions = self._positions("raw_positions")
+        if self._hand is not None:
+            self._hand.looked_at()
         return tuple(encoder_ticks(float(angle)) for angle in positions)
 
     def stored(self) -> tuple[StoredMotor, ...] | None:
@@ -137,7 +139,7 @@ class SimCalibrationTarget(CalibrationTarget):
         world, group, hand = self._joined("hand")
         with world.lock:
             present = [float(angle) for angle in group.position_rad]
-            hand.follow(world.physics, hand_paths(joint, present, self._ranges, seconds))
+            hand.follow(hand_paths(joint, present, self._ranges, seconds))
         return True
 
     def _positions(self, verb: str) -> FloatArray:

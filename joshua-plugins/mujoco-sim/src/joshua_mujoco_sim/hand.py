@@ -18,12 +18,17 @@ from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
 STIFFNESS_PER_S2 = 10_000.0
 DAMPING_PER_S = 200.0
 
+#: How far the hand goes on from one look at the joints to the next: less than it rests at an end of a range.
+LOOK_S = 0.02
+
 #: Largest acceleration, which bounds the force at a stop or an obstacle.
 ACCELERATION_RAD_S2 = 5_000.0
 
 
 class Hand:
     """Moves all joints of a group; those without a path are held where they were.
+
+    Whoever calibrates must see every part of the way: the hand goes on only as fast as somebody looks.
 
     Args:
         physics: the model; group: the joints.
@@ -33,15 +38,20 @@ class Hand:
         self._group = group
         self._dofs = group.degrees_of_freedom
         self._paths: Mapping[int, Path] = {}
-        self._start_s = 0.0
+        self._elapsed_s = 0.0
+        self._left_s = 0.0
         self._still: FloatArray | None = None
         self._acceleration: FloatArray = np.zeros(physics.model.nv)
         self._force: FloatArray = np.zeros(physics.model.nv)
 
-    def follow(self, physics: Physics, paths: Mapping[int, Path]) -> None:
+    def follow(self, paths: Mapping[int, Path]) -> None:
         """Takes hold of all joints, and moves some: paths in radians of the model from now on."""
         self._still = self._group.position_rad
-        self._paths, self._start_s = paths, physics.time_s
+        self._paths, self._elapsed_s, self._left_s = paths, 0.0, LOOK_S
+
+    def looked_at(self) -> None:
+        """Says that somebody has seen where the joints are."""
+        self._left_s = LOOK_S
 
     def let_go(self, physics: Physics) -> None:
         """Lets all joints go."""
@@ -52,10 +62,13 @@ class Hand:
         """Applies the forces, before each step and under the lock."""
         if self._still is None:
             return
-        data, elapsed_s, step_s = physics.data, physics.time_s - self._start_s, physics.timestep_s
+        data, elapsed_s, step_s = physics.data, self._elapsed_s, physics.timestep_s
+        if self._left_s > 0.0:
+            self._elapsed_s += step_s
+            self._left_s -= step_s
         wanted, next_wanted = self._still.copy(), self._still.copy()
         for index, path in self._paths.items():
-            wanted[index], next_wanted[index] = path(elapsed_s), path(elapsed_s + step_s)
+            wanted[index], next_wanted[index] = path(elapsed_s), path(self._elapsed_s)
         group = self._group
         speed = (next_wanted - wanted) / step_s
         pull = STIFFNESS_PER_S2 * (wanted - group.position_rad)

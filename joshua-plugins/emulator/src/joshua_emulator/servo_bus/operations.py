@@ -16,9 +16,13 @@ from joshua_emulator.faults import FaultError, Faults
 from joshua_emulator.motion import MIDDLE
 from joshua_emulator.servo_bus.bus import EmulatedServoBus
 from joshua_emulator.servo_bus.servo import EmulatedServo
+from joshua_emulator.servo_bus.watched_hand import WatchedTime
 from joshua_emulator.station import Station
 
 Request = dict[str, Any]
+
+#: How often a fault that waits for a number of reads looks how many there were.
+READS_LOOKED_AT_S = 0.005
 
 
 class Operations:
@@ -211,7 +215,14 @@ class Operations:
             request.get("slot"), present, [self._range(s) for s in servos], float(request["seconds"])
         )
         for slot, servo in enumerate(servos):
-            servo.joint.hand = _hand(servo, paths[slot], start_s) if slot in paths else None
+            servo.joint.hand = self._watched_hand(servo, paths[slot], start_s) if slot in paths else None
+
+    def _watched_hand(
+        self, servo: EmulatedServo, path: motion.Trajectory, start_s: float
+    ) -> Callable[[float], float]:
+        hand = _hand(servo, path, 0.0)
+        time_s = WatchedTime(start_s, lambda: self._log.reads, self._station.unplugged_s)
+        return lambda now_s: hand(time_s(now_s))
 
     def _range(self, servo: EmulatedServo) -> tuple[float, float]:
         zero = servo.angle_of(MIDDLE)
@@ -234,13 +245,24 @@ class Operations:
                 servo.silent = bool(request["silent"])
 
     def _fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        """Brings a fault about: ``kind``, its ``value`` and settings.
+
+        At once, or ``at_s`` seconds from now on, or with the ``after_reads``-th read of the bus.
+        """
         action = self._fault_action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
-        if delay_s > 0:
+        if (after_reads := int(request.get("after_reads", 0))) > 0:
+            self._after_reads(after_reads, action)
+        elif delay_s > 0:
             self._station.at(delay_s, action)
         else:
             action()
+
+    def _after_reads(self, count: int, action: Callable[[], None]) -> None:
+        if self._log.reads >= count:
+            action()
+        else:
+            self._station.at(READS_LOOKED_AT_S, lambda: self._after_reads(count, action))
 
     def _fault_action(self, kind: str, request: Request) -> Callable[[], None]:
         if kind in Faults.KINDS:
