@@ -75,7 +75,7 @@ def run(folder: Path, text: str, name: str = "robot.pbtxt") -> subprocess.Comple
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=200,
         )
 
 

@@ -20,7 +20,7 @@ from sim_configs import simulation_file
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 
 
-def run(path: Path, *options: str, environment: dict[str, str] | None = None, timeout_s: float = 60):
+def run(path: Path, *options: str, environment: dict[str, str] | None = None, timeout_s: float = 200):
     """Runs ``joshua --config path`` to its end."""
     with reserved_domain() as domain:
         command = [sys.executable, "-m", "joshua.cli.main", "--config", str(path), *options]
@@ -125,7 +125,7 @@ def test_interactive_shows_the_model_in_a_window(preset: str, screen: str, tmp_p
                 time.sleep(0.3)
         finally:
             program.terminate()
-            text, _ = program.communicate(timeout=30)
+            text, _ = program.communicate(timeout=60)
     assert "real-time factor" in text
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import av
@@ -90,11 +92,17 @@ def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> N
                 'real_time_factor: 0 renders { camera: "front" width: 64 height: 48 fps: 10 '
                 'output: "out/f_%04d.png" } }\n'
             )
-            program = [sys.executable, "-m", "joshua.cli.main", "--config", str(path), "--duration", "1"]
+            program = [sys.executable, "-m", "joshua.cli.main", "--config", str(path)]
             environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
             pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
             runs.append((path.parent, subprocess.Popen(program, env=environment, **pipes)))
-        errors = [run.communicate(timeout=60)[1] for _, run in runs]
+        end_s = time.monotonic() + 100
+        while not all((folder / "out/f_0006.png").exists() or run.poll() is not None for folder, run in runs):
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+        for _, run in runs:
+            run.send_signal(signal.SIGINT)
+        errors = [run.communicate(timeout=100)[1] for _, run in runs]
     pictures = []
     for (folder, run), text in zip(runs, errors, strict=True):
         assert run.returncode == 0, text

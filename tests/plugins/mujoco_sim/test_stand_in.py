@@ -114,7 +114,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
             capture_output=True,
             text=True,
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
-            timeout=60,
+            timeout=200,
         )
 
 

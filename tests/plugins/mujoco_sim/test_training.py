@@ -225,7 +225,7 @@ def test_a_trainer_only_asks_for_it(tmp_path: Path) -> None:
             env=os.environ | {"ROS_DOMAIN_ID": str(domain), "PYTHONPATH": str(tmp_path)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=200,
         )
     assert ended.returncode == 0, ended.stderr
     assert "learned of 3 rewards" in ended.stderr

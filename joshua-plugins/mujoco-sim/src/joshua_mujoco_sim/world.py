@@ -81,6 +81,7 @@ class World:
         self._before: list[Hook] = []
         self._after: list[Hook] = []
         self._paused = False
+        self._epoch = 0  # what was due before a pause or its end is not due after it
         self._steps_left = 0
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -148,13 +149,16 @@ class World:
         return self._paused
 
     def pause(self) -> None:
-        """Lets time stand still."""
-        self._paused = True
+        """Lets time stand still: no step is done after the return."""
+        with self.lock:
+            self._paused = True
+            self._epoch += 1
 
     def resume(self) -> None:
         """Lets time run on."""
         with self.lock:
             self._paused = False
+            self._epoch += 1
             self._pacer.restart()
 
     def step_paused(self, count: int) -> None:
@@ -183,23 +187,24 @@ class World:
     def _run(self) -> None:
         while not self._stop.is_set():
             self._do_jobs()
-            due = self._due()
+            due, epoch = self._due()
             if due:
                 while due > 0 and not self._stop.is_set():
                     with self.lock:
-                        due -= self._steps(due)
+                        due -= self._steps(due) if epoch == self._epoch else due
                     self._do_jobs()
                 if self.settings.real_time_factor <= 0:
                     time.sleep(0)  # lets others take the lock
                 continue
             self._stop.wait(max(TICK_S / 2, min(self._pacer.wait_s(), 0.02)) if not self._paused else 0.005)
 
-    def _due(self) -> int:
-        if not self._paused:
-            return self._pacer.due()
+    def _due(self) -> tuple[int, int]:
+        """Number of steps that are due, and the epoch in which they are."""
         with self.lock:
+            if not self._paused:
+                return self._pacer.due(), self._epoch
             due, self._steps_left = self._steps_left, 0
-        return due
+            return due, self._epoch
 
     def advance(self, count: int) -> None:
         """Does some steps at once, with all hooks and deferred jobs; the caller holds ``lock``."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 SUMMARY = "pause, step, reset or set the state of a running simulation"
 
 #: How long the simulation may take to answer; it does so on /rosout.
-_ANSWER_S = 2.0
+_ANSWER_S = 10.0
 
 _WARNING = 30
 
