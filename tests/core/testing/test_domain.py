@@ -16,6 +16,19 @@ def test_domains_reserved_at_the_same_time_differ() -> None:
     assert all(1 <= domain <= 101 for domain in domains)
 
 
+def test_a_domain_rests_before_it_is_reserved_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: object
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    seen = []
+    for _ in range(101):
+        with reserved_domain() as domain:
+            seen.append(domain)
+    assert len(set(seen)) == 101
+    with reserved_domain() as domain:
+        assert domain in seen[:5], "the file system may tell times of the same moment from one another badly"
+
+
 def test_another_process_does_not_get_a_reserved_domain(
     monkeypatch: pytest.MonkeyPatch, tmp_path: object
 ) -> None:

@@ -45,10 +45,14 @@ def test_a_run_has_router_logs_and_domain_of_its_own(
 def test_a_run_that_takes_too_long_is_stopped_and_shows_what_it_said(
     joshua_run: JoshuaProgram, robot: str
 ) -> None:
-    with pytest.raises(subprocess.TimeoutExpired) as caught:
-        joshua_run("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "600", timeout_s=4)
-    assert caught.value.timeout == 4
-    assert "robot.pbtxt" in str(caught.value.output) + str(caught.value.stderr)
+    words = ("--config", robot, "--set", "general.mode=MODE_TEST", "--duration", "600")
+    for timeout_s in (4, 60):  # a machine that is late has said nothing after four seconds
+        with pytest.raises(subprocess.TimeoutExpired) as caught:
+            joshua_run(*words, timeout_s=timeout_s)
+        assert caught.value.timeout == timeout_s
+        if "robot.pbtxt" in (said := str(caught.value.output) + str(caught.value.stderr)):
+            break
+    assert "robot.pbtxt" in said
 
 
 def test_a_test_that_is_stopped_early_has_not_passed(joshua_run: JoshuaProgram, robot: str) -> None:

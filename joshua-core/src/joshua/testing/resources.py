@@ -9,8 +9,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-#: Time that a thread or handle may take to go after the device was closed.
-GRACE_S = 2.0
+#: Time that a thread or handle may take to go after the device was closed, on a machine that stalls, too.
+GRACE_S = 10.0
 
 _DESCRIPTORS = Path("/proc/self/fd" if sys.platform == "linux" else "/dev/fd")
 
@@ -47,9 +47,9 @@ def take() -> Resources:
     return Resources(frozenset(handles), frozenset(threading.enumerate()))
 
 
-def left_since(before: Resources, grace_s: float = GRACE_S) -> str:
+def left_since(before: Resources) -> str:
     """What is still there that was not before, after a time of grace; "" where nothing is."""
-    end = time.monotonic() + grace_s
+    end = time.monotonic() + GRACE_S
     while (left := take().since(before)) and time.monotonic() < end:
         time.sleep(0.02)
     return left

@@ -18,6 +18,9 @@ from joshua.testing.conformance import Checklist, ViolationError, name_of, requi
 #: Time by which a read may exceed its time-out on a loaded machine.
 SLACK_S = 0.5
 
+#: How often in a row a read must be late: a machine stalls now and then, a driver that waits does so always.
+LATE_READS = 3
+
 SensorFactory = Callable[[], Sensor]
 
 
@@ -226,9 +229,12 @@ class _SensorClauses:
         with lifecycle.opened(self._factory) as device:
             for timeout_s in (0.0, 0.05):
                 for _ in range(5):
-                    started = time.monotonic()
-                    device.read(timeout_s)
-                    took_s = time.monotonic() - started
+                    for _ in range(LATE_READS):
+                        started = time.monotonic()
+                        device.read(timeout_s)
+                        took_s = time.monotonic() - started
+                        if took_s <= timeout_s + SLACK_S:
+                            break
                     require(
                         took_s <= timeout_s + SLACK_S,
                         f"read({timeout_s:g}) returned after {took_s:.2f} s",
