@@ -11,7 +11,7 @@ from joshua.devices.actuator import FloatArray, JointLimits, JointReading
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.motion_recorder import MotionRecorder
-from joshua.node.rates import RateMeter
+from joshua.node.rates import RateMeter, meter_for
 from joshua.plan import JointTrace, NodeSpec
 
 #: Root mean square of the distance between goal and position that still counts as following.
@@ -44,7 +44,7 @@ class ActuatorTest:
 
     def meter(self, topic: str) -> RateMeter:
         """The counter of the messages on a topic."""
-        return self._meters.setdefault(topic, RateMeter())
+        return self._meters.setdefault(topic, meter_for(self._spec))
 
     def state(self, reading: JointReading, limits: JointLimits) -> None:
         """Takes a state, and compares it with the goal of the cycle before."""

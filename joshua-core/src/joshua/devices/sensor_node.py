@@ -10,7 +10,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.implementation import load_implementation
-from joshua.node.rates import RateLimit, RateMeter
+from joshua.node.rates import RateLimit, RateMeter, meter_for
 
 #: Longest wait for a reading, so that the stop is noticed.
 READ_TIMEOUT_S = 0.2
@@ -63,7 +63,7 @@ class SensorNode(NodeBehaviour):
         self._sensor = sensor
         sensor.connect()
         self._outputs = [
-            (self.context.publisher(topic), RateLimit(topic.rate_hz), RateMeter())
+            (self.context.publisher(topic), RateLimit(topic.rate_hz), meter_for(spec))
             for topic in spec.publishers
         ]
         self._diagnostics = DiagnosticsPublisher(self.context, self._diagnostic_rows)

@@ -14,7 +14,7 @@ from joshua.models.model import FloatArray, JointSpace, Model, ModelError
 from joshua.models.observer import STALE_AFTER_S, Observer
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.implementation import load_implementation
-from joshua.node.rates import RateLimit, RateMeter, limit_below
+from joshua.node.rates import RateLimit, RateMeter, limit_below, meter_for
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
@@ -77,7 +77,7 @@ class InferenceNode(NodeBehaviour):
         model.load()
         model.reset()
         self._outputs = [
-            (self.context.publisher(topic), limit_below(topic.rate_hz, self._rate_hz), RateMeter())
+            (self.context.publisher(topic), limit_below(topic.rate_hz, self._rate_hz), meter_for(spec))
             for topic in spec.publishers
         ]
         for topic in spec.subscriptions:

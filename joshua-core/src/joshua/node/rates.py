@@ -5,14 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from joshua.node.standstill import Standstills, standstills
+from joshua.plan import NodeSpec
+
 NS_PER_S = 1_000_000_000
 
 
 class RateMeter:
-    """Counts events and measures their mean rate between the first and the last one."""
+    """Counts events and measures their mean rate between the first and the last one.
 
-    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    Args:
+        clock: nanoseconds that never run backwards.
+        standstills: when this process stood still, which is no fault of what sends the events.
+    """
+
+    def __init__(
+        self, clock: Callable[[], int] = time.monotonic_ns, standstills: Standstills | None = None
+    ) -> None:
         self._clock = clock
+        self._standstills = standstills
         self._first_ns = self._last_ns = 0
         self.count = 0
 
@@ -31,8 +42,21 @@ class RateMeter:
 
     def check(self, name: str, wanted_hz: float, tolerance: float = 0.1) -> tuple[str, bool, str]:
         """A row of MODE_TEST: whether the rate is the configured one, within a fraction of it."""
-        passed = abs(self.rate_hz - wanted_hz) <= tolerance * wanted_hz
-        return (name, passed, f"{self.rate_hz:.4g} Hz of {wanted_hz:g} Hz, {self.count} messages")
+        least_hz, most_hz, remark = self.rate_hz, self.rate_hz, ""
+        elapsed_ns = self._last_ns - self._first_ns
+        held_ns = self._standstills.between_ns(self._first_ns, self._last_ns) if self._standstills else 0
+        if 0 < held_ns < elapsed_ns:  # nobody knows how many events would have come
+            most_hz *= elapsed_ns / (elapsed_ns - held_ns)
+            remark = (
+                f", {most_hz:.4g} Hz without {held_ns / NS_PER_S:.1f} s in which this machine stood still"
+            )
+        passed = least_hz <= wanted_hz * (1 + tolerance) and most_hz >= wanted_hz * (1 - tolerance)
+        return (name, passed, f"{least_hz:.4g} Hz of {wanted_hz:g} Hz, {self.count} messages{remark}")
+
+
+def meter_for(spec: NodeSpec) -> RateMeter:
+    """A meter for a topic of a node; in MODE_TEST, which judges devices, it knows when the machine stood."""
+    return RateMeter(standstills=standstills() if spec.context.get("testing") else None)
 
 
 class RateLimit:
