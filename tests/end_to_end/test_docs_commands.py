@@ -21,7 +21,7 @@ PAGES = [
     ROOT / "README.md",
     *sorted(page for page in (ROOT / "docs").rglob("*.md") if "examples" not in page.parts),
 ]
-TIMEOUT_S = 90
+TIMEOUT_S = 250
 
 
 class Terminal:
@@ -113,7 +113,7 @@ def commanding_pages() -> list[Path]:
     return [page for page in PAGES if steps(page)]
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1500)
 @pytest.mark.parametrize("page", commanding_pages(), ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_commands_of_a_page_run(page: Path, terminal: Terminal):
     for step in steps(page):

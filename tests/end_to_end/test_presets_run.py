@@ -17,7 +17,7 @@ JOSHUA = str(Path(sys.executable).parent / "joshua")
 
 def joshua(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [JOSHUA, *words], cwd=cwd, capture_output=True, text=True, timeout=90, stdin=subprocess.DEVNULL
+        [JOSHUA, *words], cwd=cwd, capture_output=True, text=True, timeout=200, stdin=subprocess.DEVNULL
     )
 
 
