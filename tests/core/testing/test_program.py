@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from joshua.testing.program import JoshuaProgram, free_port, router_port
+from joshua.testing.program import JoshuaProgram, router_port
 
 CONFIGURATION = """
 general { mode: MODE_TELEOPERATE name: "watched" id: "watched" }
@@ -89,11 +89,6 @@ def test_a_router_has_the_port_of_its_domain_unless_that_is_taken(joshua_domain_
         server.bind(("127.0.0.1", port))
         server.listen()
         assert router_port(joshua_domain_id) != port
-
-
-def test_a_free_port_can_be_bound() -> None:
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", free_port()))
 
 
 def test_the_fixtures_reach_another_test_suite(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+
+from joshua.testing.port import free_port
 
 #: Time that a run may take to stop in good order before it is killed.
 STOP_S = 40.0
@@ -45,7 +46,7 @@ class JoshuaProgram:
         }
         self._started: list[subprocess.Popen[str]] = []
 
-    def __call__(self, *arguments: str, timeout_s: float = 90.0) -> subprocess.CompletedProcess[str]:
+    def __call__(self, *arguments: str, timeout_s: float = 240.0) -> subprocess.CompletedProcess[str]:
         """Runs ``joshua`` to its end.
 
         Args:
@@ -111,11 +112,3 @@ def router_port(domain_id: int) -> int:
         except OSError:
             return free_port()
     return ROUTER_PORTS + domain_id
-
-
-def free_port() -> int:
-    """A TCP port on loopback that nobody listens on at the moment."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: Any = probe.getsockname()[1]
-        return int(port)
