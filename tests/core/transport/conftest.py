@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
-import socket
 import subprocess
 import sys
 import time
@@ -15,23 +13,19 @@ from typing import Any
 import pytest
 from joshua.messages import distro, select_distro
 from joshua.plan import TransportSpec
+from joshua.testing.domain import reserved_domain
+from joshua.testing.port import free_port
 from joshua.transport import Transport, open_transport
 from joshua.transport.router import RouterHandle, host_or_join
 
 PROGRAMS = Path(__file__).parent / "programs"
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.fixture(scope="session")
 def eventually() -> Callable[..., Any]:
     """Waits until a condition holds; returns what it returned."""
 
-    def wait(condition: Callable[[], Any], timeout_s: float = 30.0, what: str = "the condition") -> Any:
+    def wait(condition: Callable[[], Any], timeout_s: float = 60.0, what: str = "the condition") -> Any:
         end = time.monotonic() + timeout_s
         while not (value := condition()):
             assert time.monotonic() < end, f"{what} did not come true within {timeout_s} s"
@@ -49,8 +43,20 @@ def _restore_distro() -> Iterator[None]:
 
 
 @pytest.fixture
-def zenoh_spec() -> TransportSpec:
-    return TransportSpec(listen_endpoints=(f"tcp/localhost:{free_port()}",), domain_id=random.randrange(233))
+def domain_id() -> Iterator[int]:
+    """A ROS 2 domain that no other test uses at the same time."""
+    with reserved_domain() as reserved:
+        yield reserved
+
+
+@pytest.fixture
+def zenoh_spec(domain_id: int) -> TransportSpec:
+    return TransportSpec(listen_endpoints=(f"tcp/localhost:{free_port()}",), domain_id=domain_id)
+
+
+@pytest.fixture
+def dds_spec(domain_id: int) -> TransportSpec:
+    return TransportSpec(kind="dds", domain_id=domain_id)
 
 
 @pytest.fixture
@@ -62,14 +68,12 @@ def router(zenoh_spec: TransportSpec) -> Iterator[RouterHandle]:
 
 
 @pytest.fixture(params=["zenoh", "dds"])
-def spec(request: pytest.FixtureRequest) -> Iterator[TransportSpec]:
+def spec(request: pytest.FixtureRequest) -> TransportSpec:
     """A domain of its own on each transport; over Zenoh with its router."""
-    if request.param == "dds":
-        yield TransportSpec(kind="dds", domain_id=random.randrange(233))
-        return
-    made: TransportSpec = request.getfixturevalue("zenoh_spec")
-    request.getfixturevalue("router")
-    yield made
+    made: TransportSpec = request.getfixturevalue(f"{request.param}_spec")
+    if request.param == "zenoh":
+        request.getfixturevalue("router")
+    return made
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import random
 import subprocess
 import sys
 from pathlib import Path
@@ -12,15 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.messages import decode, encode, make
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile
 from joshua.transport.dds.taking import _LOAN_B, Taker
 
 IMAGE = "sensor_msgs/msg/Image"
-
-
-@pytest.fixture
-def dds_spec() -> TransportSpec:
-    return TransportSpec(kind="dds", domain_id=random.randrange(233))
 
 
 def image(width: int, value: int) -> Any:
@@ -65,7 +59,7 @@ def test_a_lent_sample_keeps_its_bytes_while_hundreds_come_and_go(dds_spec, open
     assert all((data == data[0]).all() for data in held)
 
 
-def test_a_lent_sample_outlives_its_transport(tmp_path: Path):
+def test_a_lent_sample_outlives_its_transport(dds_spec, tmp_path: Path):
     """In a process of its own, because what could go wrong ends a process."""
     program = tmp_path / "outlive.py"
     program.write_text(f"""
@@ -77,7 +71,7 @@ from joshua.transport import open_transport
 
 held = []
 for round in range(3):
-    transport = open_transport(TransportSpec(kind="dds", domain_id={random.randrange(233)}))
+    transport = open_transport(TransportSpec(kind="dds", domain_id={dds_spec.domain_id}))
     node = transport.create_node("one")
     got = []
     node.create_subscription("/image", {IMAGE!r}, QosProfile(), got.append)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import random
 import threading
 
 import pytest
 from joshua.messages import decode, encode, make, message_class
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile
 from joshua.transport.endpoints import read_endpoint
 
 STRING = "std_msgs/msg/String"
@@ -47,9 +46,8 @@ def test_zenoh_ros2_sdk(zenoh_spec, router, opener, program, eventually):
     eventually(lambda: got, what="a message of the SDK")
     assert decode(STRING, got[0].cdr).data == "hello from the sdk"
 
-    seen = eventually(
-        lambda: (found := endpoints(transport)) and ("/sdk_listener", "/to_sdk", False) in found and found
-    )
+    both = {("/sdk_listener", "/to_sdk", False), ("/sdk_talker", "/from_sdk", True)}
+    seen = eventually(lambda: (found := endpoints(transport)) and both <= set(found) and found)
     talker = seen["/sdk_talker", "/from_sdk", True]
     assert (talker.type_name, talker.type_hash) == (STRING, STRING_HASH)
 
@@ -68,8 +66,8 @@ def test_zenoh_ros2_sdk(zenoh_spec, router, opener, program, eventually):
 
 
 @pytest.mark.parametrize("distro", ["jazzy", "humble"])
-def test_plain_cyclonedds(opener, program, eventually, distro):
-    spec = TransportSpec(kind="dds", domain_id=random.randrange(233), distro=distro)
+def test_plain_cyclonedds(dds_spec, opener, program, eventually, distro):
+    spec = dds_spec.model_copy(update={"distro": distro})
     peer = program("dds_peer.py", spec.domain_id, distro)
     transport = opener(spec)
     node = transport.create_node("ours", "/left")
@@ -81,9 +79,8 @@ def test_plain_cyclonedds(opener, program, eventually, distro):
     assert decode(STRING, got[0].cdr).data == "hello from dds"
     assert len(got[0].publisher_gid) == 16
 
-    seen = eventually(
-        lambda: (found := endpoints(transport)) and ("/bare/dds_peer", "/to_peer", False) in found and found
-    )
+    both = {("/bare/dds_peer", "/to_peer", False), ("/bare/dds_peer", "/from_peer", True)}
+    seen = eventually(lambda: (found := endpoints(transport)) and both <= set(found) and found)
     assert {node.name for node in transport.nodes()} == {"ours", "dds_peer"}, (
         "and none with control characters"
     )
@@ -93,8 +90,9 @@ def test_plain_cyclonedds(opener, program, eventually, distro):
     assert talker.qos == QosProfile()
 
     eventually(lambda: publisher.subscription_count == 1)
-    publisher.publish(encode(make.joint_state(["a", "b"], [0.5, -1.5], frame_id="base")))
-    report = json.loads(peer.stdout.readline())
+    # our side has found the reader, and the reader may not have found our side yet
+    message = encode(make.joint_state(["a", "b"], [0.5, -1.5], frame_id="base"))
+    report = json.loads(publish_until_it_answers(publisher, message, peer))
     peer.stdin.write("end\n")
     peer.stdin.flush()
     assert report == {
@@ -107,20 +105,18 @@ def test_plain_cyclonedds(opener, program, eventually, distro):
     }
 
 
-def test_a_stock_ros_2_with_the_range_localhost_meets_ours(opener, program, eventually):
-    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
-    peer = program("dds_peer.py", spec.domain_id, "jazzy", "stock")
+def test_a_stock_ros_2_with_the_range_localhost_meets_ours(dds_spec, opener, program, eventually):
+    peer = program("dds_peer.py", dds_spec.domain_id, "jazzy", "stock")
     got = []
-    opener(spec).create_node("ours").create_subscription("/from_peer", STRING, QosProfile(), got.append)
+    opener(dds_spec).create_node("ours").create_subscription("/from_peer", STRING, QosProfile(), got.append)
     assert peer.stdout.readline() == "ready\n"
     eventually(lambda: got, what="a message of the peer")
 
 
-def test_endpoints_that_no_node_owns_are_listed_as_ros_2_lists_them(opener, program, eventually):
-    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
+def test_endpoints_that_no_node_owns_are_listed_as_ros_2_lists_them(dds_spec, opener, program, eventually):
     # a peer of another distribution announces its node in a form that does not match
-    peer = program("dds_peer.py", spec.domain_id, "humble")
-    transport = opener(spec)
+    peer = program("dds_peer.py", dds_spec.domain_id, "humble")
+    transport = opener(dds_spec)
     assert peer.stdout.readline() == "ready\n"
     bare = "_CREATED_BY_BARE_DDS_APP_"
     eventually(lambda: (f"{bare}/{bare}", "/from_peer", True) in endpoints(transport))

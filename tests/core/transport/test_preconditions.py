@@ -98,7 +98,7 @@ def test_errors_carry_the_exit_code_of_the_program():
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can hide shared memory from a process")
 def test_a_machine_without_shared_memory_goes_on_with_a_warning(zenoh_spec: TransportSpec):
     code = f"""
-import logging, sys
+import logging, sys, time
 logging.basicConfig(format="%(levelname)s %(message)s")
 from joshua.plan import TransportSpec
 from joshua.transport import open_transport
@@ -106,6 +106,8 @@ from joshua.transport.router import host_or_join
 spec = TransportSpec.model_validate_json({zenoh_spec.model_dump_json()!r})
 router = host_or_join(spec)
 transport = open_transport(spec)
+while not transport.connected:  # the link may take longer than the opening
+    time.sleep(0.01)
 print(router.description, transport.connected)
 transport.close(); router.close()
 """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ipaddress
 import os
-import random
 import socket
 import stat
 import sys
@@ -52,9 +51,9 @@ def test_nothing_of_zenoh_listens_beyond_loopback(zenoh_spec, program):
 
 
 @linux
-def test_every_socket_of_dds_is_tied_to_the_loopback_device(opener):
+def test_every_socket_of_dds_is_tied_to_the_loopback_device(dds_spec, opener):
     before = set(own_datagram_sockets())
-    opener(TransportSpec(kind="dds", domain_id=random.randrange(233))).create_node("a")
+    opener(dds_spec).create_node("a")
     found = {key: value for key, value in own_datagram_sockets().items() if key not in before}
     assert len(found) >= 2  # discovery and data
     for address, device in found.values():
@@ -67,11 +66,12 @@ def own_datagram_sockets():
     for entry in Path("/proc/self/fd").iterdir():
         try:
             status = os.fstat(int(entry.name))
+            if not stat.S_ISSOCK(status.st_mode):
+                continue
+            copy = os.dup(int(entry.name))
         except OSError:
-            continue
-        if not stat.S_ISSOCK(status.st_mode):
-            continue
-        with socket.socket(fileno=os.dup(int(entry.name))) as end:
+            continue  # another thread has closed it meanwhile
+        with socket.socket(fileno=copy) as end:
             if end.type == socket.SOCK_DGRAM and end.family == socket.AF_INET:
                 device = end.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
                 found[status.st_ino] = (end.getsockname()[0], device.rstrip(b"\0").decode())
@@ -125,20 +125,17 @@ def test_settings_of_cyclonedds_uri_follow_ours(monkeypatch):
     assert domain_config(TransportSpec(kind="dds")).endswith("</CycloneDDS>,<General/>")
 
 
-def test_an_unknown_interface_is_named_in_the_error():
-    spec = TransportSpec(
-        kind="dds", domain_id=random.randrange(233), network_interface="nosuch0", discovery_range="SUBNET"
-    )
+def test_an_unknown_interface_is_named_in_the_error(dds_spec):
+    spec = dds_spec.model_copy(update={"network_interface": "nosuch0", "discovery_range": "SUBNET"})
     with pytest.raises(TransportError, match="network_interface"):
         open_transport(spec)
 
 
-def test_one_process_has_one_configuration_of_a_domain(opener):
-    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
-    opener(spec)
-    opener(spec)
+def test_one_process_has_one_configuration_of_a_domain(dds_spec, opener):
+    opener(dds_spec)
+    opener(dds_spec)
     with pytest.raises(TransportError, match="with other settings"):
-        open_transport(spec.model_copy(update={"discovery_range": "OFF"}))
+        open_transport(dds_spec.model_copy(update={"discovery_range": "OFF"}))
 
 
 def test_a_missing_extra_is_named(monkeypatch):

@@ -8,14 +8,9 @@ import socket
 import pytest
 from joshua.messages import encode, message_class
 from joshua.plan import QosProfile, TransportSpec
+from joshua.testing.port import free_port
 from joshua.transport import TransportError
 from joshua.transport.router import host_or_join
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
@@ -33,7 +28,7 @@ def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
 def test_a_fork_of_a_process_with_a_session_is_refused_instead_of_hanging(zenoh_spec, program):
     forked = program("fork.py", zenoh_spec.model_dump_json())
     assert "fork first and open the transport afterwards" in forked.stdout.readline()
-    assert forked.wait(30) == 0
+    assert forked.wait(60) == 0
 
 
 def test_nodes_meet_across_two_routers(zenoh_spec, router, opener, eventually):

@@ -91,16 +91,16 @@ def test_our_nodes_talk_and_a_client_needs_a_certificate(
         endpoint = secure.listen_endpoints[0]
         stranger = Authority(tmp_path, "strangers")
         guests = {
-            "none": program("raw_zenoh.py", endpoint, authority.file),
-            "foreign": program("raw_zenoh.py", endpoint, authority.file, *stranger.issue("guest")),
-            "ours": program("raw_zenoh.py", endpoint, authority.file, *authority.issue("friend")),
+            "none": program("raw_zenoh.py", endpoint, authority.file, 5),
+            "foreign": program("raw_zenoh.py", endpoint, authority.file, 5, *stranger.issue("guest")),
+            "ours": program("raw_zenoh.py", endpoint, authority.file, 60, *authority.issue("friend")),
         }
 
         def all_reported():
             publisher.publish(message)
             return all(guest.poll() is not None for guest in guests.values())
 
-        eventually(all_reported, what="the reports of the guests")
+        eventually(all_reported, timeout_s=120, what="the reports of the guests")
         reports = {name: json.loads(guest.stdout.read()) for name, guest in guests.items()}
         assert reports["none"] == {"connected": False, "heard": []}
         assert reports["foreign"] == {"connected": False, "heard": []}

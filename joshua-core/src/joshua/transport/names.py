@@ -12,6 +12,9 @@ from joshua.transport.errors import TransportError
 _TOPIC = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
 _NODE = re.compile(r"^[A-Za-z_][A-Za-z0-9_]*$")
 
+#: Name that ROS 2 gives to the node of DDS endpoints that no node has announced as its own.
+NAMELESS = "_CREATED_BY_BARE_DDS_APP_"
+
 
 def require_topic(topic: str) -> str:
     """Returns a fully qualified topic name as it is.

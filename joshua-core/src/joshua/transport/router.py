@@ -13,8 +13,10 @@ from joshua.transport.far_routers import FarRouters
 from joshua.transport.preconditions import require_usable
 
 _log = logging.getLogger("joshua.transport")
-_ANSWER_S = 2.0
+#: A router answers within milliseconds; its program may stand still for a moment.
+_ANSWER_S = 5.0
 _LOOK_S = 0.2
+_POLL_S = 0.02
 _IN_USE = f"os error {errno.EADDRINUSE}"
 _REMEDIES = {
     f"os error {errno.EADDRNOTAVAIL}": (
@@ -81,7 +83,7 @@ class RouterHandle:
         if _IN_USE not in refusal:
             raise TransportError(self._cannot_listen(refusal))
         self._join()
-        if not self._router_answers(_ANSWER_S):
+        if not self._router_answers():
             self.close()
             raise TransportError(
                 f"another program holds {', '.join(self.endpoints)} and does not answer as a Zenoh router"
@@ -89,8 +91,9 @@ class RouterHandle:
                 "join one there. Stop that program (`ss -ltnp` lists who listens), or set other "
                 "listen_endpoints in the transport block"
             )
-        self._keeper = threading.Thread(target=self._keep, name="joshua-router-keeper", daemon=True)
-        self._keeper.start()
+        if self._guest is not None:
+            self._keeper = threading.Thread(target=self._keep, name="joshua-router-keeper", daemon=True)
+            self._keeper.start()
 
     def close(self) -> None:
         """Stops hosting or watching; a second call does nothing."""
@@ -135,28 +138,37 @@ class RouterHandle:
 
         self._guest = open_session(guest_config(self._spec))
 
-    def _router_answers(self, timeout_s: float) -> bool:
-        waited_s = 0.0
-        while not self._guest.info.routers_zid():
-            if waited_s >= timeout_s or self._stop.wait(0.02):
+    def _router_answers(self) -> bool:
+        """Waits for the router that has the port; hosts one where that ends just now."""
+        tries = round(_LOOK_S / _POLL_S)
+        for look in range(1, round(_ANSWER_S / _POLL_S)):
+            if self._guest.info.routers_zid():
+                return True
+            if look % tries == 0 and not self._host():
+                self._leave_guest()
+                return True
+            if self._stop.wait(_POLL_S):
                 return False
-            waited_s += 0.02
-        return True
+        return False
 
     def _keep(self) -> None:
-        from joshua.transport.zenoh.settings import close_session
-
         while not self._stop.wait(_LOOK_S):
             if self._guest.info.routers_zid():
                 continue
             self._host()
             if self.hosting:
                 _log.warning("the Zenoh router was gone; this process now %s", self.description)
-                with self._lock:
-                    guest, self._guest = self._guest, None
-                if guest is not None:
-                    close_session(guest)
+                self._leave_guest()
                 return
+
+    def _leave_guest(self) -> None:
+        """Ends the session that watched another process's router."""
+        from joshua.transport.zenoh.settings import close_session
+
+        with self._lock:
+            guest, self._guest = self._guest, None
+        if guest is not None:
+            close_session(guest)
 
 
 def host_or_join(spec: TransportSpec) -> RouterHandle | None:

@@ -1,7 +1,11 @@
-"""A process with one node: sends everything that comes on /ping back on /pong, until its input ends."""
+"""A process with one node: sends everything that comes on /ping back on /pong, until its input ends.
+
+It says «ready» once somebody listens to /pong.
+"""
 
 import json
 import sys
+import time
 
 from joshua.plan import QosProfile, TransportSpec
 from joshua.transport import open_transport
@@ -13,6 +17,8 @@ transport = open_transport(spec)
 node = transport.create_node("echo", "/far")
 publisher = node.create_publisher("/pong", type_name, qos)
 node.create_subscription("/ping", type_name, qos, lambda sample: publisher.publish(sample.cdr))
+while not publisher.subscription_count:  # what is sent before has nobody to come to
+    time.sleep(0.01)
 print("ready", flush=True)
 sys.stdin.read()
 transport.close()

@@ -1,6 +1,7 @@
-"""A plain Zenoh client that takes everything it can get: prints what it heard after a while.
+"""A plain Zenoh client that takes everything it can get: prints the first that it heard.
 
-Arguments: the endpoint, the certificate of the authority, and optionally a certificate with its key.
+Arguments: the endpoint, the certificate of the authority, seconds to wait for the link, and optionally a
+certificate with its key.
 """
 
 import json
@@ -10,7 +11,7 @@ from typing import Any
 
 import zenoh
 
-endpoint, authority, *own = sys.argv[1:]
+endpoint, authority, patience_s, *own = sys.argv[1:]
 config = zenoh.Config()
 tls: dict[str, Any] = {"root_ca_certificate": authority, "verify_name_on_connect": False}
 if own:
@@ -18,7 +19,7 @@ if own:
 for key, value in (
     ("mode", "client"),
     ("connect/endpoints", [endpoint]),
-    ("connect/timeout_ms", 5000),
+    ("connect/timeout_ms", int(patience_s) * 1000),
     ("scouting/multicast/enabled", False),
     ("transport/link/tls", tls),
 ):
@@ -30,7 +31,7 @@ except zenoh.ZError:
     print(json.dumps({"connected": False, "heard": []}), flush=True)
     sys.exit()
 subscriber: Any = session.declare_subscriber("**", lambda sample: heard.append(str(sample.key_expr)))
-end_s = time.monotonic() + 3
+end_s = time.monotonic() + 60
 while time.monotonic() < end_s and not heard:
     time.sleep(0.02)
 connected = bool(session.info.routers_zid())

@@ -23,9 +23,7 @@ from joshua.transport.api import EndpointInfo, NodeInfo
 from joshua.transport.dds import discovery_info, raw
 from joshua.transport.dds.discovery_info import NodeEntry
 from joshua.transport.dds.qos import XCDR1, read_qos, read_type_hash
-
-BARE_DDS = "_CREATED_BY_BARE_DDS_APP_"
-"""Name that ROS 2 gives to the node of endpoints that no ROS 2 node owns."""
+from joshua.transport.names import NAMELESS
 
 _PREFIX = "rt/"
 _HUMBLE_GID_BYTES, _GID_BYTES = 24, 16
@@ -92,7 +90,7 @@ class Graph:
                 found += [_node(entry, endpoints) for entry in entries]
         if endpoints:
             # what is left belongs to no node: programs that speak DDS without ROS 2
-            found.append(_node(NodeEntry(BARE_DDS, BARE_DDS, (), tuple(endpoints)), endpoints))
+            found.append(_node(NodeEntry(NAMELESS, NAMELESS, (), tuple(endpoints)), endpoints))
         return sorted(found, key=lambda node: (node.namespace, node.name))
 
     def owner(self, publisher_gid: bytes) -> str:

@@ -49,7 +49,11 @@ def _open_sockets() -> dict[int, int]:
 
 
 def _tie(descriptor: int) -> None:
-    with contextlib.closing(socket.socket(fileno=os.dup(descriptor))) as end:
+    try:
+        copy = os.dup(descriptor)
+    except OSError:
+        return  # another thread has closed it meanwhile
+    with contextlib.closing(socket.socket(fileno=copy)) as end:
         if end.type != socket.SOCK_DGRAM or end.family != socket.AF_INET:
             return
         if not ipaddress.ip_address(end.getsockname()[0]).is_unspecified:

@@ -19,6 +19,8 @@ class Graph:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
+        # held while listeners are told, so that each hears of an entity in the order of the news
+        self._telling = threading.RLock()
         self._entities: dict[str, Entity] = {}
         self._listeners: dict[str, list[Listener]] = {}
 
@@ -29,24 +31,26 @@ class Graph:
         except ValueError as error:
             _log.debug("ignored a liveliness token: %s", error)
             return
-        with self._lock:
-            if (token in self._entities) == present:
-                return
-            if present:
-                self._entities[token] = entity
-            else:
-                del self._entities[token]
-            listeners = list(self._listeners.get(entity.topic, ()))
-        for listener in listeners:
-            listener(entity, present)
+        with self._telling:
+            with self._lock:
+                if (token in self._entities) == present:
+                    return
+                if present:
+                    self._entities[token] = entity
+                else:
+                    del self._entities[token]
+                listeners = list(self._listeners.get(entity.topic, ()))
+            for listener in listeners:
+                listener(entity, present)
 
     def listen(self, topic: str, listener: Listener) -> None:
         """Calls ``listener(entity, present)`` for the endpoints of a topic, those known included."""
-        with self._lock:
-            self._listeners.setdefault(topic, []).append(listener)
-            known = [entity for entity in self._entities.values() if entity.topic == topic]
-        for entity in known:
-            listener(entity, True)
+        with self._telling:
+            with self._lock:
+                self._listeners.setdefault(topic, []).append(listener)
+                known = [entity for entity in self._entities.values() if entity.topic == topic]
+            for entity in known:
+                listener(entity, True)
 
     def ignore(self, topic: str, listener: Listener) -> None:
         """Ends the calls to a listener."""
