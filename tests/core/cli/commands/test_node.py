@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-
 import pytest
 from joshua.cli.main import main
 from joshua.plan import QosProfile, TransportSpec
@@ -11,10 +9,8 @@ from joshua.transport import open_transport
 
 
 @pytest.fixture
-def node(monkeypatch):
-    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(spec.domain_id))
-    transport = open_transport(spec)
+def node(joshua_domain_id):
+    transport = open_transport(TransportSpec(kind="dds", domain_id=joshua_domain_id))
     made = transport.create_node("arm", "/left")
     transport.create_node("_hidden")
     made.create_publisher("/left/state", "sensor_msgs/msg/JointState", QosProfile())
@@ -24,14 +20,14 @@ def node(monkeypatch):
 
 
 def test_list(node, capsys):
-    assert main(["node", "list", "--transport", "dds", "--wait", "10"]) == 0
+    assert main(["node", "list", "--transport", "dds", "--wait", "60"]) == 0
     assert capsys.readouterr().out == "/left/arm\n"
-    assert main(["node", "list", "--all", "--transport", "dds", "--wait", "10"]) == 0
+    assert main(["node", "list", "--all", "--transport", "dds", "--wait", "60"]) == 0
     assert capsys.readouterr().out == "/_hidden\n/left/arm\n"
 
 
 def test_info(node, capsys):
-    assert main(["node", "info", "/left/arm", "--transport", "dds", "--wait", "10"]) == 0
+    assert main(["node", "info", "/left/arm", "--transport", "dds", "--wait", "60"]) == 0
     profile = "RELIABLE, VOLATILE, KEEP_LAST 10"
     assert capsys.readouterr().out.splitlines() == [
         "/left/arm",

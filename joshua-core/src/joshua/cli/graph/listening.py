@@ -52,15 +52,17 @@ def arrivals(
     node = transport.create_node(f"_joshua_{os.getpid()}")
     subscription = node.create_subscription(topic, type_name, qos, callback)
     publishers = _Publishers(subscription, topic)
-    last_s = time.monotonic()
+    silent_s = 0.0
     while True:
         try:
             arrival = waiting.get(timeout=_TICK_S)
-            last_s = arrival.time_s
+            silent_s = 0.0
+            publishers.heard()
             yield arrival
         except queue.Empty:
             publishers.look()
-            if timeout_s is not None and time.monotonic() - last_s >= timeout_s:
+            silent_s += _TICK_S  # not by the clock: a time in which this program stood still is no silence
+            if timeout_s is not None and silent_s >= timeout_s:
                 raise GraphError(
                     f"no message came on {topic} within {timeout_s:g} s: {publishers.state}; wait longer "
                     "with --timeout"
@@ -73,7 +75,8 @@ class _Publishers:
 
     def __init__(self, subscription: Subscription, topic: str) -> None:
         self._subscription, self._topic = subscription, topic
-        self._count = self._most = 0
+        # one that leaves before the first look, or while messages come without a pause, has been there
+        self._count = self._most = subscription.publisher_count
 
     def look(self) -> None:
         """Says when the last one has left, and when one is there again."""
@@ -85,6 +88,11 @@ class _Publishers:
         elif self._count and not before and self._most:
             sys.stderr.write(f"{self._topic} has a publisher again\n")
         self._most = max(self._most, self._count)
+
+    def heard(self) -> None:
+        """A message has come, from a publisher that perhaps no look has seen yet."""
+        if not self._count:
+            self.look()
 
     @property
     def state(self) -> str:

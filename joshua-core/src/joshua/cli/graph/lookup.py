@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import difflib
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.cli.graph.session import GraphError, place_of, wait_for_graph
+from joshua.cli.graph.session import GraphError, looks, place_of, wait_for_graph
 
 if TYPE_CHECKING:
     from joshua.plan import QosProfile
     from joshua.transport import EndpointInfo, NodeInfo, Transport
 
 _POLL_S = 0.05
+#: How long the rest of what belongs to a topic or node may take to become known.
+_SETTLE_S = 2.0
 
 
 def endpoints_of(nodes: Sequence[NodeInfo], topic: str) -> list[EndpointInfo]:
@@ -33,16 +34,14 @@ def find_topic(transport: Transport, topic: str, wait_s: float) -> list[Endpoint
     Raises:
         GraphError: it did not; the nearest names follow.
     """
-    end_s = time.monotonic() + wait_s
-    while True:
+    nodes: list[NodeInfo] = []
+    for _ in looks(wait_s, _POLL_S):
         nodes = transport.nodes()
         found = endpoints_of(nodes, topic)
         if found:
             # a further moment, so that the other endpoints of the topic are known as well
-            return endpoints_of(wait_for_graph(transport, min(wait_s, 0.4)), topic) or found
-        if time.monotonic() >= end_s:
-            raise GraphError(_missing("topic", topic, _topics(nodes), transport, wait_s), ExitCode.INVALID)
-        time.sleep(_POLL_S)
+            return endpoints_of(wait_for_graph(transport, min(wait_s, _SETTLE_S)), topic) or found
+    raise GraphError(_missing("topic", topic, _topics(nodes), transport, wait_s), ExitCode.INVALID)
 
 
 def find_node(transport: Transport, name: str, wait_s: float) -> list[NodeInfo]:
@@ -51,17 +50,15 @@ def find_node(transport: Transport, name: str, wait_s: float) -> list[NodeInfo]:
     Raises:
         GraphError: it did not; the nearest names follow.
     """
-    end_s = time.monotonic() + wait_s
-    while True:
+    nodes: list[NodeInfo] = []
+    for _ in looks(wait_s, _POLL_S):
         nodes = transport.nodes()
         found = [node for node in nodes if full_name(node) == name]
         if found:
-            wait_for_graph(transport, min(wait_s, 0.4))
+            wait_for_graph(transport, min(wait_s, _SETTLE_S))
             return [node for node in transport.nodes() if full_name(node) == name] or found
-        if time.monotonic() >= end_s:
-            names = [full_name(node) for node in nodes]
-            raise GraphError(_missing("node", name, names, transport, wait_s), ExitCode.INVALID)
-        time.sleep(_POLL_S)
+    names = [full_name(node) for node in nodes]
+    raise GraphError(_missing("node", name, names, transport, wait_s), ExitCode.INVALID)
 
 
 def full_name(node: NodeInfo) -> str:

@@ -116,18 +116,36 @@ def choose_spec(arguments: argparse.Namespace) -> TransportSpec:
     return spec.model_copy(update={"kind": arguments.transport}) if arguments.transport else spec
 
 
+def looks(wait_s: float, pause_s: float = _POLL_S) -> Iterator[None]:
+    """Yields for each look at something that is waited for; the last one comes after the whole wait.
+
+    A pause in which this program stood still counts little: what it waits for could not come in either.
+    """
+    left_s = wait_s
+    while True:
+        yield
+        if left_s <= 0:
+            return
+        began_s = time.monotonic()
+        time.sleep(min(pause_s, left_s))
+        left_s -= min(time.monotonic() - began_s, 2 * pause_s)
+
+
 def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
-    """The nodes, once nothing new has come for a moment; at the latest after ``wait_s``."""
-    end_s = time.monotonic() + wait_s
-    known = transport.nodes()
-    quiet_since_s = time.monotonic()
-    while time.monotonic() < end_s:
-        if known and time.monotonic() - quiet_since_s > min(_QUIET_S, wait_s):
+    """The nodes, once nothing new has come for a moment; at the latest after ``wait_s``.
+
+    Endpoints whose node has not announced them yet are waited for.
+    """
+    from joshua.transport.names import NAMELESS
+
+    known: list[NodeInfo] = []
+    quiet_looks = 0
+    for _ in looks(wait_s):
+        before, known = known, transport.nodes()
+        quiet_looks = quiet_looks + 1 if known == before else 0
+        settled = known and all(node.name != NAMELESS for node in known)
+        if settled and quiet_looks * _POLL_S >= min(_QUIET_S, wait_s):
             break
-        time.sleep(_POLL_S)
-        now = transport.nodes()
-        if now != known:
-            known, quiet_since_s = now, time.monotonic()
     return known
 
 
@@ -157,15 +175,13 @@ def place_of(transport: Transport) -> str:
 
 
 def _require_connection(transport: Transport, wait_s: float) -> None:
-    end_s = time.monotonic() + wait_s
-    while not transport.connected:
-        if time.monotonic() >= end_s:
-            raise GraphError(
-                f"no Zenoh router answers on {transport.meeting_point}; start a robot (joshua --config "
-                "robot.pbtxt) or ROS 2's router, name the robot's file with --config, or use "
-                "--transport dds for nodes on DDS"
-            )
-        time.sleep(_POLL_S)
+    for _ in looks(wait_s):
+        if transport.connected:
+            return
+    raise GraphError(
+        f"no Zenoh router answers on {transport.meeting_point}; start a robot (joshua --config robot.pbtxt) "
+        "or ROS 2's router, name the robot's file with --config, or use --transport dds for nodes on DDS"
+    )
 
 
 def _spec_of_file(path: str) -> TransportSpec:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.graph.lookup import full_topic, type_name
 from joshua.cli.graph.payload import read_values
-from joshua.cli.graph.session import GraphError, graph_session
+from joshua.cli.graph.session import GraphError, graph_session, looks
 
 if TYPE_CHECKING:
     import argparse
@@ -60,11 +60,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _wait_for_subscription(publisher: Publisher, topic: str, wait_s: float) -> None:
-    end_s = time.monotonic() + wait_s
-    while not publisher.subscription_count:
-        if time.monotonic() >= end_s:
-            raise GraphError(
-                f"nobody subscribed to {topic} within {wait_s:g} s, so nothing was published; wait longer "
-                "with --wait, or keep the message for late subscriptions with --latch and --rate"
-            )
-        time.sleep(_POLL_S)
+    for _ in looks(wait_s, _POLL_S):
+        if publisher.subscription_count:
+            return
+    raise GraphError(
+        f"nobody subscribed to {topic} within {wait_s:g} s, so nothing was published; wait longer "
+        "with --wait, or keep the message for late subscriptions with --latch and --rate"
+    )
