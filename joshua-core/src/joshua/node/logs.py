@@ -76,7 +76,8 @@ class NodeLogHandler(logging.Handler):
         try:
             observer(log)
         except Exception as error:  # noqa: BLE001 (a record that cannot be shown must not fail the node)
-            self._observers.pop(node, None)
+            if self._observers.pop(node, None) is None:
+                return  # the node ends, and another thread has ended this first
             text = f"log records are not published any more: {error}"
             self._send(Log(node=node, time_ns=time.time_ns(), level=logging.WARNING, text=printable(text)))
 

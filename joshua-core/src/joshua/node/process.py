@@ -11,7 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from importlib.metadata import version
@@ -42,6 +42,9 @@ INTERRUPT_AFTER_S = 0.3
 
 #: The same after a stop request that is urgent.
 URGENT_INTERRUPT_AFTER_S = 0.05
+
+#: Patience is counted in such steps: a node that stood still with its process could not notice anything.
+PATIENCE_STEP_S = 0.02
 
 #: The interpreter's default of 5 ms lets one busy thread delay the ticks of another by that much.
 SWITCH_INTERVAL_S = 0.0005
@@ -180,10 +183,18 @@ class NodeProcess:
         if self._runtimes and self._runtimes[0].running:
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
 
-    def _later(self, delay_s: float, action: object) -> None:
-        timer = threading.Timer(delay_s, action)  # type: ignore[arg-type]
-        timer.daemon = True
-        timer.start()
+    def _later(self, delay_s: float, action: Callable[[], None]) -> None:
+        """Does something after a time, in which a pause of this whole process counts little."""
+
+        def wait_and_act() -> None:
+            left_s = delay_s
+            while left_s > 0:
+                began_s = time.monotonic()
+                time.sleep(min(left_s, PATIENCE_STEP_S))
+                left_s -= min(time.monotonic() - began_s, 2 * PATIENCE_STEP_S)
+            action()
+
+        threading.Thread(target=wait_and_act, name="patience", daemon=True).start()
 
     @contextmanager
     def _interruptible(self) -> Iterator[None]:

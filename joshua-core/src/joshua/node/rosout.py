@@ -29,6 +29,7 @@ class RosoutPublisher:
         self._handle = handle
         self._name = spec.full_name.strip("/").replace("/", ".")
         self._publisher: Publisher | None = None
+        self._lock = threading.Lock()
         self._busy = threading.local()
 
     def publish(self, log: Log) -> None:
@@ -37,10 +38,11 @@ class RosoutPublisher:
             return
         self._busy.active = True
         try:
-            if self._publisher is None:
-                self._publisher = self._handle.create_publisher(
-                    "/rosout", "rcl_interfaces/msg/Log", ROSOUT_QOS
-                )
+            with self._lock:
+                if self._publisher is None:
+                    self._publisher = self._handle.create_publisher(
+                        "/rosout", "rcl_interfaces/msg/Log", ROSOUT_QOS
+                    )
             self._publisher.publish(encode(self._message(log)))
         finally:
             self._busy.active = False
