@@ -6,6 +6,8 @@ import json
 import os
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +15,9 @@ import pytest
 from joshua.cli.main import main
 from joshua.generator import run_bases
 from joshua.generator.run_directory import RunDirectory
+from joshua.generator.starting import starting
 from joshua.guardian.latch import LatchFolder, Subject
+from joshua.testing.port import free_port
 
 CONFIGURATION = """
 general { mode: MODE_TEST id: "NAME" name: "estop test" }
@@ -54,6 +58,7 @@ class Shell:
             "ROS_DOMAIN_ID": str(domain_id),
         }
         self.processes: list[subprocess.Popen[str]] = []
+        self.nodes: list[dict[str, object]] = []
 
     @property
     def latches(self) -> LatchFolder:
@@ -66,17 +71,12 @@ class Shell:
             cwd=self.folder,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=120,
         )
 
     def file(self, name: str) -> Path:
-        import socket
-
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
         path = self.folder / f"{name}.pbtxt"
-        path.write_text(CONFIGURATION.replace("NAME", name).replace("PORT", str(port)))
+        path.write_text(CONFIGURATION.replace("NAME", name).replace("PORT", str(free_port())))
         return path
 
     def launch(self, path: Path) -> subprocess.Popen[str]:
@@ -103,7 +103,15 @@ class Shell:
 
     def states(self) -> dict[str, str]:
         answers = json.loads(self.joshua("status", "--format", "json").stdout)
-        return {node["full_name"]: node["state"] for answer in answers for node in answer["nodes"]}
+        self.nodes = [node for answer in answers for node in answer["nodes"]]
+        return {node["full_name"]: node["state"] for node in self.nodes}
+
+    def await_states(self, **expected: str) -> None:
+        """An actuator says that its torque is off before it says that it is in fault."""
+        wanted = {f"/{node}": state for node, state in expected.items()}
+        end_s = time.monotonic() + 60
+        while not wanted.items() <= self.states().items():
+            assert time.monotonic() < end_s, self.nodes
 
 
 @pytest.fixture
@@ -112,7 +120,7 @@ def shell(tmp_path: Path, joshua_domain_id: int) -> Iterator[Shell]:
     yield shell
     for process in shell.processes:
         process.terminate()
-        process.communicate(timeout=60)
+        process.communicate(timeout=120)
 
 
 def test_every_system_is_stopped_and_each_latch_is_released_by_itself(shell: Shell) -> None:
@@ -121,9 +129,7 @@ def test_every_system_is_stopped_and_each_latch_is_released_by_itself(shell: She
     assert result.returncode == 0, result.stderr
     assert "/desk_arm  off     read back from 2 joints by its driver" in result.stdout
     assert "/shelf_arm  off     read back from 2 joints by its driver" in result.stdout
-    assert shell.states() == {
-        "/desk_arm": "fault", "/desk_encoder": "ready", "/shelf_arm": "fault", "/shelf_encoder": "ready",
-    }  # fmt: skip
+    shell.await_states(desk_arm="fault", desk_encoder="ready", shelf_arm="fault", shelf_encoder="ready")
     unclear = shell.joshua("estop", "--release")
     assert unclear.returncode == 2
     assert "name one of these" in unclear.stderr
@@ -147,7 +153,7 @@ def test_two_users_at_once_are_both_told_the_truth(shell: Shell) -> None:
     options = {"env": shell.environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     users = [subprocess.Popen(command, **options) for _ in range(3)]  # type: ignore[call-overload]
     for user in users:
-        output, errors = user.communicate(timeout=60)
+        output, errors = user.communicate(timeout=120)
         assert user.returncode == 0, output + errors
         assert "/desk_arm  off     read back from 2 joints by its driver" in output
     assert shell.latches.all()
@@ -166,8 +172,7 @@ def test_one_of_several_is_stopped(shell: Shell) -> None:
     result = shell.joshua("estop", "--config", "shelf.pbtxt")
     assert result.returncode == 0, result.stderr
     assert "the e-stop of shelf is latched since" in shell.joshua("status").stdout
-    states = shell.states()
-    assert (states["/desk_arm"], states["/shelf_arm"]) == ("ready", "fault")
+    shell.await_states(desk_arm="ready", shelf_arm="fault")
 
 
 def test_the_same_robot_under_another_file_is_stopped(shell: Shell) -> None:
@@ -178,18 +183,44 @@ def test_the_same_robot_under_another_file_is_stopped(shell: Shell) -> None:
     assert result.returncode == 0, result.stderr
     assert f"e-stop latched: {running} (process" in result.stdout
     assert "read back from 2 joints by its driver" in result.stdout
-    assert shell.states()["/desk_arm"] == "fault"
+    shell.await_states(desk_arm="fault")
 
 
 def test_a_run_that_is_just_being_started_is_stopped(shell: Shell) -> None:
     path = shell.file("desk")
     process = shell.launch(path)
-    result = shell.joshua("estop")  # both begin at the same moment: mostly nothing runs yet
+    marks, end_s = shell.folder / "run" / "joshua" / "starting", time.monotonic() + 60
+    while not list(marks.glob("*.run")):
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+    result = shell.joshua("estop")  # the file is being read
     assert result.returncode == 0, result.stderr
     assert f"e-stop latched: {path}" in result.stdout
     assert process.stdout is not None
     assert any("nodes ready after" in line for line in process.stdout)
-    assert shell.states()["/desk_arm"] == "fault"
+    shell.await_states(desk_arm="fault")
+
+
+def test_a_slow_start_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("joshua.cli.commands.estop.STARTING_S", 0.0)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    base = run_bases.base_directory(os.environ)
+    runs: list[RunDirectory] = []
+
+    def start() -> None:
+        time.sleep(0.3)
+        runs.append(RunDirectory.create(base, "/srv/robot.pbtxt", 7, ["/arm"], robot="desk"))
+
+    with starting(base):
+        thread = threading.Thread(target=start)
+        thread.start()
+        assert main(["estop"]) == 0
+        thread.join()
+    assert "e-stop latched: /srv/robot.pbtxt" in capsys.readouterr().out
+    runs[0].close()
+    assert main(["estop"]) == 1
 
 
 def test_nothing_runs(shell: Shell) -> None:
@@ -212,7 +243,7 @@ def test_a_file_that_does_not_run_is_latched_and_a_bad_one_is_not(shell: Shell) 
     assert "/desk_arm  off     read back from 2 joints by this command" in result.stdout
     assert [latch.robot for latch in shell.latches.all()] == ["desk"]
     shell.start("desk")
-    assert shell.states()["/desk_arm"] == "fault"
+    shell.await_states(desk_arm="fault")
     bad = shell.folder / "bad.pbtxt"
     bad.write_text("robot {")
     refused = shell.joshua("estop", "--config", str(bad))

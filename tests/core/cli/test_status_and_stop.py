@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from joshua.testing.port import free_port
 
 CONFIGURATION = """
 general { mode: MODE_TEST id: "status-test" name: "status test" }
@@ -44,18 +45,13 @@ def joshua(environment, *arguments):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
     )
 
 
 def start(environment, tmp_path, name):
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     path = tmp_path / name
-    path.write_text(CONFIGURATION.replace("PORT", str(port)).replace("watched", Path(name).stem))
+    path.write_text(CONFIGURATION.replace("PORT", str(free_port())).replace("watched", Path(name).stem))
     process = subprocess.Popen(
         [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
         env=environment,
@@ -79,7 +75,7 @@ def running(environment, tmp_path):
     yield process, path
     if process.poll() is None:
         process.terminate()
-    process.communicate(timeout=60)
+    process.communicate(timeout=120)
 
 
 def test_nothing_runs(environment):
@@ -102,7 +98,7 @@ def test_status_shows_the_run_and_stop_ends_it(environment, running):
     stopped = joshua(environment, "stop")
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout == f"stopped {path} (process {process.pid})\n"
-    assert process.wait(60) == 1, "a test that was not finished has not passed"
+    assert process.wait(120) == 1, "a test that was not finished has not passed"
 
 
 def test_stop_asks_which_when_several_run(environment, running, tmp_path):
@@ -119,12 +115,12 @@ def test_stop_asks_which_when_several_run(environment, running, tmp_path):
 
         chosen = joshua(environment, "stop", str(second.pid))
         assert chosen.returncode == 0, chosen.stderr
-        assert second.wait(60) == 1
+        assert second.wait(120) == 1
         assert running[0].poll() is None
     finally:
         if second.poll() is None:
             second.terminate()
-        second.communicate(timeout=60)
+        second.communicate(timeout=120)
 
 
 def test_a_system_that_does_not_answer_is_named(environment, running):

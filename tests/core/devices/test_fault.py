@@ -205,6 +205,16 @@ def test_an_estop_takes_the_torque_reads_it_back_and_reports(start: Any) -> None
     assert node.has_torque
 
 
+def test_a_resume_before_the_release_was_noticed_stands(start: Any) -> None:
+    node = start()
+    node.stop()
+    node.latches.clear(node.latches.all()[0])
+    node.node.resume()
+    node.context.tick("safety")
+    assert node.has_torque
+    assert node.context.faults[-1] == ""
+
+
 def test_a_second_estop_is_verified_again(start: Any) -> None:
     node = start()
     first, second = node.stop(), node.stop()

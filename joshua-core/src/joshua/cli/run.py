@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import sys
 import time
@@ -31,11 +32,14 @@ def run(arguments: argparse.Namespace) -> int:
     # First of all: the fork server must be forked before any thread or transport exists, and it loads
     # the heavy modules while this process reads the file.
     from joshua.generator import fork_server
+    from joshua.generator.run_bases import base_directory
+    from joshua.generator.starting import starting
 
     with ExitStack() as stack:
         stack.enter_context(interruptible())
         server = fork_server.start()
         stack.callback(server.close)
+        stack.enter_context(starting(base_directory(os.environ)))
         from joshua.generator.examination import finish
 
         checked = check(arguments)

@@ -162,6 +162,7 @@ class ActuatorNode(NodeBehaviour):
             self._energised = False
             self._safety.stand_down()
             raise ResumeRefusedError(f"{name}: the fault is still there: {error}") from error
+        self._stopped_by = ""  # its release need not be noticed any more
         self._leave_fault()
         return f"{name} has torque again; it approaches its next command slowly"
 

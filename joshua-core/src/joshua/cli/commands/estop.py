@@ -22,8 +22,10 @@ SUMMARY = "take the torque off every actuator, and keep it off"
 
 TIMEOUT_S = 5.0
 
-#: A run that is just being started is there for this command within this time, before it gives any torque.
+#: A run that is just being started shows that within this time …
 STARTING_S = 2.0
+#: … and is there for this command within this one, before it gives any torque.
+STARTED_S = 30.0
 POLL_S = 0.05
 
 
@@ -183,9 +185,14 @@ def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
 
 def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
     """Waits for systems that are just being started, where none runs."""
-    end_s = time.monotonic() + STARTING_S
-    while time.monotonic() < end_s and not _systems(bases, ""):
+    from joshua.generator.starting import is_any_starting
+
+    waited_s = 0.0
+    while not _systems(bases, ""):
+        if waited_s >= (STARTED_S if is_any_starting(bases) else STARTING_S):
+            break
         time.sleep(POLL_S)
+        waited_s += POLL_S
     return _systems(bases, word)
 
 

@@ -21,6 +21,8 @@ DIRECT_AFTER_S = 1.5
 SUPERVISOR_TIMEOUT_S = 0.5
 
 _POLL_S = 0.01
+#: What one turn counts at most: while this program stood still, drivers mostly could not answer either.
+_TURN_S = 0.1
 
 
 class RunningSystem:
@@ -68,13 +70,14 @@ class RunningSystem:
         Args:
             latches: where a later e-stop of the same run may have taken the place of this one.
         """
-        began_s = time.monotonic()
+        last_s, elapsed_s = time.monotonic(), 0.0
         nodes = self.info.actuators
         while True:
             later = [item.identifier for item in latches.all() if item.source == latch.source]
             reports = {node: self._report(node, [latch.identifier, *later]) for node in nodes}
             waiting = [node for node, report in reports.items() if report is None or not report.complete]
-            elapsed_s = time.monotonic() - began_s
+            now_s = time.monotonic()
+            last_s, elapsed_s = now_s, elapsed_s + min(now_s - last_s, _TURN_S)
             if not waiting or elapsed_s > timeout_s:
                 return [reports[node] or self._unreached(node, latch) for node in nodes]
             if elapsed_s > DIRECT_AFTER_S or not self._path.exists():
