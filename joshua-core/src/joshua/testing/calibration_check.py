@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 
 from joshua.calibration.sweep import MOVED, SMALLEST_RANGE
 from joshua.calibration.track import Track
@@ -26,6 +26,9 @@ TargetFactory = Callable[[], CalibrationTarget]
 
 #: How long the hand of the check takes, and how often it looks meanwhile.
 HAND_S, LOOK_EVERY_S = 0.8, 0.02
+
+#: A look that took so long has missed a part of the way: the motion is made again, some times at most.
+LONGEST_LOOK_S, MOTIONS = 0.15, 4
 
 
 def check_calibration_target(
@@ -327,27 +330,20 @@ class _TargetClauses:
     @staticmethod
     def _watch(target: CalibrationTarget, hand: Hand, index: int) -> None:
         motors, name = target.motors, target.motors[index].joint_name
-        tracks = [Track(motor.ticks_per_turn) for motor in motors]
-        lows, highs = [0] * len(motors), [0] * len(motors)
-        began_s = time.monotonic()
-        hand(index, HAND_S)
-        asked_s = time.monotonic() - began_s
+        for _ in range(MOTIONS):
+            began_s = time.monotonic()
+            hand(index, HAND_S)
+            asked_s = time.monotonic() - began_s
+            ways, longest_s = _ways(target, began_s + HAND_S)
+            if max(asked_s, longest_s) < LONGEST_LOOK_S:
+                break  # else this machine was held up
         require(
             asked_s < HAND_S / 2,
             f"hand({index}, {HAND_S}) returned after {asked_s:.1f} s",
             why="the calibration reads the joint while the hand moves it",
             cause="the motion is made in the call in place of a thread or a process",
         )
-        first: Sequence[int] = ()
-        while time.monotonic() - began_s < HAND_S:
-            for track, raw in zip(tracks, target.raw_positions(), strict=True):
-                track.follow(raw)
-            places = [track.position for track in tracks]
-            first = first or places
-            lows = [min(low, p - start) for low, p, start in zip(lows, places, first, strict=True)]
-            highs = [max(high, p - start) for high, p, start in zip(highs, places, first, strict=True)]
-            time.sleep(LOOK_EVERY_S)
-        way = highs[index] - lows[index]
+        way = ways[index]
         needed = motors[index].ticks_per_turn * SMALLEST_RANGE
         require(
             way >= needed,
@@ -355,7 +351,7 @@ class _TargetClauses:
             why=f"less than {needed:.0f} ticks is no range, and the calibration would never be complete",
             cause="raw_positions repeats an old reading, counts another motor, or ticks_per_turn is wrong",
         )
-        others = [h - low for i, (low, h) in enumerate(zip(lows, highs, strict=True)) if i != index]
+        others = [other for i, other in enumerate(ways) if i != index]
         allowed = motors[index].ticks_per_turn * MOVED
         require(
             max(others, default=0) <= allowed,
@@ -363,3 +359,18 @@ class _TargetClauses:
             why="a calibration refuses two joints that move together",
             cause="readings of two motors are exchanged, or the hand lets go of the others",
         )
+
+
+def _ways(target: CalibrationTarget, end_s: float) -> tuple[list[int], float]:
+    """How far each joint moves until a time of the monotonic clock, in ticks, and how long one look took."""
+    tracks = [Track(motor.ticks_per_turn) for motor in target.motors]
+    places: list[list[int]] = []
+    longest_s, last_s = 0.0, time.monotonic()
+    while not places or last_s < end_s:
+        for track, raw in zip(tracks, target.raw_positions(), strict=True):
+            track.follow(raw)
+        places.append([track.position for track in tracks])
+        time.sleep(LOOK_EVERY_S)
+        now_s = time.monotonic()
+        longest_s, last_s = max(longest_s, now_s - last_s), now_s
+    return [max(way) - min(way) for way in zip(*places, strict=True)], longest_s

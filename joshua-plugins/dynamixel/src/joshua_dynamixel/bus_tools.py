@@ -56,6 +56,7 @@ class DynamixelBusTools(ServoBusTools):
         },
         quiet_s=0.8,  # the vendor reckons with 3 ms for each id below the one that answers
         calls=1,
+        looks=1,
     )
 
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from joshua.devices.bus_tools import FoundMotor
@@ -186,6 +186,40 @@ class ServoBus(ABC):
         """Whether a servo answers, in one attempt. Raises PortDisconnected."""
         return self.ask(servo_id, self.ping_request(servo_id), self.ping_length()) is not None
 
+    def roll_call(self, ids: Iterable[int], margin_s: float) -> set[int]:
+        """Pings these ids one after the other, each in one attempt; returns all that answered meanwhile.
+
+        A reply names its servo, so one that comes while the next id is asked already counts as well: a busy
+        host may keep it back for longer than a search through all ids can wait each time.
+
+        Args:
+            margin_s: how long after its wire time each reply is waited for.
+
+        Raises PortDisconnected.
+        """
+        heard: set[int] = set()
+        usual_s, self.reply_margin_s = self.reply_margin_s, margin_s
+        try:
+            for servo_id in ids:
+                if servo_id not in heard:
+                    heard |= self._call(servo_id)
+        finally:
+            self.reply_margin_s = usual_s
+            self._expect_late_replies()
+        return heard
+
+    def _call(self, servo_id: int) -> set[int]:
+        """Who answers to one ping, until the one that it is for does."""
+        message, size = self.ping_request(servo_id), self.reply_overhead + self.ping_length()
+        deadline_s = self._send(message, size)
+        heard: set[int] = set()
+        for reply in self._replies(self._receive(message, size, deadline_s), deadline_s, self.make_search()):
+            if len(reply.data) == self.ping_length():
+                heard.add(reply.servo_id)
+            if servo_id in heard:
+                break
+        return heard
+
     def try_write(self, servo_id: int, register: Register, value: int) -> bool:
         """Writes one register, in one attempt; whether it was acknowledged. Raises PortDisconnected."""
         message = self.write_request(servo_id, register.address, register.encode(value))
@@ -208,7 +242,7 @@ class ServoBus(ABC):
         received = b""
         while chunk := self.port.receive(_LISTEN_BYTES, time.monotonic() + quiet_s):
             received += chunk
-        received = received[len(message) * self._echo :]
+        received = received.partition(message)[2] if self._echo else received
         ids = [reply.servo_id for reply in self.make_search().feed(received)]
         understood = (self.reply_overhead + self.ping_length()) * len(ids)
         return sorted(set(ids)), len(received) != understood
@@ -308,8 +342,12 @@ class ServoBus(ABC):
         return time.monotonic() + wire_s + self.reply_margin_s
 
     def _receive(self, message: bytes, size: int, deadline_s: float) -> bytes:
-        echoed = len(message) * self._echo
-        return self.port.receive(size + echoed, deadline_s)[echoed:]
+        if not self._echo:
+            return self.port.receive(size, deadline_s)
+        received = self.port.receive(size + len(message), deadline_s)
+        while message not in received and time.monotonic() < deadline_s:  # an earlier one came late
+            received += self.port.receive(len(message), deadline_s)
+        return received.partition(message)[2]
 
     def _replies(self, received: bytes, deadline_s: float, search: ReplySearch) -> Iterator[Reply]:
         """Replies in what was received, then in what still comes until the deadline."""

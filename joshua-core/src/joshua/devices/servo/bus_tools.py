@@ -10,14 +10,18 @@ from typing import ClassVar
 
 from joshua.devices.bus_tools import AssignmentFailed, BusTools, FoundMotor
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.patience import machine_is_busy
 from joshua.devices.serial_errors import PortDisconnected, PortUnusable
-from joshua.devices.servo.bus import ServoBus
+from joshua.devices.servo.bus import REPLY_MARGIN_S, ServoBus
 from joshua.devices.servo.errors import NoReply
 from joshua.devices.servo.register import Register
 
 SWEEP_MARGIN_S = 0.008  # for pings of all ids, most of which nobody has
 LIKELY_IDS = range(21)  # asked again with the full margin: a busy host may miss a reply
 ATTEMPTS = 3
+
+#: For a servo that was heard and does not answer now: that is more often a busy host than a servo that left.
+PATIENT_MARGIN_S = 0.06
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class SetUp:
         working: what a servo of an arm needs beside its id: it moves to positions, and answers at once.
         quiet_s: a line without a byte for this long has nobody who answers a call to all.
         calls: how often all are called before nobody is believed to be there.
+        looks: how often a scan goes through the line speeds while it finds nobody at any of them, or on a
+            busy machine through those at which it found nobody.
     """
 
     torque_enable: Register
@@ -40,6 +46,7 @@ class SetUp:
     lock: Register | None = None
     quiet_s: float = 0.06
     calls: int = 2
+    looks: int = 2
 
 
 class ServoBusTools(BusTools):
@@ -56,14 +63,15 @@ class ServoBusTools(BusTools):
     def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
         """Looks for servos at each line speed; yields each as it is found. Raises PortDisconnected."""
         with self._line_speed_kept():
-            for baudrate in baudrates or self.baudrates:
-                bus = self._bus_at(baudrate)
-                if bus is None:
-                    continue
-                for servo_id in self._heard_ids(bus):
-                    motor = self._describe(bus, servo_id)
-                    if motor is not None:
-                        yield motor
+            speeds = tuple(baudrates or self.baudrates)
+            for _ in range(self.set_up.looks):
+                found = set()
+                for motor in self._look(speeds):
+                    found.add(motor.baudrate)
+                    yield motor
+                if found and not machine_is_busy():
+                    return
+                speeds = tuple(speed for speed in speeds if speed not in found)
 
     def assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
         """Gives one servo its id and line speed, position mode and immediate replies.
@@ -182,7 +190,19 @@ class ServoBusTools(BusTools):
             return None
         bus = self.make_bus(self.port)
         bus.detect_echo()
+        bus.reply_margin_s = max(bus.reply_margin_s, PATIENT_MARGIN_S)
         return bus
+
+    def _look(self, baudrates: Sequence[int]) -> Iterator[FoundMotor]:
+        """Goes through the line speeds once."""
+        for baudrate in baudrates:
+            bus = self._bus_at(baudrate)
+            if bus is None:
+                continue
+            for servo_id in self._heard_ids(bus):
+                motor = self._describe(bus, servo_id)
+                if motor is not None:
+                    yield motor
 
     def _heard_ids(self, bus: ServoBus) -> list[int]:
         """Ids of the servos at the present line speed."""
@@ -196,22 +216,21 @@ class ServoBusTools(BusTools):
 
     def _sweep(self, bus: ServoBus) -> list[int]:
         """Pings every id there is."""
-        bus.reply_margin_s, usual_s = SWEEP_MARGIN_S, bus.reply_margin_s
-        heard = {servo_id for servo_id in self.ids if bus.ping(servo_id)}
-        bus.reply_margin_s = usual_s
+        heard = bus.roll_call(self.ids, SWEEP_MARGIN_S)
         for _ in range(ATTEMPTS - 1):
-            heard |= {servo_id for servo_id in LIKELY_IDS if servo_id not in heard and bus.ping(servo_id)}
+            heard |= bus.roll_call((i for i in LIKELY_IDS if i not in heard), REPLY_MARGIN_S)
         return sorted(heard)
 
     def _describe(self, bus: ServoBus, servo_id: int) -> FoundMotor | None:
         """What a servo says of itself; None where it does not answer any more."""
-        corrupt = bus.counters.corrupt
-        try:
-            return self.read_motor(bus, servo_id)
-        except NoReply:
-            if bus.counters.corrupt - corrupt > bus.retries:
-                return FoundMotor(servo_id, bus.port.baudrate, shared=True)
-            return None
+        for _ in range(ATTEMPTS):
+            corrupt = bus.counters.corrupt
+            try:
+                return self.read_motor(bus, servo_id)
+            except NoReply:
+                if bus.counters.corrupt - corrupt > bus.retries:
+                    return FoundMotor(servo_id, bus.port.baudrate, shared=True)
+        return None
 
     @contextlib.contextmanager
     def _line_speed_kept(self) -> Iterator[None]:

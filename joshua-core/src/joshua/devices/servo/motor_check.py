@@ -73,19 +73,27 @@ def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:
     answers: dict[int, list[int]] = {}
     wanted = list(ids)
     try:
-        for baudrate in bus.baudrates:
-            if baudrate == usual:
-                continue
-            try:
-                bus.port.set_baudrate(baudrate)
-            except PortUnusable:
-                continue  # a speed that the adapter cannot run at cannot be the one in use
-            heard = [servo_id for servo_id in wanted if bus.ping(servo_id)]
-            if heard:
-                answers[baudrate] = heard
+        for _ in range(LOOKS):
+            for baudrate in bus.baudrates:
+                if baudrate != usual and (heard := _heard_at(bus, baudrate, wanted)):
+                    answers[baudrate] = heard
+            if answers:
+                break
     finally:
         bus.port.set_baudrate(usual)
     return answers
+
+
+def _heard_at(bus: ServoBus, baudrate: int, wanted: Sequence[int]) -> list[int]:
+    """Those ids that answer at a line speed; where one does, the others are asked once more."""
+    try:
+        bus.port.set_baudrate(baudrate)
+    except PortUnusable:
+        return []  # a speed that the adapter cannot run at cannot be the one in use
+    heard = bus.roll_call(wanted, bus.reply_margin_s)
+    if heard:
+        heard |= bus.roll_call([i for i in wanted if i not in heard], bus.reply_margin_s)
+    return [servo_id for servo_id in wanted if servo_id in heard]
 
 
 def _missing_text(bus: ServoBus, ids: Sequence[int], missing: list[int]) -> list[str]:
@@ -110,12 +118,12 @@ def _missing_text(bus: ServoBus, ids: Sequence[int], missing: list[int]) -> list
 
 def _strangers(bus: ServoBus, ids: Sequence[int]) -> list[FoundMotor]:
     strangers = []
-    for servo_id in SCANNED_IDS:
-        if servo_id not in ids and bus.ping(servo_id):
-            try:
-                strangers.append(bus.identify(servo_id))
-            except NoReply:
-                continue  # it answered once and then no more: not one to report as found
+    heard = bus.roll_call([i for i in SCANNED_IDS if i not in ids], bus.reply_margin_s)
+    for servo_id in sorted(heard.difference(ids)):
+        try:
+            strangers.append(bus.identify(servo_id))
+        except NoReply:
+            continue  # it answered once and then no more: not one to report as found
     return strangers
 
 
