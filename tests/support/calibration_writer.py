@@ -17,6 +17,7 @@ from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua.devices.calibration_target import SO_ARM_JOINTS, StoredMotor
 from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 from joshua_sts3215.settings import Sts3215Settings
+from patience import patient
 
 NODE = "leader_arm"
 
@@ -48,6 +49,7 @@ class SteppedTarget(Sts3215CalibrationTarget):
 def open_target(port: str, root: str) -> SteppedTarget:
     settings = {"port": port, "device_root": root, "motor_ids": list(range(1, 7))}
     target = SteppedTarget(Sts3215Settings.model_validate(settings))
+    patient(target._bus)
     target.connect()
     return target
 

@@ -14,16 +14,23 @@ from joshua.devices.servo.errors import (
 )
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_emulator import EmulatedBus
+from patience import BRISK_S, PATIENT_S
 
 MIXED = ["xl330-m077", "xl430-w250", "xl430-w250"]
 POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
 
 
-def drive_to(arm: DynamixelActuator, pose: Any, timeout_s: float = 20.0) -> None:
+def drive_to(arm: DynamixelActuator, pose: Any, timeout_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + timeout_s
     while np.abs(arm.read().position_rad - pose).max() > 0.005:
         assert time.monotonic() < deadline_s
         arm.write(pose)
+
+
+def brisk(arm: DynamixelActuator) -> DynamixelActuator:
+    """Where a servo does not answer, or boots: who waits long for it waits in vain."""
+    arm.bus.reply_margin_s = BRISK_S
+    return arm
 
 
 def energised(emulator: EmulatedBus) -> set[bool]:
@@ -31,7 +38,7 @@ def energised(emulator: EmulatedBus) -> set[bool]:
 
 
 def read_until_it_trips(arm: DynamixelActuator) -> str:
-    deadline_s = time.monotonic() + 10
+    deadline_s = time.monotonic() + 60
     while time.monotonic() < deadline_s:
         try:
             arm.read()
@@ -124,8 +131,9 @@ def test_a_position_a_turn_away_is_taken_for_that_of_the_range(
     arm_emulator.fault("brown_out")
     found = {servo["id"]: servo["present_position"] for servo in arm_emulator.servos()}
     assert {abs(found[i] - position) for i, position in beyond.items()} == {4096}
-    arm = make_arm(arm_emulator)
+    arm = brisk(make_arm(arm_emulator))
     arm.connect()
+    arm.bus.reply_margin_s = PATIENT_S
     shown = dict(zip(arm.settings.motor_ids, arm.read().position_rad, strict=True))
     for servo_id, position in beyond.items():
         assert shown[servo_id] == pytest.approx((position - 2048) * 2 * np.pi / 4096, abs=0.002)
@@ -147,7 +155,8 @@ def test_a_guardian_parks_by_the_turn_that_servos_count_in_after_their_reboot(
     arm_emulator.fault("overload", servo_id)
     before = arm_emulator.servo(servo_id)["present_position"]
     arm.check()
-    arm.prepare()
+    brisk(arm).prepare()
+    arm.bus.reply_margin_s = PATIENT_S
     assert abs(arm_emulator.servo(servo_id)["present_position"] - before) == 4096
     here = arm.read().position_rad
     park = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=here.tolist()).park_ticks
@@ -185,7 +194,7 @@ def test_a_hardware_error_trips_and_enabling_reboots(arm_emulator: EmulatedBus, 
         arm.write(POSE)
     arm.read()  # reading goes on
     assert any(row.message == "overloaded" for row in arm.diagnostics())
-    arm.enable()
+    brisk(arm).enable()
     assert energised(arm_emulator) == {True}
     assert [entry["id"] for entry in arm_emulator.log("reboot")] == [3]
 
@@ -195,7 +204,7 @@ def test_heat_keeps_the_torque_off_even_after_a_reboot(arm_emulator: EmulatedBus
     arm.connect()
     arm_emulator.fault("over_temperature", 2)
     with pytest.raises(SafetyTripped, match=r"torque stays off: shoulder_lift: .*(too hot|85 °C)"):
-        arm.enable()
+        brisk(arm).enable()
     assert energised(arm_emulator) == {False}
 
 
@@ -205,7 +214,7 @@ def test_a_weak_supply_trips(fault: str, arm_emulator: EmulatedBus, make_arm: An
     arm.connect()
     arm.enable()
     arm_emulator.fault(fault)
-    reason = read_until_it_trips(arm)
+    reason = read_until_it_trips(brisk(arm))
     assert "V, allowed 3.5 to 7.0 V" in reason or "its supply was interrupted" in reason
     assert energised(arm_emulator) == {False}
 
@@ -249,13 +258,13 @@ def test_servos_that_are_set_up_for_something_else(
 
 def test_the_motor_check_names_models_and_the_break(emulator: EmulatedBus, make_arm: Any) -> None:
     with pytest.raises(MotorCheckFailed) as caught:
-        make_arm(emulator, calibrated=False).connect()
+        brisk(make_arm(emulator, calibrated=False)).connect()
     text = str(caught.value)
     assert "wrong model: id 2 is a xl430-w250, expected xl330-m077" in text
     assert "expected: 1 (xl330-m077), 2 (xl330-m077), 3 (xl330-m077)\n" in text
     emulator.fault("break_after", 1)
     with pytest.raises(MotorCheckFailed) as caught:
-        make_arm(emulator, calibrated=False, motor_ids=[1, 2, 3]).connect()
+        brisk(make_arm(emulator, calibrated=False, motor_ids=[1, 2, 3])).connect()
     assert "missing ids: 2, 3\n  the chain breaks after id 1: check the cable" in str(caught.value)
     assert "found: 1 (xl330-m077, firmware 46)" in str(caught.value)
 
@@ -263,7 +272,7 @@ def test_the_motor_check_names_models_and_the_break(emulator: EmulatedBus, make_
 def test_two_motors_with_one_id(emulator: EmulatedBus, make_arm: Any) -> None:
     emulator.fault("duplicate", 2)
     with pytest.raises(MotorCheckFailed, match=r"two motors share the id 2: connect one alone") as caught:
-        make_arm(emulator, calibrated=False, models=MIXED, motor_ids=[1, 2, 3]).connect()
+        brisk(make_arm(emulator, calibrated=False, models=MIXED, motor_ids=[1, 2, 3])).connect()
     assert "missing" not in str(caught.value)
 
 
@@ -285,13 +294,14 @@ def test_another_line_speed_is_found(make_arm: Any) -> None:
         EmulatedBus("dynamixel", ids=(1, 2), baudrate=57_600) as emulator,
         pytest.raises(MotorCheckFailed, match=r"but ids 1, 2 answer at 57600: set baudrate: 57600"),
     ):
-        make_arm(emulator, calibrated=False).connect()
+        brisk(make_arm(emulator, calibrated=False)).connect()
 
 
 def test_a_silent_servo_and_a_replug(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator)
     arm.connect()
     arm_emulator.fault("silent", 4)
+    arm.bus.reply_margin_s = 0.5
     with pytest.raises(NoReply, match=r"wrist_flex \(id 4\) does not answer any more"):
         arm.read()
     arm_emulator.ask("clear_faults")

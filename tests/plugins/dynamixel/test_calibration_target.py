@@ -11,6 +11,7 @@ from joshua.devices.servo.errors import MotorCheckFailed
 from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
+from patience import BRISK_S, patient
 
 
 def target_of(emulator: EmulatedBus, *models: str) -> DynamixelCalibrationTarget:
@@ -20,7 +21,9 @@ def target_of(emulator: EmulatedBus, *models: str) -> DynamixelCalibrationTarget
         "motor_ids": [servo["id"] for servo in emulator.servos()],
         "models": models or ("xl330-m077",),
     }
-    return DynamixelCalibrationTarget(DynamixelSettings.model_validate(settings))
+    target = DynamixelCalibrationTarget(DynamixelSettings.model_validate(settings))
+    patient(target._bus)
+    return target
 
 
 @pytest.fixture
@@ -79,5 +82,6 @@ def test_release_takes_torque_off_and_nothing_puts_it_on(
 
 def test_a_silent_servo_is_named(arm_emulator: EmulatedBus, target: DynamixelCalibrationTarget) -> None:
     arm_emulator.fault("silent", 4)
+    target._bus.reply_margin_s = BRISK_S
     with pytest.raises(DeviceDisconnected, match=r"wrist_flex \(id 4\)"):
         target.raw_positions()

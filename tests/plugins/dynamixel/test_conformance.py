@@ -12,6 +12,7 @@ from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus_tools import DynamixelBusTools
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
+from patience import patient
 
 
 def test_the_driver_keeps_the_contract_of_actuators(arm_emulator: EmulatedBus) -> None:
@@ -28,7 +29,12 @@ def test_the_driver_keeps_the_contract_of_actuators(arm_emulator: EmulatedBus) -
     def unplug(device: Actuator) -> None:
         arm_emulator.fault("unplug")
 
-    check_actuator(lambda: DynamixelActuator(settings), unplug=unplug, timeout_s=30.0)
+    def make() -> Actuator:
+        arm = DynamixelActuator(settings)
+        patient(arm.bus)
+        return arm
+
+    check_actuator(make, unplug=unplug, timeout_s=60.0)
 
 
 class FewIds(DynamixelBusTools):
@@ -65,7 +71,9 @@ def test_its_target_keeps_the_contract_of_calibration_targets(arm_emulator: Emul
     )
 
     def make() -> CalibrationTarget:
-        return DynamixelActuator(settings).calibration_target()
+        target = DynamixelActuator(settings).calibration_target()
+        patient(target._bus)
+        return target
 
     def hand(joint: int | None, seconds: float) -> bool:
         arm_emulator.guide(joint, seconds)

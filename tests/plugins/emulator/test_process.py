@@ -12,8 +12,15 @@ import pytest
 from joshua_emulator import EmulatedBus, EmulatorError
 
 
+def is_running(number: int) -> bool:
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:  # gone, perhaps between two looks
+        return False
+
+
 def wait_gone(path: str) -> None:
-    deadline_s = time.monotonic() + 10
+    deadline_s = time.monotonic() + 60
     while os.path.lexists(path):
         assert time.monotonic() < deadline_s
         time.sleep(0.005)
@@ -33,7 +40,7 @@ def test_unplug_hangs_up_and_replug_takes_another_name() -> None:
         port = os.open(bus.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         bus.fault("unplug", replug_after_s=0.05, name="ttyACM5")
         wait_gone(bus.port)
-        assert select.select([port], [], [], 10)[0] == [port]
+        assert select.select([port], [], [], 60)[0] == [port]
         with pytest.raises(OSError, match="Input/output error"):
             os.write(port, b"x")
         os.close(port)
@@ -51,7 +58,7 @@ def test_a_fault_can_wait_for_its_time() -> None:
 def test_a_motion_of_the_hand_shows_in_the_positions() -> None:
     with EmulatedBus(ids=(1, 2), motion="sine,amplitude_rad=1,frequency_hz=5") as bus:
         seen = set()
-        deadline_s = time.monotonic() + 10
+        deadline_s = time.monotonic() + 60
         while len(seen) < 5 and time.monotonic() < deadline_s:
             seen.add(bus.servo(1)["present_position"])
         assert len(seen) >= 5
@@ -109,8 +116,8 @@ def test_the_process_ends_with_its_parent_even_by_sigkill(tmp_path: Path) -> Non
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     parent.stdout.close()
-    deadline_s = time.monotonic() + 10
-    while Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
+    deadline_s = time.monotonic() + 60
+    while is_running(int(pid)):
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
     assert not Path(root).exists()
@@ -124,7 +131,7 @@ def test_a_stop_before_the_loop_begins_is_not_lost(tmp_path: Path, device: str) 
         "sys.exit(main(sys.argv[1:]))\n"
     )
     command = [sys.executable, "-c", program, device, "--root", str(tmp_path)]
-    stopped = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20)
+    stopped = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
     assert stopped.returncode == 0, stopped.stderr
 
 

@@ -75,9 +75,13 @@ def test_unknown_operations_are_refused(scanner: EmulatedLidar, encoder: Emulate
 
 
 def test_a_stall_ends_after_its_time(scanner: EmulatedLidar) -> None:
-    scanner.fault("stall", 0.2)
+    scanner.fault("stall")
     assert scanner.state()["turn_hz"] == 0
-    time.sleep(0.3)
+    scanner.ask("clear_faults")
+    assert scanner.state()["turn_hz"] == 10
+    scanner.fault("stall", 0.2)
+    stall = scanner.log("stall")[-1]
+    assert scanner.wait_for(["go_on"], since=stall["sequence"])["t_ns"] - stall["t_ns"] >= 0.2e9
     assert scanner.state()["turn_hz"] == 10
 
 
@@ -90,10 +94,15 @@ def test_the_truth_about_the_shaft(encoder: EmulatedEncoder) -> None:
 
 
 def test_a_scanner_sends_at_the_rate_of_the_real_one(scanner: EmulatedLidar) -> None:
-    before, start_s = scanner.state()["packets"], time.monotonic()
-    time.sleep(2)
-    rate_hz = (scanner.state()["packets"] - before) / (time.monotonic() - start_s)
-    assert rate_hz == pytest.approx(375, rel=0.05)  # 4500 measurements a second, 12 in a packet
+    before = scanner.state()
+    expected_hz = pytest.approx(375, rel=0.05)  # 4500 measurements a second, 12 in a packet
+    for _ in range(15):  # a process that is held up sends the rest later: the longer, the less it matters
+        time.sleep(2)
+        after = scanner.state()
+        rate_hz = (after["packets"] - before["packets"]) / (after["t_ns"] - before["t_ns"]) * 1e9
+        if rate_hz == expected_hz:
+            break
+    assert rate_hz == expected_hz
 
 
 def test_the_names_are_those_of_a_usb_adapter(scanner: EmulatedLidar) -> None:
@@ -146,10 +155,12 @@ def test_noise_from_the_host_does_not_end_a_scanner(model: str) -> None:
     with EmulatedLidar(model) as scanner:
         port = SerialPort(Endpoint(scanner.port), scanner.state()["baudrate"])
         port.open()
-        for _ in range(200):
+        for number in range(200):
             port.send(draw.randbytes(draw.randrange(1, 60)))
+            if number % 20 == 0:
+                scanner.state()  # what it has not taken yet would fill the line
         port.send(b"b" if model == "lds01" else b"\x00" * 300 + b"\xa5\x60" + b"\xa5\x20")
-        deadline_s = time.monotonic() + 5
+        deadline_s = time.monotonic() + 60
         while not scanner.state()["scanning"] and time.monotonic() < deadline_s:
             time.sleep(0.02)
         assert scanner.state()["scanning"]

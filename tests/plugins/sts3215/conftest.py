@@ -13,6 +13,7 @@ from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.settings import Sts3215Settings
+from patience import PATIENT_S, patient
 
 OpenBus = Callable[..., Any]
 MakeArm = Callable[..., Sts3215Actuator]
@@ -25,6 +26,8 @@ def _open_bus(emulator: EmulatedBus, baudrate: int = 1_000_000, **options: Any) 
     try:
         bus = Bus(port, **options)
         bus.detect_echo()
+        if "reply_margin_s" not in options:
+            bus.reply_margin_s = PATIENT_S
         yield bus
     finally:
         port.close()
@@ -32,7 +35,7 @@ def _open_bus(emulator: EmulatedBus, baudrate: int = 1_000_000, **options: Any) 
 
 @pytest.fixture
 def open_bus() -> OpenBus:
-    """Opens a bus on an emulator: ``with open_bus(emulator) as bus``."""
+    """Opens a bus on an emulator: ``with open_bus(emulator) as bus``; patient unless it is told otherwise."""
     return _open_bus
 
 
@@ -52,7 +55,7 @@ def arm_emulator() -> Iterator[EmulatedBus]:
 
 @pytest.fixture
 def make_arm() -> Iterator[MakeArm]:
-    """Makes drivers of emulated arms; closes them in the end."""
+    """Makes patient drivers of emulated arms; closes them in the end."""
     arms: list[Sts3215Actuator] = []
 
     def make(
@@ -70,6 +73,7 @@ def make_arm() -> Iterator[MakeArm]:
             **settings,
         }
         arm = Sts3215Actuator(Sts3215Settings.model_validate(values), context)
+        patient(arm.bus)
         arms.append(arm)
         return arm
 

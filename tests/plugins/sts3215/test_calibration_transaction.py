@@ -12,10 +12,12 @@ from typing import Any
 import calibration_writer
 import pytest
 from calibration_writer import NODE, SteppedTarget, new_calibration, open_target, parts
+from joshua.calibration import transaction
 from joshua.calibration.arm_file import PreparedFile
 from joshua.calibration.journal import JournalRefused
 from joshua.calibration.transaction import NotWritten, Recovery, recover, values_of, write
 from joshua_emulator import EmulatedBus
+from patience import BRISK_S
 
 STEPS = 24  # 2 for the note, 18 for six servos, 2 for the file, 2 for the end of the note
 OLD_STAMP = "2025-01-01T00:00:00Z"
@@ -106,7 +108,11 @@ def test_a_cancelled_write_is_undone(rig: Rig, motor: int):
 
 
 @pytest.mark.parametrize("motor", [1, 4])
-def test_an_arm_that_is_unplugged_and_comes_back_is_put_back(rig: Rig, motor: int):
+def test_an_arm_that_is_unplugged_and_comes_back_is_put_back(
+    rig: Rig, motor: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(transaction, "ROLLBACK_S", 60.0)  # the machine may take long to replug
+
     def unplug() -> bool:
         nonlocal motor
         motor -= 1
@@ -139,6 +145,7 @@ def test_an_arm_that_stays_away_leaves_a_note(rig: Rig):
 
 @pytest.mark.parametrize("asked_times", range(6))
 def test_a_power_cut_of_the_servos_is_undone(rig: Rig, asked_times: int):
+    rig.target._bus.reply_margin_s = BRISK_S  # servos that boot do not answer, and one never does
     asked = iter(range(100))
 
     def cut() -> bool:

@@ -12,6 +12,7 @@ from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus_tools import Sts3215BusTools
 from joshua_sts3215.settings import Sts3215Settings
+from patience import patient
 
 
 def test_the_driver_keeps_the_contract_of_actuators(arm_emulator: EmulatedBus) -> None:
@@ -27,7 +28,12 @@ def test_the_driver_keeps_the_contract_of_actuators(arm_emulator: EmulatedBus) -
     def unplug(device: Actuator) -> None:
         arm_emulator.fault("unplug")
 
-    check_actuator(lambda: Sts3215Actuator(settings), unplug=unplug, timeout_s=30.0)
+    def make() -> Actuator:
+        arm = Sts3215Actuator(settings)
+        patient(arm.bus)
+        return arm
+
+    check_actuator(make, unplug=unplug, timeout_s=60.0)
 
 
 class FewIds(Sts3215BusTools):
@@ -56,7 +62,9 @@ def test_its_target_keeps_the_contract_of_calibration_targets(arm_emulator: Emul
     )
 
     def make() -> CalibrationTarget:
-        return Sts3215Actuator(settings).calibration_target()
+        target = Sts3215Actuator(settings).calibration_target()
+        patient(target._bus)
+        return target
 
     def hand(joint: int | None, seconds: float) -> bool:
         arm_emulator.guide(joint, seconds)

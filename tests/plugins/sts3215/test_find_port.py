@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from joshua.cli.commands import find_port
+from joshua.cli.ports import unplug
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+
+Hand = Callable[..., None]
 
 
 def run(emulator: EmulatedBus, *words: str) -> int:
@@ -80,26 +81,30 @@ def two_arms(tmp_path: Path) -> Iterator[tuple[EmulatedBus, EmulatedBus]]:
         yield left, right
 
 
-def later(delay_s: float, *actions: Callable[[], None]) -> threading.Thread:
-    """Does things on a thread, each after a pause."""
+@pytest.fixture
+def hand(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A person who does what the program asks for, one thing after each sentence of it."""
 
-    def work() -> None:
-        for action in actions:
-            time.sleep(delay_s)
-            action()
+    def obey(*actions: Callable[[], None]) -> None:
+        waiting = list(actions)
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    return thread
+        def say(text: str) -> None:
+            usual(text)
+            if waiting:
+                waiting.pop(0)()
+
+        monkeypatch.setattr(unplug, "_say", say)
+
+    usual = unplug._say
+    return obey
 
 
 def test_an_adapter_is_found_by_pulling_its_plug(
-    two_arms: tuple[EmulatedBus, EmulatedBus], capsys: pytest.CaptureFixture[str]
+    two_arms: tuple[EmulatedBus, EmulatedBus], hand: Hand, capsys: pytest.CaptureFixture[str]
 ) -> None:
     left, right = two_arms
-    hand = later(1.0, lambda: right.fault("unplug"), lambda: right.fault("replug", name="ttyACM5"))
+    hand(lambda: right.fault("unplug"), lambda: right.fault("replug", name="ttyACM5"))
     assert run(left, "--unplug") == 0
-    hand.join()
     out, err = capsys.readouterr()
     assert "pull the plug of one adapter out (2 are plugged in)" in err
     assert "ttyACM1 (serial_number RIGHT, vid_pid 1a86:55d3); put the plug in again" in err
@@ -110,7 +115,9 @@ def test_an_adapter_is_found_by_pulling_its_plug(
 
 
 def test_an_adapter_that_was_pulled_is_written_for_its_node(
-    two_arms: tuple[EmulatedBus, EmulatedBus], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    two_arms: tuple[EmulatedBus, EmulatedBus],
+    hand: Hand,
+    tmp_path: Path,
 ) -> None:
     left, right = two_arms
     config = tmp_path / "robot.pbtxt"
@@ -120,14 +127,14 @@ def test_an_adapter_that_was_pulled_is_written_for_its_node(
   sts3215_config { comm { serial { port: "/dev/ttyACM9" baudrate: 1000000 } } motor_ids: [2] }
 } }
 """)
-    hand = later(1.0, lambda: right.fault("unplug"), lambda: right.fault("replug"))
+    hand(lambda: right.fault("unplug"), lambda: right.fault("replug"))
     assert run(left, "--unplug", "--write", str(config), "--node", "arm") == 0
-    hand.join()
     assert f'port: "{right.port}" serial_number: "RIGHT" baudrate' in config.read_text()
 
 
 def test_pulling_nothing_or_everything_is_said(
     two_arms: tuple[EmulatedBus, EmulatedBus],
+    hand: Hand,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -140,9 +147,8 @@ def test_pulling_nothing_or_everything_is_said(
         left.fault("unplug")
         right.fault("unplug")
 
-    hand = later(0.2, pull_the_hub)
+    hand(pull_the_hub)
     assert run(left, "--unplug") == 4
-    hand.join()
     assert "went away at once: pull one plug, not that of a hub" in capsys.readouterr().err
     assert run(left, "--unplug") == 4
     assert "no USB serial adapter is plugged in" in capsys.readouterr().err

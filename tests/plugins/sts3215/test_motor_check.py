@@ -5,9 +5,11 @@ import pytest
 from joshua.devices.servo.errors import MotorCheckFailed
 from joshua.devices.servo.motor_check import check_motors, find_baudrates
 from joshua_emulator import EmulatedBus
+from patience import BRISK_S
 
 
 def refusal(bus: Any, ids: tuple[int, ...]) -> str:
+    bus.reply_margin_s = min(bus.reply_margin_s, BRISK_S)
     with pytest.raises(MotorCheckFailed) as caught:
         check_motors(bus, dict.fromkeys(ids, "STS3215"))
     return str(caught.value)

@@ -17,9 +17,9 @@ from typing import Any
 
 from typing_extensions import Self
 
-START_TIMEOUT_S = 20.0
-ANSWER_TIMEOUT_S = 20.0
-STOP_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 60.0  # beside a dozen others, on a machine that does something else
+ANSWER_TIMEOUT_S = 60.0
+STOP_TIMEOUT_S = 10.0
 
 #: Exit code of the program for a fault that it does not know.
 FAULT_REFUSED = 3
@@ -83,7 +83,7 @@ class EmulatorProcess:
         line = self._first_line()
         if not line:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(1.0)  # it is about to end by itself
+                self._process.wait(STOP_TIMEOUT_S)  # it is about to end by itself, and has a reason to give
             self._process.kill()
             _, errors = self._process.communicate()
             refused = self._process.returncode == FAULT_REFUSED
@@ -140,7 +140,7 @@ class EmulatorProcess:
         """Brings a fault about, such as ``fault("silent", 3)`` or ``fault("drop", 0.01)``."""
         self.ask("fault", kind=kind, **({} if value is None else {"value": value}), **settings)
 
-    def wait_for(self, events: Iterable[str], *, since: int = 0, timeout_s: float = 10.0) -> dict[str, Any]:
+    def wait_for(self, events: Iterable[str], *, since: int = 0, timeout_s: float = 60.0) -> dict[str, Any]:
         """Waits for the first log entry of the given events after a sequence number."""
         deadline_s = time.monotonic() + timeout_s
         wanted = list(events)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import heapq
 import itertools
 import os
@@ -57,6 +56,7 @@ class Station:
         self._replies: list[TimedReply] = []
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
+        self._overrun = False  # bytes are being lost
         self._stopped = False
         self._away_s = 0.0
         self._away_since_s: float | None = None
@@ -154,9 +154,17 @@ class Station:
             burst = []
             while replies and replies[0].due_s <= burst_s:
                 burst.append(heapq.heappop(replies))
-            # a host that does not read loses bytes, as on a UART
-            with contextlib.suppress(BlockingIOError):
-                os.write(self.line.master, b"".join(reply.data for reply in burst))
+            whole = self._send(b"".join(reply.data for reply in burst))
             now_s = time.monotonic()
+            if not whole and not self._overrun:
+                self.log.add("overrun", now_s)
+            self._overrun = not whole
             self.log.delivered(now_s - burst_s)
         return float("inf")
+
+    def _send(self, data: bytes) -> bool:
+        """Puts bytes on the line; whether it took all: a host that does not read loses some, as on a UART."""
+        try:
+            return os.write(self.line.master, data) == len(data)
+        except BlockingIOError:
+            return False

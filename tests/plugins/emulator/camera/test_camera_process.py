@@ -77,18 +77,21 @@ def test_frames_come_in_order_and_on_time(camera: EmulatedCamera, stream: Stream
     assert numbers == sorted(set(numbers))
     sent = camera.sent()
     assert all(code.sent_ns <= sent[code.number] for code in codes)
+    held_up_s = camera.ask("lateness")["max_s"]
     for first, second in itertools.pairwise(codes):
-        # every frame is as far from another as their numbers say, give or take a held-up process
+        # every frame is as far from another as their numbers say, give or take what held the process up
         apart_s = (second.sent_ns - first.sent_ns) / 1e9
-        assert apart_s == pytest.approx((second.number - first.number) / 50, abs=0.5)
+        assert apart_s == pytest.approx((second.number - first.number) / 50, abs=0.05 + held_up_s)
 
 
 def test_two_clients_get_the_same_frames(camera: EmulatedCamera, stream: Stream) -> None:
     other = Stream(camera)
-    first = {stream.code().number for _ in range(20)}
-    second = {other.code().number for _ in range(20)}
+    second = [other.code().number for _ in range(20)]
+    first = [stream.code().number]
+    while first[-1] < second[-1]:  # the older client has more to read before it comes to the same frames
+        first.append(stream.code().number)
     other.close()
-    assert first & second
+    assert set(first) & set(second)
     assert camera.ask("state")["streams"] >= 1
 
 
@@ -199,7 +202,10 @@ def _damaged(frame: bytes) -> bool:
 
 def test_dropped_frames_leave_gaps(camera: EmulatedCamera, stream: Stream) -> None:
     camera.fault("drop", 0.5)
-    numbers = [stream.code().number for _ in range(40)]
+    begun = camera.ask("state")["number"]
+    while (number := stream.code().number) < begun:  # what was on its way before
+        pass
+    numbers = [number, *(stream.code().number for _ in range(39))]
     assert numbers == sorted(set(numbers))
     assert numbers[-1] - numbers[0] > 45
 

@@ -15,7 +15,7 @@ from joshua_emulator.emulator_process import EmulatorError
 from joshua_emulator.spike.process import EmulatedHub
 
 
-def wait_until(reached: Callable[[], object], timeout_s: float = 10.0) -> None:
+def wait_until(reached: Callable[[], object], timeout_s: float = 60.0) -> None:
     end_s = time.monotonic() + timeout_s
     while not reached():
         assert time.monotonic() < end_s, "it did not come about"

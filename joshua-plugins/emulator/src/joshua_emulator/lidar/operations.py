@@ -111,9 +111,13 @@ class ScannerOperations:
             self._scanner.set_turn_hz(0.0)
             self._scanner.log.add("stall", time.monotonic())
             if length_s > 0:
-                self._home.at(length_s, lambda: self._scanner.set_turn_hz(self._scanner.model.turn_hz))
+                self._home.at(length_s, self._go_on)
 
         return stall
+
+    def _go_on(self) -> None:
+        self._scanner.set_turn_hz(self._scanner.model.turn_hz)
+        self._scanner.log.add("go_on", time.monotonic())
 
     def _silent(self, request: Request) -> Callable[[], None]:
         """Sends nothing for ``value`` seconds, or until the faults are cleared."""
