@@ -83,13 +83,21 @@ def test_a_fault_needs_a_node(environment: dict[str, str], fault: str) -> None:
     assert "expected NODE:FAULT, such as follower_arm:drop=0.01" in result.stderr
 
 
-def test_a_fault_that_the_emulator_does_not_know_stops_the_start(environment: dict[str, str]) -> None:
-    result = joshua(
-        environment, "--config", preset("teleop_so_arm100"), "--emulate", "--fault", "leader_arm:melt"
-    )
+@pytest.mark.parametrize(
+    ("fault", "problem"),
+    [
+        ("leader_arm:melt", "--fault leader_arm: unknown fault 'melt'; allowed: drop, "),
+        ("follower_arm:unplug=3", "--fault follower_arm: unplug takes no value, found 3; "),
+    ],
+)
+def test_a_fault_that_the_emulator_does_not_know_stops_the_start(
+    environment: dict[str, str], fault: str, problem: str
+) -> None:
+    result = joshua(environment, "--config", preset("teleop_so_arm100"), "--emulate", "--fault", fault)
     assert result.returncode == 2
-    assert "--fault leader_arm: unknown fault 'melt'; allowed: drop, " in result.stderr
+    assert problem in result.stderr
     assert "nothing was started" in result.stderr
+    assert "torque" not in result.stdout + result.stderr
 
 
 def test_an_arm_that_is_unplugged_is_named_and_the_leader_goes_on(environment: dict[str, str]) -> None:

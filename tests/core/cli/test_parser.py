@@ -85,6 +85,11 @@ def test_a_slip_in_a_range_of_ids_is_refused_at_once(capsys: pytest.CaptureFixtu
     ("words", "problem"),
     [
         (("--fault", "arm:drop=1"), "joshua: error: --fault breaks an emulated device, never a real one"),
+        (("--validate-only", "--fault", "arm:drop=1"), "joshua: error: --fault breaks an emulated device"),
+        (
+            ("--validate-only", "--emulate", "--fault", "a:b"),
+            "joshua: error: --fault has no effect with",
+        ),
         (("calibrate", "--fault", "arm:drop=1"), "joshua calibrate: --fault breaks an emulated device"),
         (("--open",), "joshua: error: --open shows the page of a calibration"),
         (("calibrate", "--check", "--open"), "joshua calibrate --check: --open has no effect here"),

@@ -40,10 +40,10 @@ def encoder() -> Iterator[EmulatedEncoder]:
             "unknown fault 'stal'; allowed: drop, corrupt, stall, silent, turn_hz, unplug, replug, rate",
         ),
         ("corrupt", 2, "corrupt is 2; allowed: a probability from 0 to 1"),
-        ("corrupt", None, "'value' is missing"),
+        ("corrupt", None, "corrupt needs a value, as in corrupt=…: a probability from 0 to 1"),
         ("turn_hz", 500, "turn_hz is 500; allowed: 0 to 50 Hz"),
-        ("dirty", 9000, "dirty is 9000; allowed: 0 to 4000 bytes"),
-        ("health", 7, "health is 7; allowed: 0 (good), 1 (warning), 2 (error)"),
+        ("dirty", 9000, "dirty is 9000; allowed: 1 to 4000 bytes"),
+        ("health", 2, "health: ld19 scanners report no health; allowed here: drop, corrupt, stall"),
     ],
 )
 def test_what_a_scanner_refuses(scanner: EmulatedLidar, kind: str, value: float | None, text: str) -> None:
@@ -60,7 +60,7 @@ def test_what_a_scanner_refuses(scanner: EmulatedLidar, kind: str, value: float 
             "unknown fault 'magnet'; allowed: drop, corrupt, stall, silent, freeze, no_magnet, unplug",
         ),
         ("drop", -1, "drop is -1; allowed: a probability from 0 to 1"),
-        ("dirty", -5, "dirty is -5; allowed: 0 to 4000 bytes"),
+        ("dirty", -5, "dirty is -5; allowed: 1 to 4000 bytes"),
     ],
 )
 def test_what_an_encoder_refuses(encoder: EmulatedEncoder, kind: str, value: float | None, text: str) -> None:

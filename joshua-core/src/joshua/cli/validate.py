@@ -7,14 +7,20 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import FAULT_ALONE
 from joshua.cli.report import exit_code_of, request_of, show_findings
 
 if TYPE_CHECKING:
     import argparse
 
+NO_FAULTS = "--fault has no effect with --validate-only, which starts no emulator: leave one of them out"
+
 
 def validate(arguments: argparse.Namespace) -> int:
     """Checks the file and reports every problem; exit code 0 or 2."""
+    if arguments.faults:
+        sys.stderr.write(f"joshua: error: {NO_FAULTS if arguments.emulate else FAULT_ALONE}\n")
+        return ExitCode.INVALID
     from joshua.generator.examination import examine
     from joshua.generator.request import Purpose
 

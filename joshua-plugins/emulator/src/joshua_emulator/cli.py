@@ -96,15 +96,19 @@ def emulate(options: argparse.Namespace, root: Path) -> int:
 def parse_fault(text: str) -> dict[str, Any]:
     """Reads a fault such as ``drop=0.01``, ``silent=3,at_s=2`` or ``unplug,at_s=5,replug_after_s=1``."""
     first, *rest = text.split(",")
-    kind, _, value = first.partition("=")
+    kind, equals, value = first.partition("=")
     request: dict[str, Any] = {"kind": kind.strip()}
-    if value:
+    if equals:
         request["value"] = _number(value)
     for part in rest:
-        key, equals, setting = part.partition("=")
-        if not equals:
+        key, equals, setting = (piece.strip() for piece in part.partition("="))
+        if not (equals and setting):
             raise ControlError(f"fault {text!r}: {part!r} needs a value, as in at_s=5")
-        request[key.strip()] = _number(setting)
+        if key in ("op", "kind", "value"):
+            raise ControlError(f"fault {text!r}: {key!r} is no setting; write the fault as KIND=VALUE,at_s=5")
+        if key in request:
+            raise ControlError(f"fault {text!r}: {key} is set twice; leave one of them out")
+        request[key] = _number(setting)
     return request
 
 

@@ -231,11 +231,11 @@ def test_a_fault_can_be_set_at_the_start() -> None:
         ("dance", {}, "unknown operation 'dance'; allowed: state, log"),
         ("fault", {"kind": "melt"}, "unknown fault 'melt'; allowed: drop, corrupt, truncate, stall"),
         ("fault", {"kind": "corrupt", "value": 2}, "corrupt is 2; allowed: a probability from 0 to 1"),
-        ("fault", {"kind": "corrupt"}, "'value' is missing"),
+        ("fault", {"kind": "corrupt"}, "corrupt needs a value"),
         ("fault", {"kind": "size", "value": "big"}, "size is 'big'; allowed: WIDTHxHEIGHT"),
         ("fault", {"kind": "size", "value": "10x10"}, "no room for the frame code"),
         ("fault", {"kind": "rate", "value": 0}, "rate is 0; allowed: above 0, at most 1000 Hz"),
-        ("fault", {"kind": "rate", "value": "fast"}, "a value is wrong"),
+        ("fault", {"kind": "rate", "value": "fast"}, "rate is 'fast'; allowed: above 0"),
     ],
 )
 def test_requests_that_cannot_be_carried_out(

@@ -129,7 +129,7 @@ def test_a_stall_is_silence(pad: EmulatedGamepad) -> None:
             "unknown fault 'melt'; allowed: stall, unplug, replug, rate, dirty, drop",
         ),
         ({"op": "fault", "kind": "rate", "value": 0}, "rate is 0; allowed: above 0, at most 1000 Hz"),
-        ({"op": "fault", "kind": "rate"}, "'value' is missing"),
+        ({"op": "fault", "kind": "rate"}, "rate needs a value, as in rate=…: above 0"),
         ({"op": "set", "values": {"left_z": 1}}, "unknown axis or button 'left_z'; allowed: left_x"),
         ({"op": "set", "values": {"left_x": 2}}, "left_x is 2; allowed: -1 to 1"),
         ({"op": "motion", "kind": "dance"}, "unknown motion 'dance'; allowed: demonstration"),

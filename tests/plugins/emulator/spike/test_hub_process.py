@@ -26,7 +26,7 @@ def test_what_is_no_fault_is_refused_with_what_is_allowed() -> None:
     with EmulatedHub(("A", "C")) as hub:
         with pytest.raises(EmulatorError, match="unknown fault 'explode'; allowed: stall, motor_off"):
             hub.fault("explode")
-        with pytest.raises(EmulatorError, match="port is 'B'; allowed: A, C"):
+        with pytest.raises(EmulatorError, match="stall is 'B'; allowed: A, C"):
             hub.ask("fault", kind="stall", value="B")
         with pytest.raises(EmulatorError, match="firmware is 'dos'; allowed: lego, old, pybricks"):
             hub.ask("fault", kind="firmware", value="dos")

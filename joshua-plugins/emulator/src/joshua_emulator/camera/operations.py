@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable
 from typing import Any
 
 from joshua_emulator.camera.frames import FrameSizeError, frame_factory
 from joshua_emulator.camera.server import CameraServer
-from joshua_emulator.camera.stream_faults import StreamFaultError, StreamFaults
+from joshua_emulator.camera.stream_faults import StreamFaults
 from joshua_emulator.control import ControlError
+from joshua_emulator.fault_rules import (
+    LASTS,
+    PLAIN,
+    PROBABILITY,
+    RETURNS,
+    FaultRule,
+    Number,
+    Text,
+    check_fault,
+)
 
 Request = dict[str, Any]
 
 MAX_FPS = 1000.0
-_SIZE = re.compile(r"(\d+)x(\d+)")
+FAULTS: dict[str, FaultRule] = {
+    **dict.fromkeys(StreamFaults.KINDS, PROBABILITY),
+    "stall": LASTS,
+    "unplug": RETURNS,
+    "replug": PLAIN,
+    "dirty": PLAIN,
+    "size": FaultRule(Text("WIDTHxHEIGHT, such as 800x600", "[0-9]{1,5}x[0-9]{1,5}")),
+    "rate": FaultRule(Number(f"above 0, at most {MAX_FPS:g} Hz", 0, MAX_FPS, above=True)),
+}
 
 
 class CameraOperations:
@@ -43,7 +60,7 @@ class CameraOperations:
             return operation(request) or {}
         except KeyError as error:
             raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except (StreamFaultError, FrameSizeError) as error:
+        except FrameSizeError as error:
             raise ControlError(f"{request['op']}: {error}") from error
         except (TypeError, ValueError) as error:
             raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
@@ -72,6 +89,7 @@ class CameraOperations:
 
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        check_fault(request, FAULTS)
         action = self._fault_action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
         if delay_s > 0:
@@ -83,7 +101,6 @@ class CameraOperations:
         server = self._server
         if kind in StreamFaults.KINDS:
             value = request["value"]
-            StreamFaults().set(kind, value)  # refuse now what would be refused later
             return lambda: server.faults.set(kind, value)
         makers: dict[str, Callable[[Request], Callable[[], None]]] = {
             "stall": self._stall,
@@ -93,10 +110,6 @@ class CameraOperations:
             "size": self._size,
             "rate": self._rate,
         }
-        if kind not in makers:
-            raise ControlError(
-                f"unknown fault {kind!r}; allowed: {', '.join((*StreamFaults.KINDS, *makers))}"
-            )
         return makers[kind](request)
 
     def _stall(self, request: Request) -> Callable[[], None]:
@@ -131,17 +144,12 @@ class CameraOperations:
         return unplug
 
     def _size(self, request: Request) -> Callable[[], None]:
-        match = _SIZE.fullmatch(str(request["value"]))
-        if match is None:
-            raise ControlError(f"size is {request['value']!r}; allowed: WIDTHxHEIGHT, such as 800x600")
-        width, height = int(match[1]), int(match[2])
+        width, height = map(int, request["value"].split("x"))
         frame_factory(width, height)
         return lambda: self._server.set_size(width, height)
 
     def _rate(self, request: Request) -> Callable[[], None]:
         fps = float(request["value"])
-        if not 0 < fps <= MAX_FPS:
-            raise ControlError(f"rate is {fps:g}; allowed: above 0, at most {MAX_FPS:g} Hz")
         return lambda: self._server.set_rate(fps)
 
     def _clear_faults(self, _: Request) -> None:

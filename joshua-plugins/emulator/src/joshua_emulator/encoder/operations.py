@@ -7,13 +7,41 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua_emulator.control import ControlError
-from joshua_emulator.encoder.device import EncoderDevice
-from joshua_emulator.lidar.line_faults import LineFaultError, LineFaults
+from joshua_emulator.encoder.device import AMT21, AS5600, EncoderDevice
+from joshua_emulator.fault_rules import (
+    LASTS,
+    LINE_SPEED,
+    PLAIN,
+    PROBABILITY,
+    RETURNS,
+    SECONDS,
+    FaultRule,
+    Number,
+    check_fault,
+)
+from joshua_emulator.lidar.line_faults import LineFaults
 from joshua_emulator.station import Station
 
 Request = dict[str, Any]
 
-_LARGEST_NOISE = 4000
+NOISE = FaultRule(Number("1 to 4000 bytes", 1, 4000, whole=True), optional=True)
+
+
+def fault_rules(protocol: str) -> dict[str, FaultRule]:
+    """What each fault takes; some fit encoders of one protocol only."""
+    answers = f"{protocol} encoders only answer, they send no lines to repeat"
+    blind = f"{protocol} encoders do not say whether they see a magnet"
+    return {
+        **dict.fromkeys(LineFaults.KINDS, PROBABILITY),
+        "stall": LASTS,
+        "silent": LASTS,
+        "freeze": FaultRule(SECONDS, optional=True, unfit=answers if protocol == AMT21 else ""),
+        "no_magnet": FaultRule(SECONDS, optional=True, unfit="" if protocol == AS5600 else blind),
+        "unplug": RETURNS,
+        "replug": PLAIN,
+        "rate": LINE_SPEED,
+        "dirty": NOISE,
+    }
 
 
 class EncoderOperations:
@@ -23,6 +51,7 @@ class EncoderOperations:
         self.station: Station | None = None  # set before the channel opens
         self._device = device
         self._name = name
+        self._rules = fault_rules(device.protocol)
         self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
             "state": self._state,
             "angle": lambda request: {"angle_rad": device.shaft.angle_rad(int(request["t_ns"]) / 1e9)},
@@ -46,7 +75,7 @@ class EncoderOperations:
             return operation(request) or {}
         except KeyError as error:
             raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except (LineFaultError, FileExistsError) as error:
+        except FileExistsError as error:
             raise ControlError(f"{request['op']}: {error}") from error
         except (TypeError, ValueError) as error:
             raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
@@ -71,6 +100,7 @@ class EncoderOperations:
 
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        check_fault(request, self._rules)
         action = self._action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
         if delay_s > 0:
@@ -82,7 +112,6 @@ class EncoderOperations:
         device = self._device
         if kind in LineFaults.KINDS:
             value = request["value"]
-            LineFaults().set(kind, value)  # refuse now what would be refused later
             return lambda: device.faults.set(kind, value)
         makers: dict[str, Callable[[Request], Callable[[], None]]] = {
             "stall": self._stall,
@@ -94,9 +123,6 @@ class EncoderOperations:
             "rate": self._rate,
             "dirty": self._dirty,
         }
-        if kind not in makers:
-            allowed = ", ".join((*LineFaults.KINDS, *makers))
-            raise ControlError(f"unknown fault {kind!r}; allowed: {allowed}")
         return makers[kind](request)
 
     def _switch(self, name: str, request: Request) -> Callable[[], None]:
@@ -145,8 +171,6 @@ class EncoderOperations:
     def _dirty(self, request: Request) -> Callable[[], None]:
         """Sends ``value`` bytes of noise and then the second half of a line."""
         count = int(request.get("value", 100))
-        if not 0 <= count <= _LARGEST_NOISE:
-            raise ControlError(f"dirty is {count}; allowed: 0 to {_LARGEST_NOISE} bytes")
         return lambda: self._device.faults.begin_dirty(count)
 
     def _clear_faults(self, _: Request) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua_emulator.control import ControlError
+from joshua_emulator.fault_rules import LASTS, PLAIN, RETURNS, FaultRule, Number, check_fault
 from joshua_emulator.gamepad.hand import MOTIONS
 from joshua_emulator.gamepad.server import GamepadServer
 from joshua_emulator.gamepad.xbox import AXES, BUTTONS, NAMES
@@ -14,6 +15,15 @@ from joshua_emulator.gamepad.xbox import AXES, BUTTONS, NAMES
 Request = dict[str, Any]
 
 MAX_RATE_HZ = 1000.0
+
+FAULTS: dict[str, FaultRule] = {
+    "stall": LASTS,
+    "unplug": RETURNS,
+    "replug": PLAIN,
+    "rate": FaultRule(Number(f"above 0, at most {MAX_RATE_HZ:g} Hz", 0, MAX_RATE_HZ, above=True)),
+    "dirty": PLAIN,
+    "drop": PLAIN,
+}
 
 
 class GamepadOperations:
@@ -90,6 +100,7 @@ class GamepadOperations:
 
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        check_fault(request, FAULTS)
         action = self._fault_action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
         if delay_s > 0:
@@ -107,8 +118,6 @@ class GamepadOperations:
             "dirty": lambda _: self._dirty,
             "drop": lambda _: server.drop_records,
         }
-        if kind not in makers:
-            raise ControlError(f"unknown fault {kind!r}; allowed: {', '.join(makers)}")
         return makers[kind](request)
 
     def _stall(self, request: Request) -> Callable[[], None]:
@@ -144,8 +153,6 @@ class GamepadOperations:
 
     def _rate(self, request: Request) -> Callable[[], None]:
         rate_hz = float(request["value"])
-        if not 0 < rate_hz <= MAX_RATE_HZ:
-            raise ControlError(f"rate is {rate_hz:g}; allowed: above 0, at most {MAX_RATE_HZ:g} Hz")
         return lambda: self._server.set_rate(rate_hz)
 
     def _dirty(self) -> None:

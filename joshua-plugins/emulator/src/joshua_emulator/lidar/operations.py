@@ -7,14 +7,42 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua_emulator.control import ControlError
-from joshua_emulator.lidar.line_faults import LineFaultError, LineFaults
+from joshua_emulator.fault_rules import (
+    LASTS,
+    LINE_SPEED,
+    PLAIN,
+    PROBABILITY,
+    RETURNS,
+    FaultRule,
+    Number,
+    check_fault,
+)
+from joshua_emulator.lidar.line_faults import LineFaults
+from joshua_emulator.lidar.models import ScannerModel
 from joshua_emulator.lidar.scanner import Scanner
 from joshua_emulator.station import Station
 
 Request = dict[str, Any]
 
-_LARGEST_NOISE = 4000
-_LARGEST_TURN_HZ = 50.0
+
+def fault_rules(model: ScannerModel) -> dict[str, FaultRule]:
+    """What each fault takes; some fit scanners only that can be asked."""
+    dumb = f"{model.name} scanners report no health"
+    plain = f"{model.name} scanners have one kind of scan only"
+    return {
+        **dict.fromkeys(LineFaults.KINDS, PROBABILITY),
+        "stall": LASTS,
+        "silent": LASTS,
+        "turn_hz": FaultRule(Number("0 to 50 Hz", 0, 50)),
+        "unplug": RETURNS,
+        "replug": PLAIN,
+        "rate": LINE_SPEED,
+        "dirty": FaultRule(Number("1 to 4000 bytes", 1, 4000, whole=True), optional=True),
+        "health": FaultRule(
+            Number("0 (good), 1 (warning), 2 (error)", 0, 2, whole=True), unfit="" if model.number else dumb
+        ),
+        "old_firmware": FaultRule(unfit="" if model.express_hz else plain),
+    }
 
 
 class ScannerOperations:
@@ -24,6 +52,7 @@ class ScannerOperations:
         self.station: Station | None = None  # set before the channel opens
         self._scanner = scanner
         self._name = name
+        self._rules = fault_rules(scanner.model)
         self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
             "state": self._state,
             "log": self._read_log,
@@ -46,7 +75,7 @@ class ScannerOperations:
             return operation(request) or {}
         except KeyError as error:
             raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except (LineFaultError, FileExistsError) as error:
+        except FileExistsError as error:
             raise ControlError(f"{request['op']}: {error}") from error
         except (TypeError, ValueError) as error:
             raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
@@ -74,6 +103,7 @@ class ScannerOperations:
 
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        check_fault(request, self._rules)
         action = self._action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
         if delay_s > 0:
@@ -85,7 +115,6 @@ class ScannerOperations:
         scanner = self._scanner
         if kind in LineFaults.KINDS:
             value = request["value"]
-            LineFaults().set(kind, value)  # refuse now what would be refused later
             return lambda: scanner.faults.set(kind, value)
         makers: dict[str, Callable[[Request], Callable[[], None]]] = {
             "stall": self._stall,
@@ -98,9 +127,6 @@ class ScannerOperations:
             "health": self._health,
             "old_firmware": lambda _: lambda: setattr(scanner, "old_firmware", True),
         }
-        if kind not in makers:
-            allowed = ", ".join((*LineFaults.KINDS, *makers))
-            raise ControlError(f"unknown fault {kind!r}; allowed: {allowed}")
         return makers[kind](request)
 
     def _stall(self, request: Request) -> Callable[[], None]:
@@ -133,8 +159,6 @@ class ScannerOperations:
 
     def _turn(self, request: Request) -> Callable[[], None]:
         turn_hz = float(request["value"])
-        if not 0 <= turn_hz <= _LARGEST_TURN_HZ:
-            raise ControlError(f"turn_hz is {turn_hz:g}; allowed: 0 to {_LARGEST_TURN_HZ:g} Hz")
         return lambda: self._scanner.set_turn_hz(turn_hz)
 
     def _unplug(self, request: Request) -> Callable[[], None]:
@@ -159,14 +183,10 @@ class ScannerOperations:
     def _dirty(self, request: Request) -> Callable[[], None]:
         """Sends ``value`` bytes of noise and then the second half of a packet."""
         count = int(request.get("value", 100))
-        if not 0 <= count <= _LARGEST_NOISE:
-            raise ControlError(f"dirty is {count}; allowed: 0 to {_LARGEST_NOISE} bytes")
         return lambda: self._scanner.faults.begin_dirty(count)
 
     def _health(self, request: Request) -> Callable[[], None]:
         status = int(request["value"])
-        if status not in (0, 1, 2):
-            raise ControlError(f"health is {status}; allowed: 0 (good), 1 (warning), 2 (error)")
         return lambda: setattr(self._scanner, "health", status)
 
     def _clear_faults(self, _: Request) -> None:

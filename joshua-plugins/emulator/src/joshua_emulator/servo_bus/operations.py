@@ -12,6 +12,7 @@ from joshua_emulator import motion
 from joshua_emulator.arms import TICKS_PER_RADIAN
 from joshua_emulator.control import ControlError
 from joshua_emulator.event_log import EventLog
+from joshua_emulator.fault_rules import PROBABILITY, RETURNS, FaultRule, Number, Text, check_fault
 from joshua_emulator.faults import FaultError, Faults
 from joshua_emulator.motion import MIDDLE
 from joshua_emulator.servo_bus.bus import EmulatedServoBus
@@ -23,6 +24,22 @@ Request = dict[str, Any]
 
 #: How often a fault that waits for a number of reads looks how many there were.
 READS_LOOKED_AT_S = 0.005
+
+_SERVO = Number("a servo id", 0, 253, whole=True)
+_OF_ONE, _OF_ALL = FaultRule(_SERVO), FaultRule(_SERVO, optional=True)
+_NAME = {"name": Text("a device name, such as ttyACM3", "[A-Za-z]+[0-9]+")}
+
+FAULTS: dict[str, FaultRule] = {
+    **dict.fromkeys(Faults.KINDS, PROBABILITY),
+    "late": FaultRule(PROBABILITY.value, settings={"late_by_s": Number("seconds from 0 to 1", 0, 1)}),
+    "silent": _OF_ALL,
+    "duplicate": _OF_ONE,
+    "break_after": _OF_ONE,
+    "unplug": FaultRule(settings={**RETURNS.settings, **_NAME}),
+    "replug": FaultRule(settings=_NAME),
+    **dict.fromkeys(("brown_out", "overload", "over_temperature", "under_voltage"), _OF_ALL),
+}
+_WHEN = {"after_reads": Number("a number of reads from 1 on", 1, 1 << 40, whole=True)}
 
 
 class Operations:
@@ -249,6 +266,7 @@ class Operations:
 
         At once, or ``at_s`` seconds from now on, or with the ``after_reads``-th read of the bus.
         """
+        check_fault(request, FAULTS, _WHEN)
         action = self._fault_action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
         if (after_reads := int(request.get("after_reads", 0))) > 0:
@@ -269,7 +287,6 @@ class Operations:
             values = {kind: request["value"]}
             if "late_by_s" in request:
                 values["late_by_s"] = request["late_by_s"]
-            Faults().set(values)  # refuse now what would be refused later
             return lambda: self._faults.set(values)
         servo_id = {"id": request["value"]} if "value" in request else {}
         actions: dict[str, Callable[[], None]] = {
@@ -277,7 +294,7 @@ class Operations:
             "duplicate": lambda: self._duplicate(request["value"]),
             "break_after": lambda: self._break_after(request["value"]),
             "unplug": lambda: self._unplug(request),
-            "replug": lambda: self._station.replug(request.get("name") or self._station.line.name),
+            "replug": lambda: self._replug(request.get("name") or self._station.line.name),
             "brown_out": lambda: self._each(self._servos(servo_id), self._brown_out),
             "overload": lambda: self._each(self._servos(servo_id), _overload),
             "over_temperature": lambda: self._set({**servo_id, "temperature_c": 85}),
@@ -285,8 +302,6 @@ class Operations:
         }
         if servo_id:
             self._servos(servo_id)  # refuse an unknown id now, not when its time has come
-        if kind not in actions:
-            raise ControlError(f"unknown fault {kind!r}; allowed: {', '.join((*Faults.KINDS, *actions))}")
         return actions[kind]
 
     def _clear_faults(self, _: Request) -> None:
@@ -314,7 +329,11 @@ class Operations:
         name = request.get("name") or station.line.name
         station.unplug()
         if "replug_after_s" in request:
-            station.at(float(request["replug_after_s"]), lambda: station.replug(name))
+            station.at(float(request["replug_after_s"]), lambda: self._replug(name))
+
+    def _replug(self, name: str) -> None:
+        if not self._station.line.plugged or name != self._station.line.name:
+            self._station.replug(name)
 
     def _brown_out(self, servo: EmulatedServo) -> None:
         now_s = time.monotonic()

@@ -3,15 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from joshua_emulator.control import ControlError
+from joshua_emulator.fault_rules import PLAIN, PROBABILITY, RETURNS, FaultRule, Number, Text, check_fault
 from joshua_emulator.spike.machine import HubMachine
 from joshua_emulator.spike.motors import EmulatedMotor
 from joshua_emulator.spike.program import OTHER_PROGRAM, pack
 
 Request = dict[str, Any]
+
+_FIRMWARES = ("lego", "old", "pybricks")
+
+
+def fault_rules(ports: Sequence[str]) -> dict[str, FaultRule]:
+    """What each fault of a hub with motors on these ports takes."""
+    port = FaultRule(Text(", ".join(ports), "|".join(ports)))
+    return {
+        **dict.fromkeys(("stall", "motor_off", "sensor"), port),
+        "corrupt": PROBABILITY,
+        "slow": FaultRule(Number("seconds from 0 to 10", 0, 10)),
+        "battery": FaultRule(Number("0 to 9000 mV", 0, 9000, whole=True)),
+        "unplug": RETURNS,
+        "replug": PLAIN,
+        "out_of_range": RETURNS,
+        "in_range": PLAIN,
+        "firmware": FaultRule(Text(", ".join(_FIRMWARES), "|".join(_FIRMWARES))),
+        "flaky": FaultRule(Number("a number of connections from 0 to 1000", 0, 1000, whole=True)),
+        "button": PLAIN,
+        "other_program": PLAIN,
+    }
 
 
 class HubOperations:
@@ -19,6 +41,7 @@ class HubOperations:
 
     def __init__(self, machine: HubMachine) -> None:
         self._machine = machine
+        self._rules = fault_rules(tuple(machine.motors))
         self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
             "state": self._state,
             "log": self._read_log,
@@ -106,8 +129,7 @@ class HubOperations:
     def _fault(self, request: Request) -> None:
         """Brings a fault about: ``kind``, its ``value``, ``at_s`` seconds from now on."""
         kind = request["kind"]
-        if kind not in self._faults:
-            raise ControlError(f"unknown fault {kind!r}; allowed: {', '.join(self._faults)}")
+        check_fault(request, self._rules)
         action = self._faults[kind](request)
         delay_s = float(request.get("at_s", 0.0))
         if delay_s > 0:
@@ -118,8 +140,6 @@ class HubOperations:
             self._machine.at(delay_s + back_s, self._machine.on)
 
     def _firmware(self, request: Request) -> Callable[[], object]:
-        if request["value"] not in ("lego", "old", "pybricks"):
-            raise ControlError(f"firmware is {request['value']!r}; allowed: lego, old, pybricks")
         machine = self._machine
         return lambda: machine.soon(machine.radio.set_firmware(request["value"]))
 
