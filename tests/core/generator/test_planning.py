@@ -1,6 +1,5 @@
 """From a file to a plan."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -169,18 +168,23 @@ def test_nodes_that_lack_the_same_plugin_share_a_finding(tmp_path):
     assert [place.label for place in finding.related] == ["leader needs it too"]
 
 
-def test_a_data_store_beside_teleoperation_is_optional(tmp_path):
+@pytest.mark.parametrize(
+    ("purpose", "severity"), [(Purpose.LAUNCH, Severity.WARNING), (Purpose.VALIDATE, Severity.NOTE)]
+)
+def test_a_data_store_beside_teleoperation_is_optional(tmp_path, purpose, severity):
     store = """
 ai { data_store {
   format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demo" local_path: "demo" } }
 """
-    examination = examine(Request(teleoperation(tmp_path, store), purpose=Purpose.LAUNCH))
-    missing = [item for item in examination.diagnostics if item.code == "plugin-missing"]
-    if missing:  # only where joshua-dataset is not installed
-        assert [item.severity for item in missing] == [Severity.WARNING]
-        assert re.search("pip install (--upgrade )?joshua-dataset", missing[0].message)
-        assert "goes on without it" in missing[0].message
-    assert examination.plan is not None
+    examination = examine(Request(teleoperation(tmp_path, store), purpose=purpose))
+    (missing,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]
+    assert missing.severity is severity
+    assert missing.message.startswith("data_store: recording, replaying on a robot and uploading data ")
+    assert missing.message.endswith("; the run goes on without it.")
+    assert "pip install" not in missing.message + missing.remedy
+    assert missing.remedy.startswith("Leave the data_store block out until then")
+    assert not examination.errors
+    assert (examination.plan is not None) == (purpose is Purpose.LAUNCH)
 
 
 def test_a_test_runs_ten_seconds_unless_it_says_otherwise(tmp_path):

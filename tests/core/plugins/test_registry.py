@@ -181,7 +181,14 @@ def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
             ProvisionKind.STORE,
             "data_store",
             "FORMAT_PARQUET",
-            "n: FORMAT_PARQUET needs the plugin joshua-dataset: pip install joshua-dataset",
+            "n: recording, replaying on a robot and uploading data sets are not available yet: "
+            "joshua-dataset only writes the episodes that a simulation generates",
+        ),
+        (
+            ProvisionKind.EPISODE_WRITER,
+            "data_store",
+            "FORMAT_HUGGINGFACE",
+            "n: FORMAT_HUGGINGFACE needs the plugin joshua-dataset: pip install joshua-dataset",
         ),
         (
             ProvisionKind.ACTUATOR,

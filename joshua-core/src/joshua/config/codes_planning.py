@@ -6,8 +6,8 @@ from joshua.config.code_doc import CodeDoc
 
 PLANNING_CODES: dict[str, CodeDoc] = {
     "plugin-missing": CodeDoc(
-        "A block or a model needs a plugin that is not installed, is blocked or is broken.",
-        "Install the distribution that the message names; `joshua plugins` lists what is installed.",
+        "A block or a model needs a plugin that is not installed, blocked, broken or cannot do this yet.",
+        "Do what the message says, which names a distribution; `joshua plugins` lists what is installed.",
     ),
     "extra-missing": CodeDoc(
         "The chosen transport needs an extra of joshua-core that is not installed.",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from joshua.config.nearest import nearest_first
 from joshua.plan import Diagnostic, Position, Related, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
+from joshua.plugins.hints import not_yet
 
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
@@ -82,18 +83,16 @@ class Findings:
         """A service block whose plugin is not installed: the mode needs it, or it can do without."""
         block = path.rpartition(".")[2]
         sentence = registry.missing(block, kind, block, value)
+        _, instead = not_yet(kind, block)
+        if not required:
+            sentence += "; the run goes on without it"
         if not self.launch:
-            self.add("plugin-missing", Severity.NOTE, sentence, path, remedy="install it before the launch")
+            severity, remedy = Severity.NOTE, "install it before the launch"
         elif required:
-            self.add("plugin-missing", Severity.ERROR, sentence, path, remedy="install the plugin")
+            severity, remedy = Severity.ERROR, "install the plugin"
         else:
-            self.add(
-                "plugin-missing",
-                Severity.WARNING,
-                f"{sentence}; the run goes on without it",
-                path,
-                remedy=f"install the plugin, or remove the {block} block",
-            )
+            severity, remedy = Severity.WARNING, f"install the plugin, or remove the {block} block"
+        self.add("plugin-missing", severity, sentence, path, remedy=instead or remedy)
 
     def nothing_to_block(self, name: str, registry: Registry) -> None:
         """A name of ``--block-plugin`` that no plugin has: what it was meant for is loaded."""

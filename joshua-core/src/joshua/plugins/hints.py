@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from joshua.plugins.provision import ProvisionKind
+
 
 @dataclass(frozen=True)
 class KnownPlugin:
@@ -73,6 +75,21 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
     KnownPlugin("joshua-isaac-trainer", (), ("BACKEND_ISAAC",)),
     KnownPlugin("joshua-ppo-trainer", ("rl_config",), ("METHOD_RL",)),
 )
+
+#: What no published plugin does yet, by block, and what there is in its place.
+NOT_YET = {
+    "data_store": (
+        "recording, replaying on a robot and uploading data sets are not available yet: joshua-dataset only "
+        "writes the episodes that a simulation generates",
+        "leave the data_store block out until then, and MODE_DATA_STORE with it; "
+        "simulation { mode: OFFSCREEN generate { ... } } makes a data set, and mode: PASSIVE replays one",
+    ),
+}
+
+
+def not_yet(kind: ProvisionKind, block: str) -> tuple[str, str]:
+    """What a block asks for that no published plugin does yet, and what to do; empty texts where one does."""
+    return NOT_YET.get(block, ("", "")) if kind is ProvisionKind.STORE else ("", "")
 
 
 def distribution_for(block: str, enum_value: str = "") -> str:

@@ -164,6 +164,9 @@ class Registry:
             if block and (provision.kind, provision.block) == (kind, block):
                 allowed = ", ".join(provision.enum_values)
                 return f"{node_name}: {row.distribution} provides {block} for {allowed}, not for {enum_value}"
+        sentence, _ = hints.not_yet(kind, block)
+        if sentence:
+            return f"{node_name}: {sentence}"
         distribution = hints.distribution_for(block, enum_value)
         if not distribution:
             return f"{node_name}: {what} needs a plugin that provides it, and {self._nobody()}"
@@ -189,6 +192,9 @@ class Registry:
         """What to do where ``find`` has nothing."""
         if block and any((offer.kind, offer.block) == (kind, block) for offer, _ in self._usable):
             return "write one of the types that it takes, or another block"
+        _, instruction = hints.not_yet(kind, block)
+        if instruction:
+            return instruction
         distribution = hints.distribution_for(block, enum_value)
         rows = [row for row in self._rows if row.distribution == distribution or not distribution]
         if any(row.status is PluginStatus.BLOCKED for row in rows):
