@@ -2,26 +2,50 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from joshua.calibration.front_end import ArmState
 from joshua.cli.calibration.arms import Refused
 from joshua.cli.calibration.presence import Presence
+from joshua.generator.control_server import ask
 from joshua.generator.run_bases import base_directory
-from joshua.generator.run_directory import running_systems
+from joshua.generator.run_directory import SOCKET_NAME, running_systems
 from joshua.plan import NodeKind, NodeSpec, Plan
 
 ARM = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="b:B", implementation="c:C")
 PLAN = Plan(source="robot.pbtxt", mode="MODE_CALIBRATION", nodes=(ARM,))
 
 
+def test_it_answers_while_nobody_serves_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As during ``joshua calibrate --check``, which waits for its arms meanwhile."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    arms: Any = [SimpleNamespace(node_name="arm", state=ArmState.WAITING)]
+    stopped = threading.Event()
+    plan = PLAN.model_copy(update={"mode": "MODE_TELEOPERATE"})  # a check leaves the file's mode
+    with ExitStack() as stack:
+        Presence(plan, arms, stopped.set, stack, doing="calibration is compared")
+        ((path, _),) = running_systems(base_directory({"XDG_RUNTIME_DIR": str(tmp_path)}))
+        status = ask(path / SOCKET_NAME, {"request": "status"}, timeout_s=20)["status"]
+        assert (status["mode"], status["phase"]) == ("MODE_CALIBRATION", "running")
+        ((name, state, reason),) = [(n["full_name"], n["state"], n["reason"]) for n in status["nodes"]]
+        assert (name, state, reason) == ("/arm", "ready", "calibration is compared")
+        assert not stopped.is_set()
+        assert ask(path / SOCKET_NAME, {"request": "stop"}, timeout_s=20) == {"stopping": True}
+        assert stopped.is_set()
+    assert not path.exists()
+    assert all(thread.name != "presence" for thread in threading.enumerate())
+
+
 def test_its_exit_codes_are_those_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    arms: Any = [SimpleNamespace(node_name="arm")]
+    arms: Any = [SimpleNamespace(node_name="arm", state=ArmState.WAITING)]
     with ExitStack() as stack:
         Presence(PLAN, arms, lambda: None, stack)
         ((_, info),) = running_systems(base_directory({"XDG_RUNTIME_DIR": str(tmp_path)}))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+import threading
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from joshua.calibration.comparison import compare, comparison_text
 from joshua.calibration.transaction import Recovery
 from joshua.cli.calibration.arms import Refused, find_arms, open_arms, plan_of, recover_arms
-from joshua.cli.calibration.presence import Presence
+from joshua.cli.calibration.presence import MODE, Presence
 from joshua.cli.emulation import start_rig
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.report import exit_code_of, request_of, show_findings
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
     from joshua.generator.emulation import EmulatedRig
     from joshua.plugins.emulator import Coupling
-
-MODE = "MODE_CALIBRATION"
 
 
 def with_arms(arguments: argparse.Namespace) -> int:
@@ -61,7 +60,9 @@ def with_arms(arguments: argparse.Namespace) -> int:
 def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None, stack: ExitStack) -> int:
     plan, previous = plan_of(checked, arguments)
     arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=arguments.nodes or ())
-    Presence(plan, arms, lambda: None, stack)
+    stop = threading.Event()
+    doing = "calibration is recovered" if arguments.recover else "calibration is compared"
+    Presence(plan, arms, stop.set, stack, doing=doing)
     open_arms(arms, stack, release=False)
     if arguments.recover:
         outcomes = recover_arms(arms)
@@ -70,6 +71,8 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
         return ExitCode.OK
     code = ExitCode.OK
     for arm in arms:
+        if stop.is_set():
+            raise Refused("stopped before every arm was compared", ExitCode.FAILED)
         # a calibration run does not load the file that it replaces; an emulator tells what it holds itself
         wanted = arm.previous if plan.mode == MODE else previous.get(arm.node_name) or arm.previous
         try:

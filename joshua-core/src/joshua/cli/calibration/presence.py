@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -19,6 +20,8 @@ from joshua.generator.run_directory import NodesInUseError, RunDirectory
 from joshua.generator.status import NodeStatus, RunStatus
 from joshua.plan import Plan
 
+MODE = "MODE_CALIBRATION"
+
 _STATES = {
     ArmState.WAITING: "ready",
     ArmState.ACTIVE: "ready",
@@ -28,20 +31,30 @@ _STATES = {
 
 
 class Presence:
-    """What other commands see of this run.
+    """What other commands see of this run; a thread of its own answers them, whatever the arms make wait.
 
     Args:
-        stop: called by ``joshua stop``.
+        stop: called by ``joshua stop``, in that thread.
         stack: gives everything back.
+        doing: what is done with every arm; "" for a calibration, which is at another step with each.
 
     Raises:
         Refused: another run has the nodes, or the folder of running systems cannot be used.
     """
 
-    def __init__(self, plan: Plan, arms: Sequence[Arm], stop: Callable[[], None], stack: ExitStack) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        arms: Sequence[Arm],
+        stop: Callable[[], None],
+        stack: ExitStack,
+        *,
+        doing: str = "",
+    ) -> None:
         self._plan = plan
         self._arms = arms
         self._stop = stop
+        self._doing = doing
         self._began_s = time.monotonic()
         names = {arm.node_name for arm in arms}
         self._nodes = {spec.name: spec.full_name for spec in plan.nodes if spec.name in names}
@@ -67,11 +80,21 @@ class Presence:
                 f"{directory.socket_path}: {error}; set XDG_RUNTIME_DIR", ExitCode.FAILED
             ) from error
         stack.callback(server.close)
+        self._wake, self._waker = os.pipe()
+        stack.callback(os.close, self._wake)
+        self._reactor.watch(self._wake, self._leave)
+        self._leaving = False
+        thread = threading.Thread(target=self._serve, name="presence", daemon=True)
+        stack.callback(thread.join)
+        stack.callback(os.close, self._waker)
+        thread.start()
 
-    def serve(self) -> None:
-        """Answers what was asked since the last call; never waits."""
-        self._reactor.call_later(0.0, lambda: None)
-        self._reactor.turn()
+    def _serve(self) -> None:
+        while not self._leaving:
+            self._reactor.turn()
+
+    def _leave(self) -> None:
+        self._leaving = True
 
     def _status(self, _: object) -> dict[str, Any]:
         nodes = tuple(
@@ -80,12 +103,12 @@ class Presence:
                 _STATES[arm.state],
                 os.getpid(),
                 0,
-                reason=f"calibration: {arm.state.value}",
+                reason=self._doing or f"calibration: {arm.state.value}",
             )
             for arm in self._arms
         )
         elapsed_s = time.monotonic() - self._began_s
-        status = RunStatus(self._plan.source, self._plan.mode, "running", elapsed_s, os.getpid(), nodes)
+        status = RunStatus(self._plan.source, MODE, "running", elapsed_s, os.getpid(), nodes)
         return {"status": status.as_dict()}
 
     def _end(self, _: object) -> dict[str, Any]:

@@ -40,7 +40,7 @@ def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: Emulat
             arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=only)
             stop = Stop(plan.duration_s)
             stack.enter_context(stop)
-            stop.presence = Presence(plan, arms, stop.order, stack)
+            Presence(plan, arms, stop.order, stack)
             open_arms(arms, stack)
             recover_arms(arms)
             display = checked.loaded.config.calibration_run.display or arguments.open
@@ -68,13 +68,10 @@ class Stop:
     def __init__(self, duration_s: float | None) -> None:
         self._end_s = None if duration_s is None else time.monotonic() + duration_s
         self._signalled = False
-        self.presence: Presence | None = None
         self._former: list[tuple[int, object]] = []
 
     def __call__(self) -> bool:
-        """Whether to end now; meanwhile answers other commands."""
-        if self.presence is not None:
-            self.presence.serve()
+        """Whether to end now."""
         return self._signalled or (self._end_s is not None and time.monotonic() >= self._end_s)
 
     def __enter__(self) -> Stop:
