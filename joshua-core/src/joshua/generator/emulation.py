@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.generator.devices import Wanted, unpack, wanted_nodes
+from joshua.generator.state_home import state_home
 from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic, Severity
 from joshua.plugins import Provision, ProvisionKind, Registry
@@ -167,6 +168,5 @@ def parse_faults(options: Sequence[str]) -> dict[str, list[str]]:
 
 def state_folder(robot_id: str, kind: str = "emulated") -> Path:
     """Where emulated or simulated devices of one robot keep what they remember, such as their EEPROM."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot_id).strip(".") or "robot"
-    return Path(base) / "joshua" / kind / safe
+    return state_home(os.environ) / kind / safe

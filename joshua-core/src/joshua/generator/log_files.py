@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from joshua.generator.background_writer import BackgroundWriter
+from joshua.generator.state_home import state_home
 
 #: A file that has grown to this size is renamed, and a new one begun.
 MAX_FILE_BYTES = 10 * 1024 * 1024
@@ -30,12 +31,10 @@ CLOSE_TIMEOUT_S = 1.0
 
 
 def log_directory(environment: Mapping[str, str]) -> Path:
-    """Where logs go: ``JOSHUA_LOG_DIR``, else ``joshua/log`` in ``XDG_STATE_HOME`` or ``~/.local/state``."""
+    """Where logs go: ``JOSHUA_LOG_DIR``, else ``log`` among what this user's programs keep."""
     if environment.get("JOSHUA_LOG_DIR"):
         return Path(environment["JOSHUA_LOG_DIR"])
-    state = environment.get("XDG_STATE_HOME", "")
-    root = Path(state) if Path(state).is_absolute() else Path.home() / ".local" / "state"
-    return root / "joshua" / "log"
+    return state_home(environment) / "log"
 
 
 class LogFile:

@@ -6,6 +6,7 @@ and cameras: a file with a simulation is checked as a whole before anything star
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -91,7 +92,7 @@ class SimulationSettings(BlockSettings):
         result["launching"] = context.get("launch", False)
         folder = Path(result["folder"])
         result["renders"] = [
-            render | {"output": str(folder / Path(render["output"]).expanduser())}
+            render | {"output": str(folder / os.path.expanduser(render["output"]))}  # noqa: PTH111 (below)
             for render in result.get("renders", ())
         ]
         path, stored = result["trajectory_path"], context.get("data_store", {})
@@ -101,7 +102,8 @@ class SimulationSettings(BlockSettings):
         if result.get("seed") is not None and result.get("variation") is None:
             result["variation"] = variation_defaults()
         if path:
-            result["trajectory_path"] = str(Path(result["folder"]) / Path(path).expanduser())
+            # an unknown user stays as written
+            result["trajectory_path"] = str(folder / os.path.expanduser(path))  # noqa: PTH111
         elif result["mode"] == "PASSIVE":
             result |= {"trajectory_path": stored.get("path", ""), "episodes": stored.get("episodes", ())}
         return result

@@ -31,9 +31,9 @@ class _Refused(Exception):
 
 
 def home() -> Path:
-    """Where LeRobot keeps its calibrations."""
+    """Where LeRobot keeps its calibrations; a user without a home has none in the usual place."""
     given = os.environ.get("HF_LEROBOT_CALIBRATION")
-    cache = os.environ.get("HF_HOME") or Path.home() / ".cache" / "huggingface"
+    cache = os.environ.get("HF_HOME") or os.path.expanduser("~/.cache/huggingface")  # noqa: PTH111
     lerobot = os.environ.get("HF_LEROBOT_HOME") or Path(cache) / "lerobot"
     return Path(given) if given else Path(lerobot) / "calibration"
 
