@@ -50,3 +50,11 @@ def test_a_system_is_found_from_every_usual_environment(tmp_path, monkeypatch):
     with pytest.raises(RunDirectoryError, match="chmod 700"):
         base_directories({}, make=True)
     service.close()
+
+
+def test_a_socket_whose_path_would_be_too_long_lies_below_tmp(tmp_path):
+    long = tmp_path / ("x" * 90)
+    long.mkdir()
+    usual = Path("/tmp") / f"joshua-{os.getuid()}"
+    assert run_bases.short_base_directory({"XDG_RUNTIME_DIR": str(long)}, 30) == usual
+    assert run_bases.short_base_directory({"XDG_RUNTIME_DIR": "/tmp"}, 30) == Path("/tmp/joshua")

@@ -5,10 +5,19 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from joshua.generator.run_bases import RunDirectoryError
-from joshua.generator.run_directory import NodesInUseError, RunDirectory, running_systems
+from joshua.generator.run_directory import (
+    NodesInUseError,
+    RunDirectory,
+    physics_folder,
+    running_systems,
+)
 
 
 def make(base, nodes=("/arm", "/left/camera"), domain_id=7):
@@ -79,6 +88,34 @@ def test_what_a_killed_run_left_is_removed(tmp_path):
     run = make(tmp_path / "base")
     assert [path.name for path in (tmp_path / "base" / "runs").iterdir()] == [run.path.name]
     run.close()
+
+
+def test_the_socket_of_a_simulation_outlives_nobody(tmp_path):
+    base = tmp_path / "base"
+    program = (
+        "import os, signal, sys\nfrom pathlib import Path\n"
+        "from joshua.generator.run_directory import physics_folder\n"
+        "with physics_folder(Path(sys.argv[1])) as folder:\n"
+        "    (folder / 'bus.sock').write_text('')\n    print(folder, flush=True)\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    killed = subprocess.run([sys.executable, "-c", program, base], capture_output=True, text=True, timeout=60)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    left = Path(killed.stdout.strip())
+    assert (left / "bus.sock").exists()
+
+    with physics_folder(base) as mine:
+        assert not left.exists()
+        assert mine.stat().st_mode & 0o777 == 0o700
+        with physics_folder(base):
+            assert mine.exists(), "its owner lives"
+        make(base).close()
+        assert mine.exists()
+    assert list((base / "physics").iterdir()) == []
+
+    left.mkdir()
+    make(base).close()
+    assert not left.exists(), "a run without a simulation tidies up as well"
 
 
 def test_a_base_that_others_can_enter_is_refused(tmp_path):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 import sys
-import tempfile
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
@@ -32,6 +30,8 @@ def start_simulation(
         The file and the links of emulated devices by node name; an exit code where that is refused.
     """
     from joshua.calibration.arm_file import FileRefused
+    from joshua.generator.run_bases import RunDirectoryError, short_base_directory
+    from joshua.generator.run_directory import physics_folder
     from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
     from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
     from joshua.plugins.stand_in import CoupledCamera
@@ -51,9 +51,13 @@ def start_simulation(
             return ExitCode.INVALID
     if not simulated.coupled:
         return checked, {}
-    folder = tempfile.mkdtemp(prefix="joshua-physics-")  # for this user only
-    stack.callback(shutil.rmtree, folder, ignore_errors=True)
-    socket = Path(folder) / "bus.sock"
+    try:
+        base = short_base_directory(os.environ, len("/physics/01234567/bus.sock"))
+        folder = stack.enter_context(physics_folder(base))
+    except RunDirectoryError as error:
+        sys.stderr.write(f"joshua: error: {error}\nnothing was started\n")
+        return ExitCode.FAILED
+    socket = folder / "bus.sock"
     links: dict[str, Coupling] = {}
     for name, device in simulated.coupled.items():
         if isinstance(device, CoupledCamera):

@@ -7,6 +7,8 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
+from joshua.generator.socket_address import MAX_PATH_BYTES
+
 _RUNTIME_FOLDERS = Path("/run/user")
 _FALLBACK = Path("/tmp")  # noqa: S108 (owner and mode of the folder there are checked)
 
@@ -21,6 +23,13 @@ def base_directory(environment: Mapping[str, str]) -> Path:
     if Path(runtime).is_absolute() and os.path.isdir(runtime) and os.access(runtime, os.W_OK):  # noqa: PTH112
         return Path(runtime) / "joshua"
     return _FALLBACK / f"joshua-{os.getuid()}"
+
+
+def short_base_directory(environment: Mapping[str, str], bytes_below: int) -> Path:
+    """The base directory, else ``/tmp/joshua-<uid>`` where a socket's path below it would be too long."""
+    base = base_directory(environment)
+    fits = len(os.fsencode(base)) + bytes_below <= MAX_PATH_BYTES
+    return base if fits else _FALLBACK / f"joshua-{os.getuid()}"
 
 
 def base_directories(environment: Mapping[str, str], *, make: bool = False) -> list[Path]:

@@ -21,6 +21,7 @@ LOCK_NAME = "lock"
 INFO_NAME = "run.json"
 SOCKET_NAME = "control.sock"
 LOG_NAME = "log.jsonl"
+PHYSICS_FOLDER = "physics"
 
 
 class NodesInUseError(Exception):
@@ -131,6 +132,7 @@ def _make(base: Path, info: RunInfo) -> list[int]:
     try:
         with _locked(base / LOCK_NAME):
             remove_stale(runs)
+            remove_stale(base / PHYSICS_FOLDER)
             _take_nodes(locks, info, descriptors)
             _refuse_held([other / "nodes" for other in other_bases(base)], info)
             path = runs / info.run
@@ -142,10 +144,39 @@ def _make(base: Path, info: RunInfo) -> list[int]:
             os.close(descriptor)
         if isinstance(error, NodesInUseError):
             raise
-        raise RunDirectoryError(
-            f"{base}: {error.strerror or error}; free space, or set XDG_RUNTIME_DIR to another folder"
-        ) from error
+        raise _unusable(base, error) from error
     return descriptors
+
+
+@contextlib.contextmanager
+def physics_folder(base: Path) -> Iterator[Path]:
+    """A folder for the socket between emulated devices and their simulation, which are there before the run.
+
+    It goes at the end, and the next run at this base removes those of processes that were killed.
+
+    Raises:
+        RunDirectoryError: the base cannot be made or is not this user's own.
+    """
+    folders = private(private(base) / PHYSICS_FOLDER)
+    path = folders / secrets.token_hex(4)
+    try:
+        with _locked(base / LOCK_NAME):
+            remove_stale(folders)
+            path.mkdir(mode=0o700)
+            descriptor = _lock(path / LOCK_NAME, wait=True)
+    except OSError as error:
+        raise _unusable(base, error) from error
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+        os.close(descriptor)
+
+
+def _unusable(base: Path, error: OSError) -> RunDirectoryError:
+    return RunDirectoryError(
+        f"{base}: {error.strerror or error}; free space, or set XDG_RUNTIME_DIR to another folder"
+    )
 
 
 def latch_folder(base: Path) -> Path:
@@ -170,7 +201,7 @@ def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
 
 
 def remove_stale(runs: Path) -> None:
-    """Removes the directories of runs whose supervisor is gone."""
+    """Removes the directories whose owner is gone: nobody holds the lock in them any more."""
     for path in runs.glob("*/"):
         if _is_stale(path):
             shutil.rmtree(path, ignore_errors=True)
