@@ -17,6 +17,7 @@ from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.sensor_node import SensorNode
 from joshua.messages import message_class
 from joshua.messages.make import pixels
+from joshua.node.errors import StopObeyed
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -193,6 +194,28 @@ def test_the_stop_ends_the_wait_for_a_device(scripted: Any, monkeypatch: pytest.
     scripted.script.put(DeviceDisconnected("the cable is gone"))
     wait_until(lambda: "closed" in scripted.connections)
     end(context, node)
+
+
+def test_a_driver_can_break_its_search_off_when_the_run_ends(
+    scripted: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def search(sensor: ScriptedSensor) -> None:
+        wait_until(sensor.stopping)
+        raise StopObeyed
+
+    context, node = start(scripted_spec())
+    monkeypatch.setattr(scripted, "connect", search)
+    scripted.script.put(DeviceDisconnected("the cable is gone"))
+    wait_until(lambda: any(thread.name == "sensor's connection" for thread in threading.enumerate()))
+    end(context, node)
+    assert context.failures == []
+
+    context = RecordingContext(scripted_spec())
+    node = SensorNode(context)
+    threading.Timer(0.05, context.stop).start()
+    with pytest.raises(StopObeyed):  # which the runtime takes for a good end
+        node.configure()
+    node.cleanup()
 
 
 def test_silence_is_reported_once(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import threading
 import time
@@ -13,6 +14,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading
 from joshua.messages import decode, encode
 from joshua.messages.make import pixels
+from joshua.node.errors import StopObeyed
 from joshua_camera.camera import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, OpenCvCamera
 from joshua_camera.picture import decode_jpeg
 from joshua_emulator import EmulatedCamera
@@ -44,6 +46,19 @@ def read_on(camera: OpenCvCamera) -> None:
     deadline_s = time.monotonic() + LONG_S
     while time.monotonic() < deadline_s:
         camera.read(0.1)
+
+
+def test_a_run_that_ends_is_not_kept_waiting(emulator: EmulatedCamera, camera_at: Maker) -> None:
+    emulator.fault("stall")
+    camera = camera_at(emulator.source)
+    asked = itertools.count()
+    camera.stopping = lambda: next(asked) > 2
+    with pytest.raises(StopObeyed):
+        camera.connect()
+    assert not camera.connected
+    camera.stopping = lambda: False
+    emulator.ask("clear_faults")
+    camera.connect()
 
 
 def test_frames_are_new_in_order_and_stamped_when_they_came(

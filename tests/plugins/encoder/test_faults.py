@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import time
 from collections.abc import Callable
@@ -11,6 +12,7 @@ import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_errors import PortBusy, PortNotFound
 from joshua.devices.serial_port import SerialPort
+from joshua.node.errors import StopObeyed
 from joshua_emulator import EmulatedEncoder, EmulatedLidar
 from joshua_encoder.encoder import SerialEncoder
 from joshua_encoder.sources import Amt21Source
@@ -58,6 +60,22 @@ def test_a_port_in_use(emulator_of: Start, encoder_at: Make) -> None:
     first.connect()
     text = refusal(encoder_at(emulator.port), PortBusy)
     assert f"(process {os.getpid()}, this one)" in text
+
+
+@pytest.mark.parametrize(("kind", "baudrate"), [("line", 115_200), ("amt21", 2_000_000)])
+def test_a_run_that_ends_is_not_kept_waiting(
+    emulator_of: Start, encoder_at: Make, kind: str, baudrate: int
+) -> None:
+    emulator = emulator_of(kind, baudrate=baudrate, fault=["silent"])
+    encoder = encoder_at(emulator.port, kind, baudrate)
+    asked = itertools.count()
+    encoder.stopping = lambda: next(asked) > 2
+    with pytest.raises(StopObeyed):
+        encoder.connect()
+    assert not encoder.connected
+    encoder.stopping = lambda: False
+    emulator.ask("clear_faults")
+    encoder.connect()  # the port was let go
 
 
 def test_nothing_comes(emulator_of: Start, encoder_at: Make) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import re
 import threading
@@ -14,6 +15,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.serial_errors import PortBusy, PortNotFound
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.usb_ports import Endpoint
+from joshua.node.errors import StopObeyed
 from joshua_emulator import EmulatedLidar
 from joshua_lidar import lidar as lidar_module
 from joshua_lidar import requests
@@ -110,6 +112,21 @@ def test_nothing_at_the_port(emulator_of: Start, lidar_at: Make, monkeypatch: py
     emulator = emulator_of("ld19", fault=["silent"])
     text = refusal(lidar_at(emulator.port, "ld19"))
     assert "no laser scanner answers at any line speed: check that it has power" in text
+
+
+@pytest.mark.parametrize(("model", "fault"), [("", "silent"), ("rplidar_a1", "stall"), ("ld19", "silent")])
+def test_a_run_that_ends_is_not_kept_waiting(
+    emulator_of: Start, lidar_at: Make, model: str, fault: str
+) -> None:
+    emulator = emulator_of(model or "rplidar_a1", fault=[fault])
+    lidar = lidar_at(emulator.port, model)
+    asked = itertools.count()
+    lidar.stopping = lambda: next(asked) > 5
+    with pytest.raises(StopObeyed):
+        lidar.connect()
+    assert not lidar.connected
+    if model == "rplidar_a1":
+        assert not emulator.state()["motor"]
 
 
 def test_something_else_at_the_port(emulator_of: Start, lidar_at: Make) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,8 @@ class Sensor(ABC):
     def __init__(self, settings: Any, context: dict[str, Any] | None = None) -> None:
         self.settings = settings
         self.plan_context: dict[str, Any] = context or {}
+        #: Whether the run is to end; a ``connect`` that takes long asks it, and raises ``StopObeyed``.
+        self.stopping: Callable[[], bool] = lambda: False
 
     @property
     @abstractmethod

@@ -9,6 +9,7 @@ from joshua.devices.diagnostics import ERROR, OK, STALE, DiagnosticsPublisher, D
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.errors import StopObeyed
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, meter_for
 
@@ -61,6 +62,7 @@ class SensorNode(NodeBehaviour):
             names = ", ".join(topic.name for topic in spec.subscriptions)
             self.context.warn(f"{spec.full_name}: a sensor takes no commands, so {names} has no effect")
         self._sensor = sensor
+        sensor.stopping = lambda: self.context.stopping
         sensor.connect()
         self._outputs = [
             (self.context.publisher(topic), RateLimit(topic.rate_hz), meter_for(spec))
@@ -172,6 +174,8 @@ class SensorNode(NodeBehaviour):
                 return
             try:
                 self._connect(sensor)
+            except StopObeyed:
+                return
             except DeviceError as error:
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
                 self.context.log.warning("not back yet: %s; next attempt in %g s", error, wait_s)

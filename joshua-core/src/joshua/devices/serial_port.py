@@ -13,6 +13,7 @@ import struct
 import sys
 import termios
 import time
+from collections.abc import Callable, Iterator
 
 from joshua.devices.port_holders import describe_process, holders, is_guardian
 from joshua.devices.serial_errors import (
@@ -24,6 +25,7 @@ from joshua.devices.serial_errors import (
     PortUnusable,
 )
 from joshua.devices.usb_ports import Endpoint, PortEntry, describe_ports, resolve
+from joshua.node.errors import StopObeyed
 
 FULL_LINE_S = 1.0  # a line that takes no byte for so long is gone
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
@@ -47,6 +49,7 @@ class SerialPort:
         self._attributes: list[object] = []
         self._minimum = 1
         self._poll = select.poll()
+        self._stopping: Callable[[], bool] | None = None
 
     @property
     def is_open(self) -> bool:
@@ -101,6 +104,15 @@ class SerialPort:
         """Time that bytes take on the line."""
         return size * BITS_PER_BYTE / self.baudrate
 
+    @contextlib.contextmanager
+    def obeying(self, stopping: Callable[[], bool]) -> Iterator[None]:
+        """Lets a search for a device end early: ``receive`` raises StopObeyed once ``stopping`` is true."""
+        self._stopping = stopping
+        try:
+            yield
+        finally:
+            self._stopping = None
+
     def send(self, data: bytes) -> None:
         """Drops received bytes, then sends. Raises PortDisconnected."""
         try:
@@ -141,8 +153,10 @@ class SerialPort:
     def receive(self, size: int, deadline_s: float) -> bytes:
         """Waits for ``size`` bytes, until a time of the monotonic clock; returns what came, perhaps less.
 
-        Raises PortDisconnected.
+        Raises PortDisconnected; StopObeyed inside ``obeying``.
         """
+        if self._stopping is not None and self._stopping():
+            raise StopObeyed
         self._set_minimum(size if size <= _LARGEST_MINIMUM else 1)
         data = b""
         while len(data) < size:

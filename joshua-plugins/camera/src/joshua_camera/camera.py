@@ -98,6 +98,7 @@ class OpenCvCamera(Sensor):
         Raises:
             DeviceError: the camera is missing, busy, not allowed, of another size or silent, or the
                 intrinsics are wrong; the message names the camera and the remedy.
+            StopObeyed: the run ends.
         """
         if self.connected:
             raise DeviceError(f"{self.source.label} is open already: disconnect first")
@@ -108,7 +109,7 @@ class OpenCvCamera(Sensor):
                 raise DeviceError(f"{self.source.label} is being closed: make a new camera to open it again")
             self._thread = thread
         try:
-            thread.open(NEXT_FIRST_PICTURE_S if self._opened_before else FIRST_PICTURE_S)
+            thread.open(NEXT_FIRST_PICTURE_S if self._opened_before else FIRST_PICTURE_S, self.stopping)
         except BaseException:
             self._thread = None
             raise

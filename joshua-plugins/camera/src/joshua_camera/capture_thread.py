@@ -5,11 +5,13 @@ from __future__ import annotations
 import atexit
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.stamps import StampClock
 from joshua.node import ros_time
+from joshua.node.errors import StopObeyed
 
 from joshua_camera.backlog import Backlog
 from joshua_camera.capture import Capture, Grab
@@ -23,6 +25,7 @@ JOIN_S = 1.0
 #: A clock that is set back by more than this cannot be made good by stamps that stand still.
 LARGEST_CLOCK_STEP_NS = 500_000_000
 
+_LOOK_S = 0.05  # how late a stop may be noticed
 _EXPOSURE_EVERY_NS = 1_000_000_000
 _NS_PER_S = 1_000_000_000
 
@@ -63,20 +66,32 @@ class CaptureThread:
         """Settings that have no effect on this camera."""
         return tuple(self._capture.notes)
 
-    def open(self, timeout_s: float) -> None:
-        """Starts the thread and waits for the first picture. Raises DeviceError; the thread is ended then."""
+    def open(self, timeout_s: float, stopping: Callable[[], bool] = lambda: False) -> None:
+        """Starts the thread and waits for the first picture.
+
+        Args:
+            stopping: asked now and then; where it is true the wait ends.
+
+        Raises:
+            DeviceError: there is none in time; the thread is ended then, as with StopObeyed.
+            StopObeyed: the run ends.
+        """
         # A thread that still waits inside OpenCV when the interpreter ends would abort the process.
         atexit.register(self.close)
         self._thread.start()
-        deadline_s = time.monotonic() + timeout_s
+        deadline_s, obeys = time.monotonic() + timeout_s, False
         with self._changed:
             while self._newest is None and self._failure is None and not self._stop.is_set():
-                if not self._changed.wait(max(0.0, deadline_s - time.monotonic())):
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0 or (obeys := stopping()):
                     break
+                self._changed.wait(min(left_s, _LOOK_S))
             ready, failure, stopped = self._newest is not None, self._failure, self._stop.is_set()
         if ready:
             return
         self.close()
+        if obeys:
+            raise StopObeyed
         label = self._capture.source.label
         if failure is not None:
             raise failure

@@ -94,6 +94,7 @@ class SerialEncoder(Sensor):
         Raises:
             DeviceError: port or encoder is missing, busy, not allowed, silent, at another line speed or
                 address, or speaks another protocol; the message names port and remedy.
+            StopObeyed: the run ends.
         """
         if self.connected:
             raise DeviceError(f"{self._port} is open already: disconnect first")
@@ -103,7 +104,8 @@ class SerialEncoder(Sensor):
         try:
             kind = Amt21Source if settings.protocol == AMT21 else LineSource
             source = kind(self._port, settings)
-            source.start()
+            with self._port.obeying(self.stopping):
+                source.start()
         except BaseException:
             self._port.close()
             raise

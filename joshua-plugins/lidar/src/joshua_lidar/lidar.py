@@ -115,14 +115,16 @@ class SerialLidar(Sensor):
         Raises:
             DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed,
                 or does not turn; the message names port and remedy. The motor is off then.
+            StopObeyed: the run ends; the motor is off then, too.
         """
         if self.connected:
             raise DeviceError(f"{self._port} is open already: disconnect first")
         self._port.baudrate = self.settings.baudrate
         self._port.open()
         try:
-            self._start()
-            self._await_first_scan()
+            with self._port.obeying(self.stopping):
+                self._start()
+                self._await_first_scan()
         except BaseException:
             self.disconnect()
             raise
