@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
+from joshua_mujoco_sim.trajectories import budget
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -130,6 +132,15 @@ def test_folder_of_files_is_a_data_set_too(tmp_path: Path) -> None:
         ("a.jsonl", '{"time_s": 0, "a": 1}\n{"time_s"\n', "line 2: Expecting"),
         ("a.jsonl", "[1]\n", "line 1: a JSON object is needed"),
         ("a.jsonl", '{"time_s": 0, "a": 1}\n{"time_s": 1, "b": 1}\n', "sample 2 has time_s, b"),
+        ("a.csv", "time_s,a\n" + "1" * (1 << 21), "line 2: is longer than 1048576 characters"),
+        ("a.jsonl", "[" * 100_000, "line 1: is no sample: "),
+        ("a.jsonl", '{"time_s": ' + "1" * 5000 + "}", "line 1: "),
+        ("a.jsonl", '{"time_s": 0, "a": 1' + "0" * 400 + "}", "line 1: a is 1000.*, and a number is needed"),
+        (
+            "a.jsonl",
+            '{"time_s": 0, "action": [1, 2]}\n{"time_s": 1, "action": [1]}\n',
+            "line 2: action has another length than in the first sample",
+        ),
         ("a.parquet", "nothing", "cannot be read as Parquet"),
         ("a.mcap", "nothing", "cannot be read as a ROS 2 recording"),
         ("a.txt", "", r"\.txt is no known form: name a \.csv"),
@@ -139,6 +150,52 @@ def test_each_fault_has_its_message(tmp_path: Path, name: str, text: str, expect
     path = tmp_path / name
     path.write_text(text)
     with pytest.raises(TrajectoryError, match=expected):
+        read_trajectories(path)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [write_csv, write_json_lines, write_parquet, write_lerobot, write_mcap],
+)
+def test_a_recording_that_is_too_long_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], Path]
+) -> None:
+    path = write(tmp_path)
+    monkeypatch.setattr(budget, "MOST_NUMBERS", 14)
+    with pytest.raises(TrajectoryError, match=r"too long to be replayed at once: more than 14 numbers"):
+        read_trajectories(path)
+    monkeypatch.setattr(budget, "MOST_NUMBERS", 40)
+    assert len(read_trajectories(path)[0].time_s) == 5
+
+
+def test_the_size_of_a_parquet_file_is_asked_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "still.parquet"  # compressed, what never changes takes no room
+    still = np.zeros(2_000_000)
+    table = pyarrow.table({"time_s": still, **{f"joint_{number}": still for number in range(12)}})
+    pyarrow.parquet.write_table(table, path, compression="zstd")
+    assert path.stat().st_size < 1_000_000
+    monkeypatch.setattr(pyarrow.parquet.ParquetFile, "read", lambda *_, **__: pytest.fail("it was read"))
+    with pytest.raises(TrajectoryError, match="more than 20000000 numbers"):
+        read_trajectories(path)
+
+
+def test_pictures_beside_the_joints_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "seen.parquet"
+    table = pyarrow.table(
+        {"timestamp": TIMES, "action": POSITIONS.tolist(), "picture": [b"x"] * 5, "task": ["wave"] * 5}
+    )
+    pyarrow.parquet.write_table(table, path)
+    (trajectory,) = read_trajectories(path)
+    assert trajectory.position == pytest.approx(POSITIONS)
+
+
+def test_lists_of_different_lengths_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "ragged.parquet"
+    table = pyarrow.table({"timestamp": [0.0, 1.0], "action": [[1.0, 2.0], [1.0]]})
+    pyarrow.parquet.write_table(table, path)
+    with pytest.raises(TrajectoryError, match="action has rows of different lengths"):
         read_trajectories(path)
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from array import array
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from joshua_mujoco_sim.trajectories.budget import Budget
 from joshua_mujoco_sim.trajectories.tables import VECTOR_COLUMNS, from_columns, parquet_columns
 from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
 
@@ -25,7 +27,7 @@ def is_rosbag(path: Path) -> bool:
     return path.suffix == ".mcap" or (path / "metadata.yaml").is_file()
 
 
-def read_lerobot(folder: Path, episodes: Sequence[int] = ()) -> list[Trajectory]:
+def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[Trajectory]:
     """Reads the episodes of a data set, all of them where none is named.
 
     Raises:
@@ -42,22 +44,30 @@ def read_lerobot(folder: Path, episodes: Sequence[int] = ()) -> list[Trajectory]
         raise TrajectoryError(
             f"{folder} records neither {' nor '.join(VECTOR_COLUMNS)}, so that nothing can be replayed"
         ) from None
-    by_episode: dict[int, dict[str, list[Any]]] = {}
+    by_episode: dict[int, list[dict[str, Any]]] = {}
+    numbers: set[int] = set()
     for file in sorted((folder / "data").glob("chunk-*/file-*.parquet")):
-        columns = parquet_columns(file)
-        for row, episode in enumerate(columns.get("episode_index", [])):
-            kept = by_episode.setdefault(int(episode), {"timestamp": [], key: []})
-            kept["timestamp"].append(columns["timestamp"][row])
-            kept[key].append(columns[key][row])
-    missing = [number for number in episodes if number not in by_episode]
-    if missing or not by_episode:
-        have = f"0 to {max(by_episode)}" if by_episode else "none"
+        columns = parquet_columns(file, Budget(), "timestamp", "episode_index")  # one file after the other
+        if not {"timestamp", "episode_index", key} <= columns.keys():
+            raise TrajectoryError(f"{file} has no timestamp, no episode_index or no {key}: it is damaged")
+        here = columns["episode_index"]
+        for number in map(int, np.unique(here)):
+            numbers.add(number)
+            if not episodes or number in episodes:
+                part = {name: columns[name][here == number] for name in ("timestamp", key)}
+                budget.take(folder, sum(values.size for values in part.values()))
+                by_episode.setdefault(number, []).append(part)
+    missing = [number for number in episodes if number not in numbers]
+    if missing or not numbers:
+        have = f"0 to {max(numbers)}" if numbers else "none"
         raise TrajectoryError(f"{folder} has no episode {', '.join(map(str, missing))}: it has {have}")
-    chosen = list(episodes) or sorted(by_episode)
-    return [from_columns(f"{folder} episode {number}", by_episode[number], names) for number in chosen]
+    return [
+        from_columns(f"{folder} episode {number}", _joined(by_episode[number]), names)
+        for number in list(episodes) or sorted(numbers)
+    ]
 
 
-def read_rosbag(path: Path) -> Trajectory:
+def read_rosbag(path: Path, budget: Budget) -> Trajectory:
     """Reads the joint states of a recording: of its one topic of that type, or of the busiest.
 
     Raises:
@@ -74,22 +84,31 @@ def read_rosbag(path: Path) -> Trajectory:
                 raise TrajectoryError(f"{path} holds no joint states: it has {topics}")
             busiest = max(found, key=lambda connection: connection.msgcount)
             names: tuple[str, ...] = ()
-            times, positions = [], []
+            times, positions = array("d"), array("d")
             for connection, stamp_ns, raw in reader.messages(connections=[busiest]):
                 message: Any = reader.deserialize(raw, connection.msgtype)
                 names = names or tuple(message.name)
                 if tuple(message.name) != names:
                     raise TrajectoryError(f"{path}: {busiest.topic} changes its joints on the way")
+                if len(message.position) != len(names):
+                    raise TrajectoryError(
+                        f"{path}: message {len(times) + 1} on {busiest.topic} has {len(names)} names and "
+                        f"{len(message.position)} positions"
+                    )
+                budget.take(path, 1 + len(names))
                 times.append(stamp_ns * 1e-9)
-                positions.append(np.asarray(message.position, dtype=np.float64))
+                positions.extend(message.position)
     except (AnyReaderError, OSError, ValueError) as error:
         raise TrajectoryError(f"{path} cannot be read as a ROS 2 recording: {error}") from error
     if not times:
         raise TrajectoryError(f"{path}: {busiest.topic} holds no message: record something first")
-    start_s = times[0]
-    return Trajectory(
-        f"{path} {busiest.topic}", names, np.array(times) - start_s, np.array(positions, dtype=np.float64)
-    )
+    time_s = np.frombuffer(times)
+    position = np.frombuffer(positions).reshape(len(times), -1)
+    return Trajectory(f"{path} {busiest.topic}", names, time_s - time_s[0], position)
+
+
+def _joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _feature_names(feature: dict[str, Any]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from joshua_mujoco_sim.trajectories.budget import Budget
 from joshua_mujoco_sim.trajectories.datasets import is_lerobot, is_rosbag, read_lerobot, read_rosbag
 from joshua_mujoco_sim.trajectories.tables import read_csv, read_json_lines, read_parquet
 from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
@@ -28,14 +29,18 @@ def read_trajectories(path: Path, episodes: Sequence[int] = ()) -> list[Trajecto
         episodes: of a data set, in the order in which they are replayed; () for all.
 
     Raises:
-        TrajectoryError: it does not exist, has an unknown form, or cannot be read.
+        TrajectoryError: it does not exist, has an unknown form, cannot be read, or is too long.
     """
+    return _read(path, episodes, Budget())
+
+
+def _read(path: Path, episodes: Sequence[int], budget: Budget) -> list[Trajectory]:
     if not path.exists():
         raise TrajectoryError(f"{path} does not exist: name {FORMS}")
     if path.is_dir() and is_lerobot(path):
-        return read_lerobot(path, episodes)
+        return read_lerobot(path, episodes, budget)
     if is_rosbag(path):
-        return [read_rosbag(path)]
+        return [read_rosbag(path, budget)]
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.suffix in _TABLES)
         if files:
@@ -44,9 +49,9 @@ def read_trajectories(path: Path, episodes: Sequence[int] = ()) -> list[Trajecto
                 raise TrajectoryError(
                     f"{path} has {len(files)} episodes, counted from 0, not {max(episodes)}"
                 )
-            return [trajectory for file in chosen for trajectory in read_trajectories(file)]
+            return [trajectory for file in chosen for trajectory in _read(file, (), budget)]
         raise TrajectoryError(f"{path} is a folder without a recording: name {FORMS}")
     read = _TABLES.get(path.suffix)
     if read is None:
         raise TrajectoryError(f"{path}: {path.suffix or 'no ending'} is no known form: name {FORMS}")
-    return [read(path)]
+    return [read(path, budget)]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
+from joshua_mujoco_sim.trajectories.budget import LONGEST_LINE, Budget
 from joshua_mujoco_sim.trajectories.trajectory import (
     FloatArray,
     MissingExtraError,
@@ -26,33 +28,37 @@ VECTOR_COLUMNS = ("action", "observation.state")
 _OTHER_COLUMNS = ("frame_index", "episode_index", "index", "task_index", "task", "next.done")
 
 
-def read_csv(path: Path) -> Trajectory:
+def read_csv(path: Path, budget: Budget) -> Trajectory:
     """Reads a CSV file whose first line names its columns. Raises TrajectoryError with the line."""
+    names: list[str] = []
+    rows = _Rows(str(path), budget)
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
+            for number, row in enumerate(csv.reader(_lines(path, file)), start=1):
+                if not row:
+                    continue
+                if not names:
+                    names = [name.strip() for name in row]
+                    continue
+                if len(row) != len(names):
+                    raise TrajectoryError(
+                        f"{path}, line {number}: {len(row)} columns, and line 1 names {len(names)} "
+                        f"({', '.join(names)})"
+                    )
+                rows.add(f"{path}, line {number}", dict(zip(names, row, strict=True)))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TrajectoryError(f"{path} cannot be read: {error}") from error
-    if not rows:
+    if not names:
         raise TrajectoryError(f"{path} is empty: its first line names the columns, time_s and each joint")
-    names = [name.strip() for name in rows[0][1]]
-    records = []
-    for number, row in rows[1:]:
-        if len(row) != len(names):
-            raise TrajectoryError(
-                f"{path}, line {number}: {len(row)} columns, and line 1 names {len(names)} "
-                f"({', '.join(names)})"
-            )
-        records.append(_numbers(f"{path}, line {number}", dict(zip(names, row, strict=True))))
-    return _from_records(str(path), records)
+    return rows.trajectory()
 
 
-def read_json_lines(path: Path) -> Trajectory:
+def read_json_lines(path: Path, budget: Budget) -> Trajectory:
     """Reads a file with one JSON object on each line. Raises TrajectoryError with the line."""
-    records = []
+    rows = _Rows(str(path), budget)
     try:
         with path.open(encoding="utf-8") as file:
-            for number, line in enumerate(file, start=1):
+            for number, line in enumerate(_lines(path, file), start=1):
                 if not line.strip():
                     continue
                 where = f"{path}, line {number}"
@@ -60,26 +66,26 @@ def read_json_lines(path: Path) -> Trajectory:
                     record = json.loads(line)
                 except json.JSONDecodeError as error:
                     raise TrajectoryError(f"{where}: {error.msg} in column {error.colno}") from error
+                except (ValueError, RecursionError) as error:  # thousands of digits or brackets
+                    raise TrajectoryError(f"{where}: is no sample: {error}") from error
                 if not isinstance(record, dict):
                     raise TrajectoryError(f"{where}: a JSON object is needed, found {line.strip()[:40]}")
-                records.append(_numbers(where, record))
+                rows.add(where, record)
     except (OSError, UnicodeDecodeError) as error:
         raise TrajectoryError(f"{path} cannot be read: {error}") from error
-    return _from_records(str(path), records)
+    return rows.trajectory()
 
 
-def read_parquet(path: Path, vector_names: Sequence[str] = ()) -> Trajectory:
-    """Reads a Parquet file. Raises TrajectoryError.
+def read_parquet(path: Path, budget: Budget) -> Trajectory:
+    """Reads a Parquet file. Raises TrajectoryError."""
+    return from_columns(str(path), parquet_columns(path, budget))
 
-    Args:
-        path: the file.
-        vector_names: names of the joints in a column that holds them all.
+
+def parquet_columns(path: Path, budget: Budget, *further: str) -> dict[str, Any]:
+    """Columns of a Parquet file that a trajectory is made of, and further ones where they are there.
+
+    A column of lists becomes an array with a row for each of them. Raises TrajectoryError.
     """
-    return from_columns(str(path), parquet_columns(path), vector_names)
-
-
-def parquet_columns(path: Path) -> dict[str, list[Any]]:
-    """Columns of a Parquet file. Raises TrajectoryError."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -88,13 +94,16 @@ def parquet_columns(path: Path) -> dict[str, list[Any]]:
             f"{path}: Parquet needs an extra: pip install 'joshua-mujoco-sim[parquet]'"
         ) from error
     try:
-        columns: dict[str, list[Any]] = pyarrow.parquet.read_table(path).to_pydict()
+        with pyarrow.parquet.ParquetFile(path) as file:
+            names = _needed(file.schema_arrow.names, further)
+            budget.take(path, _stored(file.metadata, names))
+            table = file.read(columns=names)
+        return {name: _as_array(f"{path}: {name}", table.column(name).combine_chunks()) for name in names}
     except (OSError, pyarrow.ArrowException) as error:
         raise TrajectoryError(f"{path} cannot be read as Parquet: {error}") from error
-    return columns
 
 
-def from_columns(source: str, columns: dict[str, list[Any]], vector_names: Sequence[str] = ()) -> Trajectory:
+def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence[str] = ()) -> Trajectory:
     """Makes a trajectory of columns, of which one holds times. Raises TrajectoryError."""
     time = next((name for name in TIME_COLUMNS if name in columns), None)
     if time is None:
@@ -121,25 +130,105 @@ def from_columns(source: str, columns: dict[str, list[Any]], vector_names: Seque
     return Trajectory(source, names, time_s - time_s[0] if len(time_s) else time_s, position)
 
 
-def _numbers(where: str, record: dict[str, Any]) -> dict[str, Any]:
-    converted: dict[str, Any] = {}
+class _Rows:
+    """Samples of a text file: eight bytes for each number, however many there are."""
+
+    def __init__(self, source: str, budget: Budget) -> None:
+        self._source, self._budget = source, budget
+        self._count = 0
+        self._values: dict[str, array[float]] = {}
+        self._lengths: dict[str, int | None] = {}
+
+    def add(self, where: str, record: Mapping[str, Any]) -> None:
+        """Adds a sample. Raises TrajectoryError."""
+        numbers = _numbers(where, record)
+        self._count += 1
+        if self._count == 1:
+            self._values = {name: array("d") for name in numbers}
+            self._lengths = {name: _length(value) for name, value in numbers.items()}
+        if list(numbers) != list(self._values):
+            raise TrajectoryError(
+                f"{self._source}: sample {self._count} has {', '.join(numbers)}, and the first has "
+                f"{', '.join(self._values)}"
+            )
+        for name, value in numbers.items():
+            if _length(value) != self._lengths[name]:
+                raise TrajectoryError(f"{where}: {name} has another length than in the first sample")
+            row = value if isinstance(value, list) else (value,)
+            self._budget.take(self._source, len(row))
+            self._values[name].extend(row)
+
+    def trajectory(self) -> Trajectory:
+        """The trajectory of all samples. Raises TrajectoryError."""
+        if not self._count:
+            raise TrajectoryError(f"{self._source} holds no sample: record something first")
+        columns = {
+            name: np.frombuffer(values)
+            if self._lengths[name] is None
+            else np.frombuffer(values).reshape(self._count, -1)
+            for name, values in self._values.items()
+        }
+        return from_columns(self._source, columns)
+
+
+def _lines(path: Path, file: TextIO) -> Iterator[str]:
+    """Lines of a file, however long it claims them to be. Raises TrajectoryError."""
+    number = 0
+    while line := file.readline(LONGEST_LINE + 1):
+        number += 1
+        if len(line) > LONGEST_LINE:
+            raise TrajectoryError(
+                f"{path}, line {number}: is longer than {LONGEST_LINE} characters, as no sample is: name a "
+                "recording"
+            )
+        yield line
+
+
+def _numbers(where: str, record: Mapping[str, Any]) -> dict[str, float | list[float]]:
+    converted: dict[str, float | list[float]] = {}
     for name, value in record.items():
         if name in _OTHER_COLUMNS:
             continue
         try:
             converted[name] = [float(item) for item in value] if isinstance(value, list) else float(value)
-        except (TypeError, ValueError) as error:
-            raise TrajectoryError(f"{where}: {name} is {value!r}, and a number is needed") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            found = repr(value)[:40]
+            raise TrajectoryError(f"{where}: {name} is {found}, and a number is needed") from error
     return converted
 
 
-def _from_records(source: str, records: list[dict[str, Any]]) -> Trajectory:
-    if not records:
-        raise TrajectoryError(f"{source} holds no sample: record something first")
-    names = list(records[0])
-    for number, record in enumerate(records, start=1):
-        if list(record) != names:
-            raise TrajectoryError(
-                f"{source}: sample {number} has {', '.join(record)}, and the first has {', '.join(names)}"
-            )
-    return from_columns(source, {name: [record[name] for record in records] for name in names})
+def _length(value: float | list[float]) -> int | None:
+    return len(value) if isinstance(value, list) else None
+
+
+def _needed(names: Sequence[str], further: Sequence[str]) -> list[str]:
+    """Columns to read: pictures and texts beside a list of all joints may be as large as they like."""
+    times = [name for name in TIME_COLUMNS if name in names][:1]
+    vectors = [name for name in VECTOR_COLUMNS if name in names][:1]
+    joints = vectors or [name for name in names if name not in (*times, *_OTHER_COLUMNS)]
+    return list(dict.fromkeys([*times, *joints, *(name for name in further if name in names)]))
+
+
+def _stored(metadata: Any, names: Sequence[str]) -> int:
+    """How many values columns hold, by what the file says of itself before any is read."""
+    groups = (metadata.row_group(index) for index in range(metadata.num_row_groups))
+    return sum(
+        column.num_values
+        for group in groups
+        for column in (group.column(index) for index in range(group.num_columns))
+        if any(f"{column.path_in_schema}.".startswith(f"{name}.") for name in names)
+    )
+
+
+def _as_array(source: str, column: Any) -> Any:
+    import pyarrow.compute
+    from pyarrow import types
+
+    kind = column.type
+    if not (types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)):
+        return column.to_numpy(zero_copy_only=False)
+    lengths = pyarrow.compute.unique(pyarrow.compute.list_value_length(column)).to_pylist()
+    if len(lengths) > 1 or None in lengths:
+        raise TrajectoryError(f"{source} has rows of different lengths")
+    values = column.flatten().to_numpy(zero_copy_only=False)
+    return values.reshape(len(column), -1) if len(column) else values
