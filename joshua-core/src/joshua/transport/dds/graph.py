@@ -1,4 +1,8 @@
-"""The ROS 2 graph over DDS: what discovery knows of endpoints, joined with what participants say of nodes."""
+"""The ROS 2 graph over DDS: what discovery knows of endpoints, joined with what participants say of nodes.
+
+Readers keep what nobody takes. A thread takes what comes, and what remains of those that have left, so that a
+process which never asks for the graph does not grow with all that others announce and close.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +15,18 @@ from cyclonedds.builtin import (
     BuiltinTopicDcpsPublication,
     BuiltinTopicDcpsSubscription,
 )
-from cyclonedds.core import InstanceState, Policy, Qos, ReadCondition, SampleState, ViewState
+from cyclonedds.core import (
+    GuardCondition,
+    InstanceState,
+    Policy,
+    Qos,
+    ReadCondition,
+    SampleState,
+    ViewState,
+    WaitSet,
+)
 from cyclonedds.domain import DomainParticipant
+from cyclonedds.internal import dds_infinity
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -28,7 +42,10 @@ from joshua.transport.names import NAMELESS
 _PREFIX = "rt/"
 _HUMBLE_GID_BYTES, _GID_BYTES = 24, 16
 _ENOUGH = 100_000
-_ALIVE = SampleState.Any | ViewState.Any | InstanceState.Alive
+_AT_ONCE = 256
+_ANY = SampleState.Any | ViewState.Any
+_ALIVE = _ANY | InstanceState.Alive
+_GONE = _ANY | InstanceState.NotAliveDisposed | InstanceState.NotAliveNoWriters
 
 
 class Graph:
@@ -48,7 +65,11 @@ class Graph:
         self._writer: Any = DataWriter(participant, topic, qos=base + Qos(Policy.History.KeepLast(1)))
         self._reader: Any = DataReader(participant, topic, qos=base + Qos(Policy.History.KeepAll))
         self._builtin = [
-            (reader := BuiltinDataReader(participant, kind), ReadCondition(reader, _ALIVE))
+            (
+                reader := BuiltinDataReader(participant, kind),
+                ReadCondition(reader, _ALIVE),
+                ReadCondition(reader, _GONE),
+            )
             for kind in (
                 BuiltinTopicDcpsParticipant,
                 BuiltinTopicDcpsPublication,
@@ -57,6 +78,14 @@ class Graph:
         ]
         self._own: dict[int, NodeEntry] = {}
         self._others: dict[bytes, list[NodeEntry]] = {}
+        self._closed = False
+        self._news = ReadCondition(self._reader, _ANY | InstanceState.Any)
+        self._stop: Any = GuardCondition(participant)
+        self._waitset: Any = WaitSet(participant)
+        for condition in (self._stop, self._news, *(gone for _, _, gone in self._builtin)):
+            self._waitset.attach(condition)
+        self._thread = threading.Thread(target=self._run, name="joshua-dds-graph", daemon=True)
+        self._thread.start()
 
     def announce(self, key: int, entry: NodeEntry | None) -> None:
         """Says what a node of this process owns; None says that it is gone."""
@@ -72,11 +101,10 @@ class Graph:
         with self._lock:
             alive, writers, readers = (
                 {sample.key.bytes: sample for sample in reader.read(_ENOUGH, condition)}
-                for reader, condition in self._builtin
+                for reader, condition, _ in self._builtin
             )
             self._take_announcements()
             known = {**self._others, self._guid: list(self._own.values())}
-            self._others = {guid: entries for guid, entries in self._others.items() if guid in alive}
         endpoints = {
             guid: _endpoint(sample, is_publisher)
             for samples, is_publisher in ((writers, True), (readers, False))
@@ -102,14 +130,44 @@ class Graph:
         return next((entry.full_name for entry in announced if publisher_gid in entry.writers), "")
 
     def _take_announcements(self) -> None:
-        for sample in self._reader.take(_ENOUGH):
-            if hasattr(sample, "node_entities_info_seq"):
-                guid, entries = discovery_info.unpack(sample)
-                self._others[guid] = entries
+        while samples := self._reader.take(_AT_ONCE):
+            for sample in samples:
+                if hasattr(sample, "node_entities_info_seq"):
+                    guid, entries = discovery_info.unpack(sample)
+                    self._others[guid] = entries
+
+    def _run(self) -> None:
+        while True:
+            self._waitset.wait(dds_infinity)
+            if self._closed:
+                return
+            with self._lock:
+                self._take_announcements()
+                self._forget_the_gone()
+
+    def _forget_the_gone(self) -> None:
+        """Takes what remains of participants and endpoints that have left, and forgets their nodes."""
+        left = False
+        for reader, _, gone in self._builtin:
+            while reader.take(_AT_ONCE, gone):
+                left = True
+        if left:
+            (participants, condition, _), *_ = self._builtin
+            alive = {sample.key.bytes for sample in participants.read(_ENOUGH, condition)}
+            self._others = {guid: entries for guid, entries in self._others.items() if guid in alive}
 
     def close(self) -> None:
         """Withdraws the announcement."""
-        for reader, condition in self._builtin:
+        self._closed = True
+        raw.trigger(self._stop)
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+        conditions = (self._stop, self._news, *(gone for _, _, gone in self._builtin))
+        for condition in conditions:
+            self._waitset.detach(condition)
+        for entity in (self._waitset, *conditions):
+            raw.delete(entity)
+        for reader, condition, _ in self._builtin:
             raw.delete(condition)
             raw.delete(reader)
         raw.delete(self._writer)

@@ -21,6 +21,9 @@ from joshua.transport.dds.taking import Taker
 if TYPE_CHECKING:
     from cyclonedds.domain import DomainParticipant
 
+#: Publishers whose gids are remembered at a time.
+_KNOWN_PUBLISHERS = 1000
+
 _log = logging.getLogger("joshua.transport")
 
 
@@ -99,5 +102,7 @@ class DdsSubscription(Subscription):
         publisher = self.entity.get_matched_publication_data(handle)
         if publisher is None:
             return b""  # it left before its last message was taken
+        if len(self._gids) >= _KNOWN_PUBLISHERS:
+            self._gids.clear()  # most of them have left
         self._gids[handle] = publisher.key.bytes
         return self._gids[handle]
