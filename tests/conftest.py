@@ -7,8 +7,8 @@ import contextlib
 with contextlib.suppress(ImportError):  # the session of mjx installs less
     from hypothesis import HealthCheck, settings
 
-    # A deadline for an example, and one for its data, fail on a machine that holds a test up for a moment. The
-    # examples are the same in every run; ``--hypothesis-profile=explore`` looks for new ones.
+    # A deadline for an example, and one for its data, fail on a machine that holds a test up for a moment.
+    # The examples are the same in every run; ``--hypothesis-profile=explore`` looks for new ones.
     _PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
     settings.register_profile("explore", parent=_PATIENT)
     settings.register_profile("steady", parent=_PATIENT, derandomize=True)
