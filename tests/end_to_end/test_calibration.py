@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from calibration_run import JOSHUA, CalibrationRun, Page, environment, robot, sweep_all
+from joshua.testing.port import free_port
 from joshua_emulator import EmulatedBus
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -116,7 +117,8 @@ def test_emulated_arms_go_through_it_by_themselves(tmp_path: Path, env: dict[str
     assert not (tmp_path / "calibration").exists(), "the file beside the configuration is that of real arms"
     (file,) = (tmp_path / "state").rglob("so-arm100.pbtxt")
     assert 'node_name: "leader_arm"' in file.read_text()
-    run = joshua(env, "--config", str(teleop), "--emulate", "--duration", "1")
+    own = ("--set", f'transport.listen_endpoints="tcp/localhost:{free_port()}"')
+    run = joshua(env, "--config", str(teleop), "--emulate", "--duration", "1", *own)
     assert run.returncode == 0, run.stdout + run.stderr
 
 

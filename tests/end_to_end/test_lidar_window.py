@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joshua.testing.port import free_port
 
 JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
 PRESET = Path(__file__).parents[2] / "configs" / "test_lidar.pbtxt"
@@ -52,6 +53,7 @@ def test_the_window_shows_the_room(tmp_path: Path, joshua_domain_id: int) -> Non
             "JOSHUA_LOG_DIR": str(tmp_path / "log"),
         }
         command = [str(JOSHUA), "--config", str(PRESET), "--emulate", "--duration", "200"]
+        command += ["--set", f'transport.listen_endpoints="tcp/localhost:{free_port()}"']
         run = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,

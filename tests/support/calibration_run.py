@@ -16,11 +16,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from joshua.testing.port import free_port
 from joshua_emulator import EmulatedBus
 
 JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
 ROBOT = """
 general {{ mode: {mode} robot_type: "SO-ARM100" name: "one arm" id: "rig" }}
+transport {{ listen_endpoints: "tcp/localhost:{router}" }}
 {more}
 robot {{ actions {{
   node {{ node_name: "leader_arm" node_id: 1 node_type: PYTHON
@@ -50,7 +52,7 @@ def robot(
     folder: Path, port: str, *, mode: str = "MODE_CALIBRATION", more: str = "", ids: str = "1, 2, 3, 4, 5, 6"
 ) -> Path:
     path = folder / "robot.pbtxt"
-    path.write_text(ROBOT.format(mode=mode, port=port, more=more, ids=ids))
+    path.write_text(ROBOT.format(mode=mode, port=port, more=more, ids=ids, router=free_port()))
     return path
 
 

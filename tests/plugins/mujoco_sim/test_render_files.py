@@ -15,6 +15,7 @@ import pytest
 from joshua.generator.examination import examine
 from joshua.generator.request import Purpose, Request
 from joshua.testing.domain import reserved_domain
+from joshua.testing.port import free_port
 from joshua_mujoco_sim.render_files import RenderFile
 from joshua_mujoco_sim.rendering import RenderingError, choose_gl
 from joshua_mujoco_sim.settings_parts import Render
@@ -91,6 +92,7 @@ def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> N
                 'simulation { mode: OFFSCREEN model_path: "so_arm100/pick_place.xml" seed: 3 '
                 'real_time_factor: 0 renders { camera: "front" width: 64 height: 48 fps: 10 '
                 'output: "out/f_%04d.png" } }\n'
+                f'transport {{ listen_endpoints: "tcp/localhost:{free_port()}" }}\n'
             )
             program = [sys.executable, "-m", "joshua.cli.main", "--config", str(path)]
             environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}

@@ -14,6 +14,7 @@ import pytest
 from joshua.messages import decode
 from joshua.plan import QosProfile, TransportSpec
 from joshua.testing.domain import reserved_domain
+from joshua.testing.port import free_port
 from joshua.transport import open_transport
 from sim_configs import simulation_file
 
@@ -21,7 +22,8 @@ from sim_configs import simulation_file
 class Simulation:
     """A running simulation, and what its topics say last."""
 
-    def __init__(self, path: Path, domain: int) -> None:
+    def __init__(self, path: Path, domain: int, router: str) -> None:
+        self.path = path
         self.environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
@@ -35,7 +37,7 @@ class Simulation:
         self.transport: Any = None
         end = time.monotonic() + 60
         while self.transport is None:
-            transport = open_transport(TransportSpec(domain_id=domain))
+            transport = open_transport(TransportSpec(domain_id=domain, listen_endpoints=(router,)))
             if transport.connected:
                 self.transport = transport
             else:
@@ -68,7 +70,16 @@ class Simulation:
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         patience = () if "--wait" in arguments else ("--wait", "30")
         return subprocess.run(
-            [sys.executable, "-m", "joshua.cli.main", "sim", *arguments, *patience],
+            [
+                sys.executable,
+                "-m",
+                "joshua.cli.main",
+                "sim",
+                *arguments,
+                *patience,
+                "--config",
+                str(self.path),
+            ],
             env=self.environment,
             capture_output=True,
             text=True,
@@ -98,9 +109,11 @@ def simulation(tmp_path: Path) -> Iterator[Simulation]:
   perception_type: PERCEPTION_ENCODER mock_encoder_config { resolution: 100 } }
 """
     text = simulation_file(simulation="use_sim_time: true")
-    path.write_text(text.replace("robot {", "robot {" + encoder, 1))
+    router = f"tcp/localhost:{free_port()}"
+    transport = f'transport {{ listen_endpoints: "{router}" }}'
+    path.write_text(text.replace("robot {", "robot {" + encoder, 1) + transport)
     with reserved_domain() as domain:
-        running = Simulation(path, domain)
+        running = Simulation(path, domain, router)
         running.wait(lambda: len(running.newest) == 5)
         yield running
         text = running.close()
