@@ -24,6 +24,28 @@ class ControlError(Exception):
     """A request that cannot be carried out; the text goes back to whoever asked."""
 
 
+def listen_at(path: Path) -> socket.socket:
+    """Listens at a path, for this user alone, in place of a socket that a former process has left there.
+
+    Raises:
+        OSError: the path cannot be used, or something else stands there.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink() or (path.exists() and not path.is_socket()):
+        raise FileExistsError(f"{path} is there already and is no socket; name another path")
+    path.unlink(missing_ok=True)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        listener.bind(str(path))
+        os.chmod(path, 0o600)  # noqa: PTH101 - the socket file of this process alone
+        listener.listen()
+    except OSError:
+        listener.close()
+        raise
+    listener.setblocking(False)
+    return listener
+
+
 class ControlServer:
     """Serves requests between two turns of the loop; no thread of its own."""
 
@@ -31,13 +53,7 @@ class ControlServer:
         self.path = path
         self.handler = handler
         self._clients: dict[int, tuple[socket.socket, bytearray]] = {}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.unlink(missing_ok=True)
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._listener.bind(str(path))
-        os.chmod(path, 0o600)  # noqa: PTH101 - the socket file of this process alone
-        self._listener.listen()
-        self._listener.setblocking(False)
+        self._listener = listen_at(path)
 
     def descriptors(self) -> Iterable[int]:
         """File descriptors to wait on."""
@@ -98,8 +114,6 @@ class ControlServer:
             return {"ok": True, **self.handler(request)}
         except ControlError as error:
             return {"ok": False, "error": str(error)}
-        except OverflowError as error:
-            return {"ok": False, "error": f"{request['op']}: a number is too large ({error})"}
 
 
 def _finite(text: str) -> float:

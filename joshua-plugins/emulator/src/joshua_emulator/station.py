@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import itertools
 import os
 import select
 import time
@@ -14,6 +13,7 @@ from joshua_emulator.control import ControlServer
 from joshua_emulator.event_log import EventLog
 from joshua_emulator.pacing import sharpen_timers
 from joshua_emulator.pty_line import PtyLine
+from joshua_emulator.timers import Timers, wait_s
 from joshua_emulator.wire import TimedReply
 
 READ_SIZE = 4096
@@ -54,16 +54,15 @@ class Station:
         self.control = control
         self._burst_window_s = burst_window_s
         self._replies: list[TimedReply] = []
-        self._timers: list[tuple[float, int, Callable[[], None]]] = []
-        self._order = itertools.count()
+        self._timers = Timers()
         self._overrun = False  # bytes are being lost
         self._stopped = False
         self._away_s = 0.0
         self._away_since_s: float | None = None
 
-    def at(self, delay_s: float, action: Callable[[], None]) -> None:
+    def at(self, delay_s: float, action: Callable[[], object]) -> None:
         """Calls ``action`` after a delay, on the loop."""
-        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
+        self._timers.at(delay_s, action)
 
     def stream(self, produce: Callable[[float, int], list[TimedReply]], period_s: float = STREAM_S) -> None:
         """Lets a device send by itself: each period ``produce`` gets the time and the line speed."""
@@ -110,12 +109,9 @@ class Station:
         sharpen_timers()
         while not self._stopped:
             now_s = time.monotonic()
-            self._run_timers(now_s)
-            deadline_s = self._deliver(now_s)
-            if self._timers:
-                deadline_s = min(deadline_s, self._timers[0][0])
-            wait_s = deadline_s - time.monotonic()
-            if wait_s <= SPIN_S:
+            self._timers.run_due(now_s)
+            deadline_s = min(self._deliver(now_s), self._timers.next_s)
+            if deadline_s - time.monotonic() <= SPIN_S:
                 while time.monotonic() < deadline_s:
                     pass
                 continue
@@ -123,7 +119,7 @@ class Station:
             if self.line.plugged:
                 inputs.append(self.line.master)
             inputs += watched
-            ready, _, _ = select.select(inputs, [], [], None if wait_s == float("inf") else wait_s - SPIN_S)
+            ready, _, _ = select.select(inputs, [], [], wait_s(deadline_s - SPIN_S))
             if self.line.master in ready:
                 self._receive()
             if any(not os.read(descriptor, READ_SIZE) for descriptor in watched if descriptor in ready):
@@ -138,10 +134,6 @@ class Station:
             return
         for reply in self.bus.receive(data, self.line.line_speed(), now_s):
             heapq.heappush(self._replies, reply)
-
-    def _run_timers(self, now_s: float) -> None:
-        while self._timers and self._timers[0][0] <= now_s:
-            heapq.heappop(self._timers)[2]()
 
     def _deliver(self, now_s: float) -> float:
         """Hands over the next burst if it is due; returns when the next one is."""

@@ -109,6 +109,7 @@ def test_one_picture(camera: EmulatedCamera) -> None:
         (b"hello\r\n\r\n", b"400 Bad Request", b"no HTTP/1 request"),
         (b"GET / HTTP/1.1\r\nX: " + b"x" * 20_000, b"431 Request Header", b"too long"),
         (b"HEAD / HTTP/1.1\r\n\r\n", b"200 OK", b"multipart/x-mixed-replace"),
+        (b"HEAD /picture.jpg HTTP/1.1\r\n\r\n", b"200 OK", b"close\r\n\r\n"),
     ],
 )
 def test_other_requests_are_answered(
@@ -121,6 +122,7 @@ def test_other_requests_are_answered(
             answer += data
     assert status in answer
     assert hint in answer
+    assert not request_line.startswith(b"HEAD") or answer.endswith(b"\r\n\r\n")
 
 
 def _receive(client: socket.socket) -> bytes:

@@ -127,8 +127,12 @@ class Connection:
             self.streaming = method == "GET"
             self._close_when_sent = not self.streaming
             self.flush()
-        elif path == PICTURE_PATH:
+        elif path == PICTURE_PATH and method == "GET":
             self.wants_picture = True
+        elif path == PICTURE_PATH:
+            self._send(_response("200 OK", "image/jpeg"))
+            self._close_when_sent = True
+            self.flush()
         else:
             self._refuse("404 Not Found", f"allowed: {', '.join((*STREAM_PATHS, PICTURE_PATH))}")
 

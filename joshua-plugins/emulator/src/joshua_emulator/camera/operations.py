@@ -4,24 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from joshua_emulator.camera.frames import FrameSizeError, frame_factory
 from joshua_emulator.camera.server import CameraServer
 from joshua_emulator.camera.stream_faults import StreamFaults
-from joshua_emulator.control import ControlError
-from joshua_emulator.fault_rules import (
-    LASTS,
-    PLAIN,
-    PROBABILITY,
-    RETURNS,
-    FaultRule,
-    Number,
-    Text,
-    check_fault,
-)
-
-Request = dict[str, Any]
+from joshua_emulator.fault_rules import LASTS, PLAIN, PROBABILITY, RETURNS, FaultRule, Number, Text
+from joshua_emulator.operations import Action, DeviceOperations, Request
 
 MAX_FPS = 1000.0
 FAULTS: dict[str, FaultRule] = {
@@ -35,35 +24,27 @@ FAULTS: dict[str, FaultRule] = {
 }
 
 
-class CameraOperations:
+class CameraOperations(DeviceOperations):
     """Operations by name; ``handle`` is the control channel's handler."""
 
+    refusals: ClassVar[tuple[type[Exception], ...]] = (FrameSizeError, OSError)
+
     def __init__(self, server: CameraServer) -> None:
+        super().__init__(server.log, FAULTS)
         self._server = server
         self._original = (server.width, server.height, server.fps)
-        self._stalls = 0
-        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+        self.operations = {
             "state": self._state,
-            "log": self._read_log,
+            "log": self.read_log,
             "lateness": lambda request: server.log.lateness(clear=bool(request.get("clear"))),
-            "fault": self._fault,
+            "fault": self.fault,
             "clear_faults": self._clear_faults,
             "quit": lambda _: server.stop(),
         }
 
-    def handle(self, request: Request) -> dict[str, Any]:
-        """Carries out one request. Raises ControlError."""
-        operation = self._operations.get(request["op"])
-        if operation is None:
-            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
-        try:
-            return operation(request) or {}
-        except KeyError as error:
-            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except FrameSizeError as error:
-            raise ControlError(f"{request['op']}: {error}") from error
-        except (TypeError, ValueError) as error:
-            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
+    def at(self, delay_s: float, action: Action) -> None:
+        """Calls ``action`` after a delay, on the loop of the camera."""
+        self._server.timers.at(delay_s, action)
 
     def _state(self, _: Request) -> dict[str, Any]:
         server = self._server
@@ -81,28 +62,13 @@ class CameraOperations:
             "fault_counts": dict(server.faults.counts),
         }
 
-    def _read_log(self, request: Request) -> dict[str, Any]:
-        entries = self._server.log.since(
-            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
-        )
-        return {"entries": entries}
-
-    def _fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
-        check_fault(request, FAULTS)
-        action = self._fault_action(request["kind"], request)
-        delay_s = float(request.get("at_s", 0.0))
-        if delay_s > 0:
-            self._server.at(delay_s, action)
-        else:
-            action()
-
-    def _fault_action(self, kind: str, request: Request) -> Callable[[], None]:
+    def fault_action(self, kind: str, request: Request) -> Action:
+        """What brings about a fault that fits its rule. Raises FrameSizeError."""
         server = self._server
         if kind in StreamFaults.KINDS:
             value = request["value"]
             return lambda: server.faults.set(kind, value)
-        makers: dict[str, Callable[[Request], Callable[[], None]]] = {
+        makers: dict[str, Callable[[Request], Action]] = {
             "stall": self._stall,
             "unplug": self._unplug,
             "replug": lambda _: server.plug,
@@ -112,43 +78,37 @@ class CameraOperations:
         }
         return makers[kind](request)
 
-    def _stall(self, request: Request) -> Callable[[], None]:
+    def _stall(self, request: Request) -> Action:
         """No frame for ``value`` seconds, or until the faults are cleared; connections stay open."""
-        length_s = float(request.get("value", 0.0))
 
         def stall() -> None:
-            server = self._server
-            server.stalled = True
-            self._stalls += 1
-            mine = self._stalls
-            server.log.add("stall", time.monotonic())
-            if length_s > 0:
-                server.at(length_s, lambda: self._go_on(mine))
+            self._server.stalled = True
+            self.log.add("stall", time.monotonic())
 
-        return stall
+        return self.lasting("stall", request, stall, self._go_on)
 
-    def _go_on(self, stall: int) -> None:
-        if self._server.stalled and stall == self._stalls:
+    def _go_on(self) -> None:
+        if self._server.stalled:
             self._server.stalled = False
-            self._server.log.add("go_on", time.monotonic())
+            self.log.add("go_on", time.monotonic())
 
-    def _unplug(self, request: Request) -> Callable[[], None]:
+    def _unplug(self, request: Request) -> Action:
         server = self._server
         replug_after_s = float(request.get("replug_after_s", 0.0))
 
         def unplug() -> None:
             server.unplug()
             if replug_after_s > 0:
-                server.at(replug_after_s, server.plug)
+                self.later(replug_after_s, server.plug)
 
         return unplug
 
-    def _size(self, request: Request) -> Callable[[], None]:
+    def _size(self, request: Request) -> Action:
         width, height = map(int, request["value"].split("x"))
         frame_factory(width, height)
         return lambda: self._server.set_size(width, height)
 
-    def _rate(self, request: Request) -> Callable[[], None]:
+    def _rate(self, request: Request) -> Action:
         fps = float(request["value"])
         return lambda: self._server.set_rate(fps)
 
@@ -158,7 +118,8 @@ class CameraOperations:
         width, height, fps = self._original
         server.faults.clear()
         server.dirty = False
-        self._go_on(self._stalls)
+        self.end_lasting()
+        self._go_on()
         server.plug()
         if (server.width, server.height) != (width, height):
             server.set_size(width, height)

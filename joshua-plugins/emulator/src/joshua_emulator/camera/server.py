@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import heapq
-import itertools
 import os
 import select
 import socket
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 from joshua_emulator.camera.connection import Connection
 from joshua_emulator.camera.frame_code import FrameCode
@@ -19,6 +17,7 @@ from joshua_emulator.camera.stream_faults import StreamFaults
 from joshua_emulator.control import ControlServer
 from joshua_emulator.event_log import EventLog
 from joshua_emulator.pacing import sharpen_timers
+from joshua_emulator.timers import Timers, wait_s
 
 HOST = "127.0.0.1"
 MAX_CLIENTS = 32
@@ -59,8 +58,7 @@ class CameraServer:
         self.dirty = False  # each stream begins with the second half of a picture
         self._listener: socket.socket | None = None
         self._clients: list[Connection] = []
-        self._timers: list[tuple[float, int, Callable[[], None]]] = []
-        self._order = itertools.count()
+        self.timers = Timers()
         self._stopped = False
         self._due_s = 0.0
         frame_factory(width, height)
@@ -115,10 +113,6 @@ class CameraServer:
         self.fps = fps
         self._due_s = time.monotonic() + 1 / fps
 
-    def at(self, delay_s: float, action: Callable[[], None]) -> None:
-        """Calls ``action`` after a delay, on the loop."""
-        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
-
     def stop(self) -> None:
         """Ends ``run`` after the present turn."""
         self._stopped = True
@@ -129,8 +123,7 @@ class CameraServer:
         self._due_s = time.monotonic()
         while not self._stopped:
             now_s = time.monotonic()
-            while self._timers and self._timers[0][0] <= now_s:
-                heapq.heappop(self._timers)[2]()
+            self.timers.run_due(now_s)
             if now_s >= self._due_s:
                 self._frame(now_s)
             ready = self._wait(watched)
@@ -150,7 +143,7 @@ class CameraServer:
     def _wait(self, watched: Collection[int]) -> set[int]:
         """Waits for the next due time and serves clients; returns the other descriptors that are ready."""
         self._clients = [client for client in self._clients if not client.closed]
-        deadline_s = min([self._due_s, *(entry[0] for entry in self._timers[:1])])
+        deadline_s = min(self._due_s, self.timers.next_s)
         others = [*watched, *(self.control.descriptors() if self.control is not None else ())]
         if self.view is not None:
             others += self.view.descriptors()
@@ -161,7 +154,7 @@ class CameraServer:
             [*others, *clients],
             [descriptor for descriptor, client in clients.items() if client.sending],
             [],
-            max(0.0, deadline_s - time.monotonic()),
+            wait_s(deadline_s),
         )
         for descriptor in writable:
             clients[descriptor].flush()
@@ -180,7 +173,7 @@ class CameraServer:
 
     def _accept(self) -> None:
         assert self._listener is not None
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):  # it may have gone again
             peer, _ = self._listener.accept()
             if len(self._clients) >= MAX_CLIENTS:
                 peer.close()

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from joshua_emulator.control import ControlError
-from joshua_emulator.fault_rules import LASTS, PLAIN, RETURNS, FaultRule, Number, check_fault
+from joshua_emulator.fault_rules import LASTS, PLAIN, RETURNS, FaultRule, Number
 from joshua_emulator.gamepad.hand import MOTIONS
 from joshua_emulator.gamepad.server import GamepadServer
-from joshua_emulator.gamepad.xbox import AXES, BUTTONS, NAMES
-
-Request = dict[str, Any]
+from joshua_emulator.gamepad.xbox import AXES, BUTTONS, NAMES, TRIGGERS
+from joshua_emulator.operations import Action, DeviceOperations, Request
 
 MAX_RATE_HZ = 1000.0
 
@@ -26,34 +25,28 @@ FAULTS: dict[str, FaultRule] = {
 }
 
 
-class GamepadOperations:
+class GamepadOperations(DeviceOperations):
     """Operations by name; ``handle`` is the control channel's handler."""
 
+    refusals: ClassVar[tuple[type[Exception], ...]] = (OSError,)
+
     def __init__(self, server: GamepadServer) -> None:
+        super().__init__(server.log, FAULTS)
         self._server = server
         self._rate_hz = server.rate_hz
-        self._stalls = 0
-        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+        self.operations = {
             "state": self._state,
             "set": self._set,
             "motion": self._motion,
-            "log": self._read_log,
-            "fault": self._fault,
+            "log": self.read_log,
+            "fault": self.fault,
             "clear_faults": self._clear_faults,
             "quit": lambda _: server.stop(),
         }
 
-    def handle(self, request: Request) -> dict[str, Any]:
-        """Carries out one request. Raises ControlError."""
-        operation = self._operations.get(request["op"])
-        if operation is None:
-            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
-        try:
-            return operation(request) or {}
-        except KeyError as error:
-            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except (TypeError, ValueError) as error:
-            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
+    def at(self, delay_s: float, action: Action) -> None:
+        """Calls ``action`` after a delay, on the loop of the gamepad."""
+        self._server.timers.at(delay_s, action)
 
     def _state(self, _: Request) -> dict[str, Any]:
         server = self._server
@@ -73,9 +66,9 @@ class GamepadOperations:
         for name, value in request["values"].items():
             if name not in NAMES:
                 raise ControlError(f"unknown axis or button {name!r}; allowed: {', '.join(NAMES)}")
-            number = float(value)
-            if not -1 <= number <= 1:
-                raise ControlError(f"{name} is {number:g}; allowed: -1 to 1")
+            number, least = float(value), 0 if name in TRIGGERS or name in BUTTONS else -1
+            if not least <= number <= 1:
+                raise ControlError(f"{name} is {number:g}; allowed: {least} to 1")
         for name, value in request["values"].items():
             if name in BUTTONS:
                 self._server.press(name, down=float(value) > 0)
@@ -92,25 +85,10 @@ class GamepadOperations:
             self._server.axes = dict.fromkeys(AXES, 0.0)
             self._server.held.clear()
 
-    def _read_log(self, request: Request) -> dict[str, Any]:
-        entries = self._server.log.since(
-            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
-        )
-        return {"entries": entries}
-
-    def _fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
-        check_fault(request, FAULTS)
-        action = self._fault_action(request["kind"], request)
-        delay_s = float(request.get("at_s", 0.0))
-        if delay_s > 0:
-            self._server.at(delay_s, action)
-        else:
-            action()
-
-    def _fault_action(self, kind: str, request: Request) -> Callable[[], None]:
+    def fault_action(self, kind: str, request: Request) -> Action:
+        """What brings about a fault that fits its rule."""
         server = self._server
-        makers: dict[str, Callable[[Request], Callable[[], None]]] = {
+        makers: dict[str, Callable[[Request], Action]] = {
             "stall": self._stall,
             "unplug": self._unplug,
             "replug": lambda _: server.plug,
@@ -120,38 +98,32 @@ class GamepadOperations:
         }
         return makers[kind](request)
 
-    def _stall(self, request: Request) -> Callable[[], None]:
+    def _stall(self, request: Request) -> Action:
         """No record for ``value`` seconds, or until the faults are cleared; connections stay open."""
-        length_s = float(request.get("value", 0.0))
 
         def stall() -> None:
-            server = self._server
-            server.stalled = True
-            self._stalls += 1
-            mine = self._stalls
-            server.log.add("stall", time.monotonic())
-            if length_s > 0:
-                server.at(length_s, lambda: self._go_on(mine))
+            self._server.stalled = True
+            self.log.add("stall", time.monotonic())
 
-        return stall
+        return self.lasting("stall", request, stall, self._go_on)
 
-    def _go_on(self, stall: int) -> None:
-        if self._server.stalled and stall == self._stalls:
+    def _go_on(self) -> None:
+        if self._server.stalled:
             self._server.stalled = False
-            self._server.log.add("go_on", time.monotonic())
+            self.log.add("go_on", time.monotonic())
 
-    def _unplug(self, request: Request) -> Callable[[], None]:
+    def _unplug(self, request: Request) -> Action:
         server = self._server
         replug_after_s = float(request.get("replug_after_s", 0.0))
 
         def unplug() -> None:
             server.unplug()
             if replug_after_s > 0:
-                server.at(replug_after_s, server.plug)
+                self.later(replug_after_s, server.plug)
 
         return unplug
 
-    def _rate(self, request: Request) -> Callable[[], None]:
+    def _rate(self, request: Request) -> Action:
         rate_hz = float(request["value"])
         return lambda: self._server.set_rate(rate_hz)
 
@@ -163,7 +135,8 @@ class GamepadOperations:
     def _clear_faults(self, _: Request) -> None:
         """Ends all faults: it is plugged in, goes on, and has its first rate."""
         server = self._server
-        self._go_on(self._stalls)
+        self.end_lasting()
+        self._go_on()
         server.plug()
         if server.rate_hz != self._rate_hz:
             server.set_rate(self._rate_hz)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import heapq
-import itertools
 import json
 import os
 import select
@@ -14,10 +12,11 @@ import time
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 
-from joshua_emulator.control import ControlServer
+from joshua_emulator.control import ControlServer, listen_at
 from joshua_emulator.event_log import EventLog
 from joshua_emulator.gamepad.xbox import AXES, BUTTONS, EV_ABS, EV_KEY, EV_SYN, IDENTITY, NAME, axis_counts
 from joshua_emulator.pacing import sharpen_timers
+from joshua_emulator.timers import Timers, wait_s
 
 #: ``struct input_event`` of 64-bit Linux: seconds, microseconds, type, code, value.
 RECORD = struct.Struct("<qqHHi")
@@ -47,8 +46,7 @@ class GamepadServer:
         self._reported = self._snapshot()
         self._listener: socket.socket | None = None
         self._clients: list[socket.socket] = []
-        self._timers: list[tuple[float, int, Callable[[], None]]] = []
-        self._order = itertools.count()
+        self.timers = Timers()
         self._stopped = False
         self._due_s = 0.0
         self._began_s = time.monotonic()
@@ -72,14 +70,7 @@ class GamepadServer:
         """Lets programs connect, always at the same path."""
         if self._listener is not None:
             return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.path.unlink(missing_ok=True)
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        listener.bind(str(self.path))
-        os.chmod(self.path, 0o600)  # noqa: PTH101 - the socket file of this process alone
-        listener.listen(MAX_CLIENTS)
-        listener.setblocking(False)
-        self._listener = listener
+        self._listener = listen_at(self.path)
         self.log.add("plug", time.monotonic(), path=str(self.path))
 
     def unplug(self) -> None:
@@ -105,10 +96,6 @@ class GamepadServer:
         self.rate_hz = rate_hz
         self._due_s = time.monotonic() + 1 / rate_hz
 
-    def at(self, delay_s: float, action: Callable[[], None]) -> None:
-        """Calls ``action`` after a delay, on the loop."""
-        heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))
-
     def stop(self) -> None:
         """Ends ``run`` after the present turn."""
         self._stopped = True
@@ -119,14 +106,13 @@ class GamepadServer:
         self._due_s = time.monotonic()
         while not self._stopped:
             now_s = time.monotonic()
-            while self._timers and self._timers[0][0] <= now_s:
-                heapq.heappop(self._timers)[2]()
+            self.timers.run_due(now_s)
             if now_s >= self._due_s:
                 self._report(now_s)
-            deadline_s = min([self._due_s, *(entry[0] for entry in self._timers[:1])])
+            deadline_s = min(self._due_s, self.timers.next_s)
             inputs = [*watched, *(self.control.descriptors() if self.control is not None else ())]
             inputs += [item.fileno() for item in (self._listener, *self._clients) if item is not None]
-            ready, _, _ = select.select(inputs, [], [], max(0.0, deadline_s - time.monotonic()))
+            ready, _, _ = select.select(inputs, [], [], wait_s(deadline_s))
             if any(not os.read(descriptor, 4096) for descriptor in watched if descriptor in ready):
                 return
             if self._listener is not None and self._listener.fileno() in ready:
@@ -181,7 +167,7 @@ class GamepadServer:
 
     def _accept(self) -> None:
         assert self._listener is not None
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):  # it may have gone again
             client, _ = self._listener.accept()
             client.setblocking(False)
             client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)

@@ -33,6 +33,7 @@ AXES = {
     "dpad_y": (17, -1, 1, 0, 0),
 }
 _DOWNWARDS = ("left_y", "right_y", "dpad_y")
+TRIGGERS = ("left_trigger", "right_trigger")
 NAMES = (*AXES, *BUTTONS)
 
 

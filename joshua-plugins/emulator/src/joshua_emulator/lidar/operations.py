@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
-from joshua_emulator.control import ControlError
 from joshua_emulator.fault_rules import (
     LASTS,
     LINE_SPEED,
@@ -15,14 +13,12 @@ from joshua_emulator.fault_rules import (
     RETURNS,
     FaultRule,
     Number,
-    check_fault,
 )
 from joshua_emulator.lidar.line_faults import LineFaults
 from joshua_emulator.lidar.models import ScannerModel
 from joshua_emulator.lidar.scanner import Scanner
-from joshua_emulator.station import Station
-
-Request = dict[str, Any]
+from joshua_emulator.operations import Action, Request
+from joshua_emulator.station_operations import SensorOperations
 
 
 def fault_rules(model: ScannerModel) -> dict[str, FaultRule]:
@@ -45,47 +41,37 @@ def fault_rules(model: ScannerModel) -> dict[str, FaultRule]:
     }
 
 
-class ScannerOperations:
+class ScannerOperations(SensorOperations):
     """Operations by name; ``handle`` is the control channel's handler."""
 
     def __init__(self, scanner: Scanner, name: str) -> None:
-        self.station: Station | None = None  # set before the channel opens
+        super().__init__(scanner.log, fault_rules(scanner.model), scanner.faults, name)
         self._scanner = scanner
-        self._name = name
-        self._rules = fault_rules(scanner.model)
-        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+        self.operations = {
             "state": self._state,
-            "log": self._read_log,
-            "fault": self._fault,
+            "log": self.read_log,
+            "fault": self.fault,
             "clear_faults": self._clear_faults,
-            "quit": lambda _: self._home.stop(),
+            "quit": lambda _: self.home.stop(),
         }
-
-    @property
-    def _home(self) -> Station:
-        assert self.station is not None
-        return self.station
-
-    def handle(self, request: Request) -> dict[str, Any]:
-        """Carries out one request. Raises ControlError."""
-        operation = self._operations.get(request["op"])
-        if operation is None:
-            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
-        try:
-            return operation(request) or {}
-        except KeyError as error:
-            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except FileExistsError as error:
-            raise ControlError(f"{request['op']}: {error}") from error
-        except (TypeError, ValueError) as error:
-            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
+        self.makers = {
+            "stall": self._stall,
+            "silent": self._silent,
+            "turn_hz": self._turn,
+            "unplug": self.unplug,
+            "replug": lambda _: self.replug,
+            "rate": lambda request: self.rate(request, scanner),
+            "dirty": self.dirty,
+            "health": self._health,
+            "old_firmware": lambda _: lambda: setattr(scanner, "old_firmware", True),
+        }
 
     def _state(self, _: Request) -> dict[str, Any]:
         scanner = self._scanner
         return {
             "t_ns": time.monotonic_ns(),
             "model": scanner.model.name,
-            "plugged": self._home.line.plugged,
+            "plugged": self.home.line.plugged,
             "scanning": scanner.scanning,
             "motor": scanner.motor,
             "turn_hz": scanner.turn_hz,
@@ -95,105 +81,45 @@ class ScannerOperations:
             "fault_counts": dict(scanner.faults.counts),
         }
 
-    def _read_log(self, request: Request) -> dict[str, Any]:
-        entries = self._scanner.log.since(
-            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
-        )
-        return {"entries": entries}
-
-    def _fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
-        check_fault(request, self._rules)
-        action = self._action(request["kind"], request)
-        delay_s = float(request.get("at_s", 0.0))
-        if delay_s > 0:
-            self._home.at(delay_s, action)
-        else:
-            action()
-
-    def _action(self, kind: str, request: Request) -> Callable[[], None]:
-        scanner = self._scanner
-        if kind in LineFaults.KINDS:
-            value = request["value"]
-            return lambda: scanner.faults.set(kind, value)
-        makers: dict[str, Callable[[Request], Callable[[], None]]] = {
-            "stall": self._stall,
-            "silent": self._silent,
-            "turn_hz": self._turn,
-            "unplug": self._unplug,
-            "replug": lambda _: self._replug,
-            "rate": self._rate,
-            "dirty": self._dirty,
-            "health": self._health,
-            "old_firmware": lambda _: lambda: setattr(scanner, "old_firmware", True),
-        }
-        return makers[kind](request)
-
-    def _stall(self, request: Request) -> Callable[[], None]:
+    def _stall(self, request: Request) -> Action:
         """Holds the motor fast for ``value`` seconds, or until the faults are cleared."""
-        length_s = float(request.get("value", 0.0))
 
         def stall() -> None:
             self._scanner.set_turn_hz(0.0)
-            self._scanner.log.add("stall", time.monotonic())
-            if length_s > 0:
-                self._home.at(length_s, self._go_on)
+            self.log.add("stall", time.monotonic())
 
-        return stall
+        def go_on() -> None:
+            self._turn_as_usual()
+            self.log.add("go_on", time.monotonic())
 
-    def _go_on(self) -> None:
-        self._scanner.set_turn_hz(self._scanner.model.turn_hz)
-        self._scanner.log.add("go_on", time.monotonic())
+        return self.lasting("stall", request, stall, go_on)
 
-    def _silent(self, request: Request) -> Callable[[], None]:
+    def _silent(self, request: Request) -> Action:
         """Sends nothing for ``value`` seconds, or until the faults are cleared."""
-        length_s = float(request.get("value", 0.0))
 
         def silence() -> None:
             self._scanner.silent = True
-            self._scanner.log.add("silent", time.monotonic())
-            if length_s > 0:
-                self._home.at(length_s, lambda: setattr(self._scanner, "silent", False))
+            self.log.add("silent", time.monotonic())
 
-        return silence
+        return self.lasting("silent", request, silence, lambda: setattr(self._scanner, "silent", False))
 
-    def _turn(self, request: Request) -> Callable[[], None]:
+    def _turn(self, request: Request) -> Action:
         turn_hz = float(request["value"])
         return lambda: self._scanner.set_turn_hz(turn_hz)
 
-    def _unplug(self, request: Request) -> Callable[[], None]:
-        replug_after_s = float(request.get("replug_after_s", 0.0))
+    def _turn_as_usual(self) -> None:
+        self._scanner.set_turn_hz(self._scanner.model.turn_hz)
 
-        def unplug() -> None:
-            self._home.unplug()
-            if replug_after_s > 0:
-                self._home.at(replug_after_s, self._replug)
-
-        return unplug
-
-    def _replug(self) -> None:
-        if not self._home.line.plugged:
-            self._home.replug(self._name)
-
-    def _rate(self, request: Request) -> Callable[[], None]:
-        """Talks at another line speed, as a scanner of another make would."""
-        baudrate = int(request["value"])
-        return lambda: setattr(self._scanner, "baudrate", baudrate)
-
-    def _dirty(self, request: Request) -> Callable[[], None]:
-        """Sends ``value`` bytes of noise and then the second half of a packet."""
-        count = int(request.get("value", 100))
-        return lambda: self._scanner.faults.begin_dirty(count)
-
-    def _health(self, request: Request) -> Callable[[], None]:
+    def _health(self, request: Request) -> Action:
         status = int(request["value"])
         return lambda: setattr(self._scanner, "health", status)
 
     def _clear_faults(self, _: Request) -> None:
         """Ends all faults: the scanner is plugged in, turns and talks as at the start."""
         scanner = self._scanner
+        self.end_lasting()
         scanner.faults.clear()
         scanner.silent = scanner.old_firmware = False
         scanner.health, scanner.baudrate = 0, scanner.model.baudrate
-        scanner.set_turn_hz(scanner.model.turn_hz)
-        self._replug()
+        self._turn_as_usual()
+        self.replug()

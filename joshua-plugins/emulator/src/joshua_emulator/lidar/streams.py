@@ -53,6 +53,13 @@ def seen_mm(degrees: Floats) -> Floats:
     return np.round(distances_m(-np.radians(degrees)) * 1000)
 
 
+def turn_begins(degrees: Floats) -> int | None:
+    """Index of the measurement that begins a turn, also where the one before was in the last packet."""
+    before = degrees[0] - (degrees[1] - degrees[0])
+    begins = np.flatnonzero(np.diff(np.floor(degrees / 360), prepend=np.floor(before / 360)) > 0)
+    return int(begins[0]) if len(begins) else None
+
+
 class Ld06Stream(Stream):
     """The LD06 sends as long as it has power."""
 
@@ -90,7 +97,10 @@ class YdlidarStream(Stream):
             aside = np.array([packets.ydlidar_correction_deg(value) for value in mm])
             mm = seen_mm(degrees + aside)
         data = packets.ydlidar(degrees[0], degrees[-1], mm)
-        if degrees[-1] >= 360:  # the next turn begins in here
+        begins = turn_begins(degrees)
+        if begins == 0:  # right here
+            return packets.ydlidar(degrees[0], degrees[0], mm[:1], zero=True, hertz=self.turn_hz) + data
+        if begins is not None:  # somewhere in here
             data += packets.ydlidar(degrees[-1], degrees[-1], mm[-1:], zero=True, hertz=self.turn_hz)
         return data
 
@@ -103,11 +113,11 @@ class StandardStream(Stream):
     def packet(self, degrees: Floats) -> bytes:
         """Ten nodes."""
         turned = degrees % 360
-        begins = np.flatnonzero(np.diff(turned, prepend=turned[0] - 0.001) < 0)
-        cut = int(begins[0]) if len(begins) else 0
+        begins = turn_begins(degrees)
+        cut = begins or 0
         mm = seen_mm(degrees)
         ahead = packets.rplidar_nodes(turned[:cut], mm[:cut], first=False)
-        return ahead + packets.rplidar_nodes(turned[cut:], mm[cut:], first=bool(len(begins)))
+        return ahead + packets.rplidar_nodes(turned[cut:], mm[cut:], first=begins is not None)
 
 
 class LegacyExpressStream(Stream):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ClassVar
 
 from joshua.devices.calibration_hand import interpolate
 
@@ -15,12 +15,11 @@ from joshua_emulator.event_log import EventLog
 from joshua_emulator.fault_rules import PROBABILITY, RETURNS, FaultRule, Number, Text, check_fault
 from joshua_emulator.faults import FaultError, Faults
 from joshua_emulator.motion import MIDDLE
+from joshua_emulator.operations import Action, Request
 from joshua_emulator.servo_bus.bus import EmulatedServoBus
 from joshua_emulator.servo_bus.servo import EmulatedServo
 from joshua_emulator.servo_bus.watched_hand import WatchedTime
-from joshua_emulator.station import Station
-
-Request = dict[str, Any]
+from joshua_emulator.station_operations import StationOperations
 
 #: How often a fault that waits for a number of reads looks how many there were.
 READS_LOOKED_AT_S = 0.005
@@ -39,16 +38,20 @@ FAULTS: dict[str, FaultRule] = {
     "replug": FaultRule(settings=_NAME),
     **dict.fromkeys(("brown_out", "overload", "over_temperature", "under_voltage"), _OF_ALL),
 }
-_WHEN = {"after_reads": Number("a number of reads from 1 on", 1, 1 << 40, whole=True)}
 
 
-class Operations:
+class Operations(StationOperations):
     """Operations by name; ``handle`` is the control channel's handler.
 
     Args:
         names: joint name of each servo in cable order.
         add_servo: makes a further servo with a bus id, for the fault ``duplicate``.
     """
+
+    when: ClassVar[Mapping[str, Number]] = {
+        "after_reads": Number("a number of reads from 1 on", 1, 1 << 40, whole=True)
+    }
+    refusals: ClassVar[tuple[type[Exception], ...]] = (FaultError, motion.MotionError, FileExistsError)
 
     def __init__(
         self,
@@ -58,46 +61,26 @@ class Operations:
         names: list[str],
         add_servo: Callable[[int], EmulatedServo],
     ) -> None:
-        self.station: Station | None = None
+        super().__init__(log, FAULTS)
         self._bus = bus
         self._faults = faults
-        self._log = log
         self._names = names
         self._add_servo = add_servo
-        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+        self.operations = {
             "state": self._state,
             "registers": self._registers,
             "set_register": self._set_register,
             "calibration": self._calibration,
-            "log": self._read_log,
-            "lateness": lambda request: self._log.lateness(clear=bool(request.get("clear"))),
+            "log": self.read_log,
+            "lateness": lambda request: self.log.lateness(clear=bool(request.get("clear"))),
             "hand": self._hand,
             "motion": self._motion,
             "guide": self._guide,
             "set": self._set,
-            "fault": self._fault,
+            "fault": self.fault,
             "clear_faults": self._clear_faults,
-            "quit": lambda _: self._station.stop(),
+            "quit": lambda _: self.home.stop(),
         }
-
-    @property
-    def _station(self) -> Station:
-        assert self.station is not None
-        return self.station
-
-    def handle(self, request: Request) -> dict[str, Any]:
-        """Carries out one request. Raises ControlError."""
-        operation = self._operations.get(request["op"])
-        if operation is None:
-            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
-        try:
-            return operation(request) or {}
-        except KeyError as error:
-            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing or unknown") from error
-        except (FaultError, motion.MotionError, FileExistsError) as error:
-            raise ControlError(f"{request['op']}: {error}") from error
-        except (TypeError, ValueError) as error:
-            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
 
     def _servos(self, request: Request) -> list[EmulatedServo]:
         """Servos that a request names by ``slot`` (cable order from 0), by ``id``, or all of them."""
@@ -116,7 +99,7 @@ class Operations:
 
     def _state(self, request: Request) -> dict[str, Any]:
         now_s = time.monotonic()
-        line = self._station.line
+        line = self.home.line
         return {
             "t_ns": round(now_s * 1e9),
             "plugged": line.plugged,
@@ -125,7 +108,7 @@ class Operations:
             "volts": self._bus.servos[0].supply.volts,
             "line_faults": self._faults.describe(),
             "fault_counts": dict(self._faults.counts),
-            "reads": self._log.reads,
+            "reads": self.log.reads,
             "servos": [self._servo_state(servo, now_s) for servo in self._servos(request)],
         }
 
@@ -166,13 +149,7 @@ class Operations:
             }
             for servo, name in zip(self._servos(request), self._names, strict=False)
         ]
-        return {"calibration": {"device_identity": f"usb:{self._station.line.identity}", "motors": motors}}
-
-    def _read_log(self, request: Request) -> dict[str, Any]:
-        entries = self._log.since(
-            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
-        )
-        return {"entries": entries}
+        return {"calibration": {"device_identity": f"usb:{self.home.line.identity}", "motors": motors}}
 
     def _hand(self, request: Request) -> None:
         """Moves joints without torque to ``ticks`` or ``radians``, in ``duration_s`` (0: at once)."""
@@ -211,7 +188,7 @@ class Operations:
         else:
             raise ControlError(f"unknown motion {kind!r}; allowed: none, sine, sweep, file")
         start_s = time.monotonic()
-        self._log.add("motion", start_s, kind=kind)
+        self.log.add("motion", start_s, kind=kind)
         for slot, servo in enumerate(self._bus.servos):
             path = paths.get(slot)
             servo.joint.hand = None if path is None else _hand(servo, path, start_s)
@@ -238,7 +215,7 @@ class Operations:
         self, servo: EmulatedServo, path: motion.Trajectory, start_s: float
     ) -> Callable[[float], float]:
         hand = _hand(servo, path, 0.0)
-        time_s = WatchedTime(start_s, lambda: self._log.reads, self._station.unplugged_s)
+        time_s = WatchedTime(start_s, lambda: self.log.reads, self.home.unplugged_s)
         return lambda now_s: hand(time_s(now_s))
 
     def _range(self, servo: EmulatedServo) -> tuple[float, float]:
@@ -261,40 +238,34 @@ class Operations:
             if "silent" in request:  # its cable is off
                 servo.silent = bool(request["silent"])
 
-    def _fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value`` and settings.
-
-        At once, or ``at_s`` seconds from now on, or with the ``after_reads``-th read of the bus.
-        """
-        check_fault(request, FAULTS, _WHEN)
-        action = self._fault_action(request["kind"], request)
-        delay_s = float(request.get("at_s", 0.0))
+    def fault(self, request: Request) -> None:
+        """Brings a fault about, now, ``at_s`` later, or with the ``after_reads``-th read of the bus."""
+        check_fault(request, FAULTS, self.when)
         if (after_reads := int(request.get("after_reads", 0))) > 0:
-            self._after_reads(after_reads, action)
-        elif delay_s > 0:
-            self._station.at(delay_s, action)
+            self._after_reads(after_reads, self.fault_action(request["kind"], request))
         else:
-            action()
+            super().fault(request)
 
-    def _after_reads(self, count: int, action: Callable[[], None]) -> None:
-        if self._log.reads >= count:
+    def _after_reads(self, count: int, action: Action) -> None:
+        if self.log.reads >= count:
             action()
         else:
-            self._station.at(READS_LOOKED_AT_S, lambda: self._after_reads(count, action))
+            self.later(READS_LOOKED_AT_S, lambda: self._after_reads(count, action))
 
-    def _fault_action(self, kind: str, request: Request) -> Callable[[], None]:
+    def fault_action(self, kind: str, request: Request) -> Action:
+        """What brings a fault about. Raises ControlError where it is refused."""
         if kind in Faults.KINDS:
             values = {kind: request["value"]}
             if "late_by_s" in request:
                 values["late_by_s"] = request["late_by_s"]
             return lambda: self._faults.set(values)
         servo_id = {"id": request["value"]} if "value" in request else {}
-        actions: dict[str, Callable[[], None]] = {
+        actions: dict[str, Action] = {
             "silent": lambda: self._each(self._servos(servo_id), _silence),
             "duplicate": lambda: self._duplicate(request["value"]),
             "break_after": lambda: self._break_after(request["value"]),
             "unplug": lambda: self._unplug(request),
-            "replug": lambda: self._replug(request.get("name") or self._station.line.name),
+            "replug": lambda: self._replug(request.get("name") or self.home.line.name),
             "brown_out": lambda: self._each(self._servos(servo_id), self._brown_out),
             "overload": lambda: self._each(self._servos(servo_id), _overload),
             "over_temperature": lambda: self._set({**servo_id, "temperature_c": 85}),
@@ -325,21 +296,21 @@ class Operations:
             lost.power_on(time.monotonic())
 
     def _unplug(self, request: Request) -> None:
-        station = self._station
-        name = request.get("name") or station.line.name
-        station.unplug()
+        name = request.get("name") or self.home.line.name
+        self.home.unplug()
         if "replug_after_s" in request:
-            station.at(float(request["replug_after_s"]), lambda: self._replug(name))
+            self.later(float(request["replug_after_s"]), lambda: self._replug(name))
 
     def _replug(self, name: str) -> None:
-        if not self._station.line.plugged or name != self._station.line.name:
-            self._station.replug(name)
+        line = self.home.line
+        if not (line.plugged and line.name == name):
+            self.home.replug(name)
 
     def _brown_out(self, servo: EmulatedServo) -> None:
         now_s = time.monotonic()
         servo.advance(now_s)
         servo.power_on(now_s)
-        self._log.add("brown_out", now_s, id=servo.servo_id)
+        self.log.add("brown_out", now_s, id=servo.servo_id)
 
 
 def _silence(servo: EmulatedServo) -> None:

@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from joshua_emulator.control import ControlError
-from joshua_emulator.fault_rules import PLAIN, PROBABILITY, RETURNS, FaultRule, Number, Text, check_fault
+from joshua_emulator.fault_rules import PLAIN, PROBABILITY, RETURNS, FaultRule, Number, Text
+from joshua_emulator.operations import Action, DeviceOperations, Request
 from joshua_emulator.spike.machine import HubMachine
 from joshua_emulator.spike.motors import EmulatedMotor
 from joshua_emulator.spike.program import OTHER_PROGRAM, pack
-
-Request = dict[str, Any]
 
 _FIRMWARES = ("lego", "old", "pybricks")
 
@@ -36,23 +35,23 @@ def fault_rules(ports: Sequence[str]) -> dict[str, FaultRule]:
     }
 
 
-class HubOperations:
+class HubOperations(DeviceOperations):
     """Operations by name; ``handle`` is the control channel's handler."""
 
     def __init__(self, machine: HubMachine) -> None:
+        super().__init__(machine.log, fault_rules(tuple(machine.motors)))
         self._machine = machine
-        self._rules = fault_rules(tuple(machine.motors))
-        self._operations: dict[str, Callable[[Request], dict[str, Any] | None]] = {
+        self.operations = {
             "state": self._state,
-            "log": self._read_log,
+            "log": self.read_log,
             "hand": self._hand,
             "motion": self._motion,
             "guide": self._guide,
-            "fault": self._fault,
+            "fault": self.fault,
             "clear_faults": self._clear_faults,
             "quit": lambda _: machine.stop(),
         }
-        self._faults: dict[str, Callable[[Request], Callable[[], object]]] = {
+        self._faults: dict[str, Callable[[Request], Action]] = {
             "stall": lambda request: self._set(self._motor(request), "blocked", True),
             "motor_off": lambda request: self._set(self._motor(request), "attached", False),
             "sensor": lambda request: self._set(self._motor(request), "device", 61),
@@ -69,17 +68,9 @@ class HubOperations:
             "other_program": self._other_program,
         }
 
-    def handle(self, request: Request) -> dict[str, Any]:
-        """Carries out one request. Raises ControlError."""
-        operation = self._operations.get(request["op"])
-        if operation is None:
-            raise ControlError(f"unknown operation {request['op']!r}; allowed: {', '.join(self._operations)}")
-        try:
-            return operation(request) or {}
-        except KeyError as error:
-            raise ControlError(f"{request['op']}: {error.args[0]!r} is missing") from error
-        except (TypeError, ValueError) as error:
-            raise ControlError(f"{request['op']}: a value is wrong ({error})") from error
+    def at(self, delay_s: float, action: Action) -> None:
+        """Calls ``action`` after a delay, on the loop of the hub."""
+        self._machine.at(delay_s, action)
 
     def _state(self, _: Request) -> dict[str, Any]:
         machine = self._machine
@@ -102,12 +93,6 @@ class HubOperations:
             "motors": motors,
         }
 
-    def _read_log(self, request: Request) -> dict[str, Any]:
-        entries = self._machine.log.since(
-            int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
-        )
-        return {"entries": entries}
-
     def _hand(self, request: Request) -> None:
         """Turns a shaft without torque to ``absolute_deg``."""
         angle_deg = float(request["absolute_deg"])
@@ -126,24 +111,21 @@ class HubOperations:
             raise ControlError(f"slot is {slot!r}; allowed: 0 to {len(self._machine.motors) - 1}")
         self._machine.guide(slot, float(request["seconds"]))
 
-    def _fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value``, ``at_s`` seconds from now on."""
-        kind = request["kind"]
-        check_fault(request, self._rules)
-        action = self._faults[kind](request)
-        delay_s = float(request.get("at_s", 0.0))
-        if delay_s > 0:
-            self._machine.at(delay_s, action)
-        else:
-            action()
+    def fault(self, request: Request) -> None:
+        """Brings a fault about; ``replug_after_s`` later the hub is on and near again."""
+        super().fault(request)
         if back_s := float(request.get("replug_after_s", 0.0)):
-            self._machine.at(delay_s + back_s, self._machine.on)
+            self.later(float(request.get("at_s", 0.0)) + back_s, self._machine.on)
 
-    def _firmware(self, request: Request) -> Callable[[], object]:
+    def fault_action(self, kind: str, request: Request) -> Action:
+        """What brings about a fault that fits its rule."""
+        return self._faults[kind](request)
+
+    def _firmware(self, request: Request) -> Action:
         machine = self._machine
         return lambda: machine.soon(machine.radio.set_firmware(request["value"]))
 
-    def _other_program(self, _: Request) -> Callable[[], object]:
+    def _other_program(self, _: Request) -> Action:
         blob = pack(OTHER_PROGRAM.read_bytes())
         return lambda: self._machine.on_loop(lambda: self._machine.hub.run(blob))
 
@@ -166,5 +148,5 @@ class HubOperations:
         return self._machine.motors[port]
 
     @staticmethod
-    def _set(thing: object, name: str, value: object) -> Callable[[], object]:
+    def _set(thing: object, name: str, value: object) -> Action:
         return lambda: setattr(thing, name, value)
