@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+import resource
+from collections.abc import Iterator
 from pathlib import Path
 
 import av
@@ -33,6 +36,14 @@ def layout(folder: Path, width: int = 32) -> DatasetLayout:
 def frame(number: int) -> dict:
     picture = np.full((24, 32, 3), 20 * number, np.uint8)
     return {"observation.state": [number, -number], "action": [number + 0.5, 0.0], TOP: picture}
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def write(folder: Path, *, lengths: tuple[int, ...] = (3, 2)) -> LeRobotWriter:
@@ -92,13 +103,10 @@ def test_videos_hold_the_pictures(tmp_path: Path) -> None:
 
 
 def test_same_frames_give_the_same_bytes(tmp_path: Path) -> None:
-    digests = []
     for name in ("a", "b"):
         write(tmp_path / name)
-        files = sorted(path for path in (tmp_path / name).rglob("*") if path.is_file())
-        digests.append([hashlib.sha256(path.read_bytes()).hexdigest() for path in files])
-    assert len(digests[0]) == 8
-    assert digests[0] == digests[1]
+    assert len(digests(tmp_path / "a")) == 8
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
 
 
 def test_dropped_episode_leaves_nothing_behind(tmp_path: Path) -> None:
@@ -112,6 +120,42 @@ def test_dropped_episode_leaves_nothing_behind(tmp_path: Path) -> None:
     writer.end_episode("wave")
     info = json.loads((tmp_path / "meta/info.json").read_text())
     assert info["total_episodes"] == 2
+
+
+def add_episode(writer: LeRobotWriter, task: str) -> None:
+    for number in range(3):
+        writer.add_frame(1000 + number, frame(number))
+    writer.end_episode(task)
+
+
+@contextlib.contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """A disk that refuses what goes beyond a size, as a full one does."""
+    former = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, former[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, former)
+
+
+@pytest.mark.parametrize("size", [0, 300, 2000, 4000])
+def test_full_disk_leaves_the_data_set_as_it_was(tmp_path: Path, size: int) -> None:
+    writer = write(tmp_path, lengths=(2,))
+    before = digests(tmp_path)
+    with (
+        largest_file(size),
+        pytest.raises(EpisodeError, match=r"episode cannot be kept|takes no picture"),
+    ):
+        add_episode(writer, "point")
+    with largest_file(size):
+        writer.drop_episode()
+    assert digests(tmp_path) == before
+    add_episode(writer, "wave")  # there is room again
+    writer.close()
+    write(tmp_path / "other", lengths=(2, 3))
+    (tmp_path / "other").rename(tmp_path.with_suffix(".other"))
+    assert digests(tmp_path) == digests(tmp_path.with_suffix(".other"))
 
 
 def test_folder_belongs_to_one_writer_and_goes_with_its_last_episode(tmp_path: Path) -> None:
@@ -143,8 +187,10 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
         writer.end_episode("wave")
     with pytest.raises(EpisodeError, match=r"shape \(3,\), and 2 numbers are kept \(pan, lift\)"):
         writer.add_frame(0, frame(1) | {"action": [1, 2, 3]})
-    with pytest.raises(EpisodeError, match=r"top has the shape \(8, 8, 3\), and \(24, 32, 3\) is kept"):
+    with pytest.raises(EpisodeError, match=r"top has the shape \(8, 8, 3\) of uint8, and \(24, 32, 3\) of"):
         writer.add_frame(0, frame(1) | {TOP: np.zeros((8, 8, 3), np.uint8)})
+    with pytest.raises(EpisodeError, match=r"\(24, 32, 3\) of float64, and \(24, 32, 3\) of uint8 is kept"):
+        writer.add_frame(0, frame(1) | {TOP: np.zeros((24, 32, 3))})
     (tmp_path / "file").write_text("")
     with pytest.raises(EpisodeError, match="cannot be made: Not a directory"):
         LeRobotWriter(layout(tmp_path / "file" / "set")).open()

@@ -15,10 +15,11 @@ import pyarrow.parquet as pq
 import pytest
 from joshua.generator.examination import examine
 from joshua.generator.request import Purpose, Request
+from joshua.plugins.settings import FieldError
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.rendering import RenderingError, choose_gl
-from joshua_mujoco_sim.settings_parts import DatasetSettings
+from joshua_mujoco_sim.settings_parts import DatasetSettings, check_picture_keys
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError
 from joshua_mujoco_sim.variation import Variation
@@ -193,6 +194,33 @@ def test_divergence_drops_the_episode(tmp_path: Path) -> None:
     assert len(list((tmp_path / "set/data/chunk-000").iterdir())) == 1
 
 
+def test_divergence_in_the_last_frame_is_not_kept(tmp_path: Path) -> None:
+    world = scene()
+    with world.lock:
+        maker = EpisodeMaker(world, settings(tmp_path), (), Silent())
+        maker.open()
+        maker.begin()
+        world.advance(75)  # the fourth and last frame is due before the next step
+        world.physics.data.qvel[:] = np.nan
+        world.advance(1)
+        assert not maker.done
+        while not maker.done:
+            world.advance(10)
+        maker.close()
+    columns = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet").to_pydict()
+    assert columns["stamp_ns"] == [0, 50_000_000, 100_000_000, 150_000_000]
+    assert np.isfinite(columns["observation.state"]).all()
+
+
+def test_cameras_whose_names_become_one_are_refused() -> None:
+    with pytest.raises(
+        FieldError, match=r"a/b and a_b would both be kept as observation\.images\.a_b"
+    ) as caught:
+        check_picture_keys(["top", "a/b", "a_b"])
+    assert caught.value.field == "generate.cameras[2]"
+    assert caught.value.remedy == "rename one of them in the model"
+
+
 def test_endless_resets_are_an_error(tmp_path: Path) -> None:
     world = scene()
     with world.lock:
@@ -223,6 +251,16 @@ def test_recording_of_a_wheel_is_refused(tmp_path: Path) -> None:
             {"generate": 'count: 1 fps: 20 duration_s: 1 cameras: ["tap"]'},
             "generate.cameras[0]",
             "no camera named 'tap'",
+        ),
+        (
+            {"generate": 'count: 1 fps: 20 duration_s: 1 cameras: ["top", "front", "top"]'},
+            "generate.cameras[2]",
+            "top stands twice",
+        ),
+        (
+            {"generate": "count: 1 fps: 1000 duration_s: 1"},
+            "generate.fps",
+            "the model makes 500 steps a second",
         ),
         ({"generate": "count: 1 fps: 20"}, "generate", "the length of an episode is not known"),
         (

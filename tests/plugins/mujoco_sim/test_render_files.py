@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -81,6 +82,27 @@ def test_video_has_every_picture(tmp_path: Path) -> None:
     assert frames[0].std() > 10
 
 
+def test_full_disk_is_named_and_ends_nothing_else(tmp_path: Path) -> None:
+    world = World(WorldSettings("so_arm100/scene.xml", real_time_factor=0))
+    render = Render(camera="top", width=96, height=64, fps=500, output=str(tmp_path / "top.mp4"))
+    file = RenderFile(world, render)
+    file.open()
+    file.begin()
+    former = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300, former[1]))
+    try:
+        with world.lock:
+            world.advance(100)
+        file.close()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, former[1]))
+        with pytest.raises(OSError, match="File too large"):
+            RenderFile(world, render)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, former)
+    assert file.error.startswith(f"{tmp_path}/top.mp4: ")
+    assert "File too large" in file.error
+
+
 def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> None:
     runs = []
     with reserved_domain() as first, reserved_domain() as second:
@@ -122,6 +144,18 @@ def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> N
         ('camera: "tip" output: "a.mp4"', "renders[0].camera", "no camera named 'tip'"),
         ('camera: "top" output: "a.png"', "renders[0].output", "every picture needs its own"),
         ('camera: "top" output: "a.gif"', "renders[0].output", ".gif is no known form"),
+        (
+            'camera: "top" output: "a.mp4" } renders { width: 64 height: 48 fps: 10 camera: "front" '
+            'output: "./a.mp4"',
+            "renders[1].output",
+            "renders[0] is written into a.mp4 already",
+        ),
+        (
+            'camera: "top" output: "a.mp4" } renders { width: 64 height: 48 fps: 501 camera: "front" '
+            'output: "b.mp4"',
+            "renders[1].fps",
+            "The model makes 500 steps a second, so that there are no 501 different frames in one",
+        ),
     ],
 )
 def test_bad_outputs_are_found_before_the_start(tmp_path: Path, render: str, field: str, text: str) -> None:

@@ -1,8 +1,8 @@
 """Writes a data set in the layout of LeRobot v3.
 
-Each episode has files of its own, one table and one video for each camera, and the metadata are replaced
-when it ends. So an episode that was dropped leaves nothing behind, and a data set is whole at any time, even
-when the program is killed.
+Each episode has files of its own, one table and one video for each camera. When it ends, its table and the
+new metadata are written beside their places and put there together. So an episode that was dropped leaves
+nothing behind, and a data set is whole at any time, even when the program is killed or the disk is full.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 import av
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from joshua.plugins.episodes import DatasetLayout, EpisodeError, EpisodeWriter
 
 from joshua_dataset import statistics
 from joshua_dataset.metadata import CHUNK_SIZE, DATA_PATH, STAMP, VIDEO_PATH, data_schema, write_metadata
+from joshua_dataset.staging import Staging
 from joshua_dataset.statistics import Statistics
 from joshua_dataset.video import VideoFile
 
@@ -78,10 +78,10 @@ class LeRobotWriter(EpisodeWriter):
                     f"({', '.join(vector.names)})"
                 )
         for picture in layout.pictures:
-            size = (picture.height, picture.width, 3)
-            if np.shape(values[picture.key]) != size:
+            size, given = (picture.height, picture.width, 3), np.asarray(values[picture.key])
+            if given.shape != size or given.dtype != np.uint8:
                 raise EpisodeError(
-                    f"{picture.key} has the shape {np.shape(values[picture.key])}, and {size} is kept"
+                    f"{picture.key} has the shape {given.shape} of {given.dtype}, and {size} of uint8 is kept"
                 )
         try:
             for picture in layout.pictures:
@@ -97,8 +97,7 @@ class LeRobotWriter(EpisodeWriter):
         count = len(self._stamps)
         if not count:
             raise EpisodeError(f"{self.layout.folder}: an episode without a frame cannot be kept")
-        if task not in self._tasks:
-            self._tasks.append(task)
+        tasks = self._tasks if task in self._tasks else [*self._tasks, task]
         columns = {
             **{key: np.stack(rows) for key, rows in self._vectors.items()},
             "timestamp": np.arange(count, dtype=np.float32) / np.float32(self.layout.fps),
@@ -106,21 +105,24 @@ class LeRobotWriter(EpisodeWriter):
             "frame_index": np.arange(count),
             "episode_index": np.full(count, self.episodes),
             "index": np.arange(self._frames, self._frames + count),
-            "task_index": np.full(count, self._tasks.index(task)),
+            "task_index": np.full(count, tasks.index(task)),
         }
         found = {key: statistics.of_rows(values.reshape(count, -1)) for key, values in columns.items()} | {
             key: statistics.of_pictures(pictures) for key, pictures in self._samples.items()
         }
+        rows = [*self._rows, self._episode_row(count, task, found)]
+        parts = [*self._statistics, found]
+        staging = Staging()
         try:
             for video in self._videos.values():
                 video.close()
-            self._videos.clear()
-            self._write_data(columns)
-            self._rows.append(self._episode_row(count, task, found))
-            self._statistics.append(found)
-            write_metadata(self.layout, self._rows, self._statistics, self._tasks)
+            self._write_data(staging, columns)
+            write_metadata(staging, self.layout, rows, parts, tasks)
+            staging.commit()
         except (OSError, av.FFmpegError, pa.ArrowException) as error:
+            staging.discard()
             raise EpisodeError(f"{self.layout.folder}: the episode cannot be kept: {error}") from error
+        self._rows, self._statistics, self._tasks = rows, parts, tasks
         self.episodes += 1
         self._frames += count
         self._clear()
@@ -163,18 +165,17 @@ class LeRobotWriter(EpisodeWriter):
             self._videos[key] = VideoFile(path, width, height, self.layout.fps)
         self._videos[key].add(picture)
         if len(self._stamps) % PICTURE_STRIDE == 0:
-            self._samples[key].append(picture.copy())
+            self._samples[key].append(statistics.thinned(picture))
 
-    def _write_data(self, columns: Mapping[str, Any]) -> None:
-        path = self.layout.folder / DATA_PATH.format(**self._place)
-        path.parent.mkdir(parents=True, exist_ok=True)
+    def _write_data(self, staging: Staging, columns: Mapping[str, Any]) -> None:
         arrays = [
             pa.FixedSizeListArray.from_arrays(pa.array(columns[field.name].reshape(-1)), field.type.list_size)
             if pa.types.is_fixed_size_list(field.type)
             else pa.array(columns[field.name], field.type)
             for field in self._schema
         ]
-        pq.write_table(pa.Table.from_arrays(arrays, schema=self._schema), path, compression="snappy")
+        path = self.layout.folder / DATA_PATH.format(**self._place)
+        staging.table(path, pa.Table.from_arrays(arrays, schema=self._schema))
 
     def _episode_row(self, count: int, task: str, found: Mapping[str, Statistics]) -> dict[str, Any]:
         place = self._place

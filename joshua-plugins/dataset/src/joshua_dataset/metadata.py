@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 from joshua.plugins.episodes import DatasetLayout
 
+from joshua_dataset.staging import Staging
 from joshua_dataset.statistics import Statistics, as_json, merged
 from joshua_dataset.video import CODEC, PIXEL_FORMAT
 
@@ -54,23 +53,24 @@ def data_schema(layout: DatasetLayout) -> pa.Schema:
 
 
 def write_metadata(
+    staging: Staging,
     layout: DatasetLayout,
     episodes: Sequence[Mapping[str, Any]],
     statistics: Sequence[Mapping[str, Statistics]],
     tasks: Sequence[str],
 ) -> None:
-    """Writes everything under ``meta/``; what stood there stays whole until it is replaced.
+    """Writes everything under ``meta/``; what stands there stays until the staging is committed.
 
     Args:
-        layout: of the data set; tasks: in the order of their index.
+        staging: takes the files; layout: of the data set; tasks: in the order of their index.
         episodes: rows of the table of episodes; statistics: of each of them, by feature.
     """
     meta = layout.folder / "meta"
-    _write_table(meta / "tasks.parquet", _tasks_table(tasks))
-    _write_table(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(list(episodes)))
+    staging.table(meta / "tasks.parquet", _tasks_table(tasks))
+    staging.table(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(list(episodes)))
     together = {key: as_json(merged([part[key] for part in statistics])) for key in statistics[0]}
-    _write_json(meta / "stats.json", together)
-    _write_json(meta / "info.json", _info(layout, episodes, tasks))
+    staging.json(meta / "stats.json", together)
+    staging.json(meta / "info.json", _info(layout, episodes, tasks))
 
 
 def _info(
@@ -150,16 +150,3 @@ def _tasks_table(tasks: Sequence[str]) -> pa.Table:
     }
     table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), index: list(tasks)})
     return table.replace_schema_metadata({"pandas": json.dumps(described)})
-
-
-def _write_table(path: Path, table: pa.Table) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_suffix(".new")
-    pq.write_table(table, fresh, compression="snappy")
-    fresh.replace(path)
-
-
-def _write_json(path: Path, value: Any) -> None:
-    fresh = path.with_suffix(".new")
-    fresh.write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
-    fresh.replace(path)

@@ -32,10 +32,14 @@ def of_rows(rows: npt.ArrayLike) -> Statistics:
     return found
 
 
+def thinned(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """The pixels of a picture (H, W, 3) that count, as a copy."""
+    return picture[::PIXEL_STRIDE, ::PIXEL_STRIDE].copy()
+
+
 def of_pictures(pictures: Sequence[npt.NDArray[np.uint8]]) -> Statistics:
-    """Statistics of pictures (H, W, 3) by channel, in [0, 1], shape (3, 1, 1) as LeRobot wants it."""
-    pixels = np.stack([picture[::PIXEL_STRIDE, ::PIXEL_STRIDE] for picture in pictures])
-    found = of_rows(pixels.reshape(-1, 3) / 255.0)
+    """Statistics of thinned pictures by channel, in [0, 1], shape (3, 1, 1) as LeRobot wants it."""
+    found = of_rows(np.stack(pictures).reshape(-1, 3) / 255.0)
     found = {name: value.reshape(3, 1, 1) for name, value in found.items() if name != "count"}
     found["count"] = np.array([len(pictures)], dtype=np.float64)
     return found

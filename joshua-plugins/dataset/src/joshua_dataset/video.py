@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,9 @@ class VideoFile:
 
     Args:
         path: of the file; width, height: even numbers of pixels; fps: pictures per second.
+
+    Raises:
+        OSError, av.FFmpegError: the file cannot be written; so do ``add`` and ``close``.
     """
 
     def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
@@ -34,6 +38,13 @@ class VideoFile:
         self._stream.options = dict(_OPTIONS)
         self._step = Fraction(1, fps)
         self._count = 0
+        self._closed = False
+        try:
+            # Now, because PyAV crashes when it goes on after a header that the disk has refused.
+            self._container.start_encoding()
+        except (OSError, av.FFmpegError):
+            path.unlink(missing_ok=True)
+            raise
 
     def add(self, picture: npt.NDArray[np.uint8]) -> None:
         """Encodes one picture of shape (H, W, 3), RGB."""
@@ -43,14 +54,18 @@ class VideoFile:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """Writes what is left, and the index."""
-        self._container.mux(self._stream.encode(None))
-        self._container.close()
+        """Writes what is left, and the index; a second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if self._count:  # a video without a picture cannot be completed
+                self._container.mux(self._stream.encode(None))
+        finally:
+            self._container.close()
 
     def drop(self) -> None:
-        """Ends it and removes the file."""
-        if self._count:
+        """Ends it and removes the file, whole or not."""
+        with contextlib.suppress(OSError, av.FFmpegError):  # a full disk takes no index
             self.close()
-        else:  # a video without a picture cannot be completed
-            self._container.close()
         self.path.unlink(missing_ok=True)

@@ -19,11 +19,11 @@ from joshua.plugins.targets import load_target
 
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
-from joshua_mujoco_sim.settings_parts import DatasetSettings
+from joshua_mujoco_sim.settings_parts import DatasetSettings, picture_key
 from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
 from joshua_mujoco_sim.world import World
 
-STATE, ACTION, PICTURES = "observation.state", "action", "observation.images."
+STATE, ACTION = "observation.state", "action"
 
 #: Episodes that may be lost in a row, by a divergence or a reset from outside, before this gives up.
 MOST_LOST = 5
@@ -106,7 +106,7 @@ class EpisodeMaker:
             joint if drive == "position" else f"{joint}.{drive}"
             for joint, drive in zip(self._group.joints, self._group.drives, strict=True)
         ]
-        self._keys = {camera: PICTURES + camera.replace("/", "_") for camera in settings.cameras}
+        self._keys = {camera: picture_key(camera) for camera in settings.cameras}
         self._writer: EpisodeWriter = load_target(settings.writer)(
             DatasetLayout(
                 folder=Path(settings.folder),
@@ -187,8 +187,8 @@ class EpisodeMaker:
 
     def _write(self, stamp_ns: int, frame: dict[str, Any]) -> None:
         """Draws a frame and writes it, while the physics waits (without the lock)."""
-        if self.error or self._closed:
-            return
+        if self.error or self._closed or self._world.physics.time_s < self._last_s:
+            return  # a frame whose step has diverged ends no episode
         try:
             pictures = {self._keys[camera]: drawn.draw() for camera, drawn in self._renderers.items()}
             self._writer.add_frame(stamp_ns, frame | pictures)

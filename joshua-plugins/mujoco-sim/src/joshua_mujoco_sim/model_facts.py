@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class ModelFacts(BaseModel):
     """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint.
 
-    ``by_hand`` names the actuators whose joints can be calibrated.
+    ``by_hand`` names the actuators whose joints can be calibrated; ``timestep_s`` is the time of one step.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -29,6 +29,7 @@ class ModelFacts(BaseModel):
     by_hand: tuple[str, ...]
     cameras: tuple[str, ...]
     keyframes: tuple[str, ...]
+    timestep_s: float
 
 
 class AttachedModel(BaseModel):
@@ -74,6 +75,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
         by_hand=turned_by_hand(model),
         cameras=tuple(facts["cameras"]),
         keyframes=tuple(facts["keyframes"]),
+        timestep_s=facts["timestep_s"],
     )
 
 

@@ -74,11 +74,11 @@ class SimulatorNode(NodeBehaviour):
         settings = SimulationSettings.model_validate(spec.settings)
         try:
             world = shared_world(settings.world())
+            self._settings, self._world = settings, world
+            with world.lock:
+                self._group = world.physics.group(())
         except ModelError as error:
             raise DeviceError(str(error)) from error
-        self._settings, self._world = settings, world
-        with world.lock:
-            self._group = world.physics.group(())
         self._publisher = self.context.publisher(
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
@@ -144,6 +144,8 @@ class SimulatorNode(NodeBehaviour):
             for file in self._files:
                 with world.quiet():
                     file.close()
+                if file.error:
+                    self.context.log.error("%s", file.error)
                 self.context.log.info("%d pictures in %s", file.count, file.output)
             self._files = []
             if self._maker is not None:

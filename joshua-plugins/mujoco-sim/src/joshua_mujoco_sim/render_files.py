@@ -24,7 +24,7 @@ class PictureWriter(ABC):
         """Writes one picture of shape (H, W, 3), RGB. Raises OSError."""
 
     def close(self) -> None:
-        """Completes the file."""
+        """Completes the file. Raises OSError."""
 
 
 class PngWriter(PictureWriter):
@@ -45,7 +45,7 @@ class VideoWriter(PictureWriter):
     """H.264 in an MP4 file, which every player shows.
 
     Raises:
-        RenderingError: the library for videos is not installed.
+        RenderingError: the library for videos is not installed; OSError: the file cannot be written.
     """
 
     def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
@@ -57,24 +57,43 @@ class VideoWriter(PictureWriter):
                 "or name PNG files"
             ) from error
         self._frame: Any = av.VideoFrame
+        self._fault: type[Exception] = av.FFmpegError
         self._container: Any = av.open(str(path), "w")
         self._stream: Any = self._container.add_stream("libx264", rate=fps)
         self._stream.width, self._stream.height = width - width % 2, height - height % 2
         self._stream.pix_fmt = "yuv420p"
         # one thread, so that the same pictures give the same bytes
         self._stream.options = {"preset": "veryfast", "crf": "20", "threads": "1"}
+        try:
+            # Now, because PyAV crashes when it goes on after a header that the disk has refused.
+            self._container.start_encoding()
+        except self._fault as error:
+            raise OSError(f"{path}: {error}") from error
 
     def write(self, picture: Picture) -> None:
         """Encodes one picture."""
         even = picture[: self._stream.height, : self._stream.width]
-        for packet in self._stream.encode(self._frame.from_ndarray(even, format="rgb24")):
-            self._container.mux(packet)
+        self._encode(self._frame.from_ndarray(even, format="rgb24"))
 
     def close(self) -> None:
         """Writes what is left, and the index."""
-        for packet in self._stream.encode():
-            self._container.mux(packet)
-        self._container.close()
+        try:
+            self._encode(None)
+        finally:
+            self._close()
+
+    def _encode(self, frame: Any) -> None:
+        try:
+            for packet in self._stream.encode(frame):
+                self._container.mux(packet)
+        except self._fault as error:
+            raise OSError(str(error)) from error
+
+    def _close(self) -> None:
+        try:
+            self._container.close()
+        except self._fault as error:
+            raise OSError(str(error)) from error
 
 
 class RenderFile:
@@ -120,7 +139,10 @@ class RenderFile:
         if self._unhook is not None:
             self._unhook()
         self._closed = True
-        self._writer.close()
+        try:
+            self._writer.close()
+        except OSError as error:
+            self.error = self.error or f"{self._render.output}: {error}"
 
     def open(self) -> None:
         """Makes the renderer; on the thread of the physics, to which OpenGL binds it."""

@@ -30,7 +30,10 @@ from joshua_mujoco_sim.settings_parts import (
     Render,
     TopicMapping,
     VariationSettings,
+    check_frames,
     check_output,
+    check_outputs,
+    check_picture_keys,
     check_recording,
     require_pictures,
     variation,
@@ -119,6 +122,8 @@ class SimulationSettings(BlockSettings):
         for index, render in enumerate(self.renders):
             known_name(f"renders[{index}].camera", "camera", render.camera, facts.cameras)
             check_output(index, render.output)
+            check_frames(f"renders[{index}].fps", render.fps, facts.timestep_s)
+        check_outputs([render.output for render in self.renders])
         self._check_variation()
         self._check_generated(facts)
         if self.launching and self.renders:
@@ -161,6 +166,8 @@ class SimulationSettings(BlockSettings):
             )
         for index, camera in enumerate(made.cameras):
             known_name(f"generate.cameras[{index}]", "camera", camera, facts.cameras)
+        check_picture_keys(made.cameras)
+        check_frames("generate.fps", made.fps, facts.timestep_s)
         for name, size in (("width", made.width), ("height", made.height)):
             if made.cameras and size % 2:
                 raise FieldError(

@@ -77,6 +77,52 @@ class VariationSettings(BaseModel):
     camera_rad: float
 
 
+#: Before the name of a camera in the name of its pictures' column.
+PICTURES = "observation.images."
+
+
+def picture_key(camera: str) -> str:
+    """Name of the column that holds the pictures of a camera, also a part of a path."""
+    return PICTURES + camera.replace("/", "_")
+
+
+def check_picture_keys(cameras: Sequence[str]) -> None:
+    """Refuses cameras whose pictures would go into one file. Raises FieldError."""
+    keys = [picture_key(camera) for camera in cameras]
+    for index, (camera, key) in enumerate(zip(cameras, keys, strict=True)):
+        other = cameras[keys.index(key)]
+        if keys.index(key) < index:
+            both = f"{other} and {camera} would both be kept as {key}"
+            raise FieldError(
+                f"generate.cameras[{index}]",
+                f"{camera} stands twice" if camera == other else both,
+                remedy="remove one of the two" if camera == other else "rename one of them in the model",
+            )
+
+
+def check_frames(field: str, fps: int, timestep_s: float) -> None:
+    """Refuses more frames than the physics has states, whose times would be wrong. Raises FieldError."""
+    most = int(1 / timestep_s + 1e-6)
+    if fps > most:
+        raise FieldError(
+            field,
+            f"the model makes {most} steps a second, so that there are no {fps} different frames in one",
+            allowed=(f"1 to {most}",),
+            remedy=f"set fps: {most} or less, or lower the time step of the model",
+        )
+
+
+def check_outputs(outputs: Sequence[str]) -> None:
+    """Refuses two cameras that are written into one file. Raises FieldError."""
+    for index, output in enumerate(outputs):
+        if output in outputs[:index]:
+            raise FieldError(
+                f"renders[{index}].output",
+                f"renders[{outputs.index(output)}] is written into {Path(output).name} already",
+                remedy="give each its own file",
+            )
+
+
 def check_output(index: int, output: str) -> None:
     """Refuses a file name that no writer takes. Raises FieldError."""
     field, path = f"renders[{index}].output", Path(output)
