@@ -204,6 +204,11 @@ def test_an_option_settles_what_the_file_left_out(path: Path) -> None:
         ("include=x.pbtxt", "override-include", 1, "include cannot be set by an option."),
         ("simulation.plugin_config.stroke=1", "override-syntax", 26, "has no type yet"),
         ('general.name="x', "unclosed-string", 14, "The string is not closed on its line."),
+        ("general.name { x: 1 }", "wrong-type", 14, "name takes a string in double quotes, not a block."),
+        ("general.name=\udcff", "not-utf8-string", 14, "The byte 0xff of this string is not UTF-8 text."),
+        ('general.name="\udcff"', "not-utf8-string", 14, "The byte 0xff of this string is not UTF-8"),
+        (r'general.name="a\n' + '\udcff"', "not-utf8-string", 14, "The byte 0xff of this string is not"),
+        ('general.name="\ud800"', "not-utf8-string", 14, "The byte 0xed of this string is not UTF-8"),
     ],
 )  # fmt: skip
 def test_what_is_said_about_a_wrong_option(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -35,13 +34,13 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
 
 def show_findings(examination: Examination, output_format: str) -> None:
     """Prints all findings: JSON to standard output, text to standard error."""
-    from joshua.config.diagnostics import render_json, render_text
+    from joshua.config.diagnostics import columns_of, render_json, render_text, wants_color
 
     if output_format == "json":
         sys.stdout.write(render_json(examination.diagnostics) + "\n")
     elif examination.diagnostics:
-        color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
-        sys.stderr.write(render_text(examination.diagnostics, examination.sources, color=color))
+        color, columns = wants_color(sys.stderr), columns_of(sys.stderr)
+        sys.stderr.write(render_text(examination.diagnostics, examination.sources, color, columns))
 
 
 def exit_code_of(examination: Examination) -> ExitCode:

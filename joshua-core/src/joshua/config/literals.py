@@ -88,15 +88,23 @@ def string_bytes(literal: str) -> bytes:
     """
     body = literal[1:-1]
     if "\\" not in body:
-        return body.encode("utf-8", "surrogatepass")
+        return encoded(body)
     result = bytearray()
     at = 0
     for match in _ESCAPE.finditer(body):
-        result += body[at : match.start()].encode()
+        result += encoded(body[at : match.start()])
         result += _unescape(match)
         at = match.end()
-    result += body[at:].encode()
+    result += encoded(body[at:])
     return bytes(result)
+
+
+def encoded(text: str) -> bytes:
+    """Bytes of a text; those of a command line that are no text stay what they were."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # half of a character, which no command line holds
+        return text.encode("utf-8", "surrogatepass")
 
 
 def _unescape(match: re.Match[str]) -> bytes:

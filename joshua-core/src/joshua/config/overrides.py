@@ -246,7 +246,8 @@ class _Override:
         start = self._value_start
         raw = text[start:].strip()
         opens = "\"'[" if info.is_repeated else "\"'"
-        if info.kind is Kind.STRING and raw and raw[0] not in opens:
+        is_block = text[start - 1] not in "=:"  # PATH { … }
+        if info.kind is Kind.STRING and raw and raw[0] not in opens and not is_block:
             begin = text.index(raw, start)
             end = begin + len(raw)
             value = Scalar(ScalarKind.RAW, begin, end, [raw], [(begin, end)])

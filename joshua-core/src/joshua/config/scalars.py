@@ -137,7 +137,7 @@ class ScalarReader:
 
     def _string(self, info: FieldInfo, value: Scalar, path: str) -> str | bytes | None:
         if value.kind is ScalarKind.RAW:
-            data = value.texts[0].encode("utf-8", "surrogateescape")
+            data = literals.encoded(value.texts[0])
         elif value.kind is ScalarKind.STRING:
             pieces = [
                 self._piece(literal, start, path)

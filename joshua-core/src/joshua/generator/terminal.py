@@ -8,6 +8,7 @@ import sys
 import time
 from typing import TextIO
 
+from joshua.config.diagnostics import wants_color
 from joshua.generator.background_writer import BackgroundWriter
 from joshua.generator.status import LogEntry, RunEvent, RunStatus, StartTable
 from joshua.generator.tables import log_line, report_lines, start_lines, status_line
@@ -36,8 +37,8 @@ class Terminal:
         self._log_level = log_level
         self._output = output or sys.stdout
         self._errors = errors or sys.stderr
-        self._live = self._output.isatty()
-        self._colour = self._errors.isatty() and "NO_COLOR" not in os.environ
+        self._live = self._output.isatty() and os.environ.get("TERM") != "dumb"
+        self._colour = wants_color(self._errors)
         self._status = ""
         self._plain_due_s = 0.0
         self._writer = BackgroundWriter[tuple[TextIO, str]](self._write, "terminal")

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.devices.serial_settings import SerialSettings
+from joshua.plugins.settings import FieldError, FromField
 from pydantic import model_validator
 from typing_extensions import Self
 
@@ -22,24 +23,18 @@ AMT21_RESOLUTIONS = (16384, 4096)
 USUAL_RATE_HZ = 100.0
 
 
-class EncoderSettings(BlockSettings):
+class EncoderSettings(SerialSettings):
     """Settings of rotary encoders.
 
     Attributes:
-        port, serial_number, vid_pid, baudrate: of the serial link.
         resolution: counts in one revolution.
         inverted: counts the other way round.
         protocol: line, as5600 or amt21.
         joint_names: one for each encoder; addresses: of AMT21 encoders, empty for the other protocols.
         counter_range: number of different counts after which a counter starts again; 0: it never does.
         rate_hz: how often encoders that answer are asked, the rate of the node's fastest publisher.
-        device_root: folder that holds ``dev`` and ``sys``.
     """
 
-    port: Annotated[str, FromField("comm.serial.port")] = ""
-    serial_number: Annotated[str, FromField("comm.serial.serial_number")] = ""
-    vid_pid: Annotated[str, FromField("comm.serial.vid_pid")] = ""
-    baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 115_200
     resolution: int
     inverted: bool = False
     protocol: str = LINE
@@ -47,35 +42,26 @@ class EncoderSettings(BlockSettings):
     addresses: Annotated[tuple[int, ...], FromField("address")] = ()
     counter_range: int = 0
     rate_hz: float = USUAL_RATE_HZ
-    device_root: str = "/"
+
+    @classmethod
+    def called(cls) -> str:
+        """What the device is called in messages."""
+        return "an encoder"
 
     @classmethod
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Adds the usual address and names, the rate, and the place of emulated devices."""
+        """Adds the usual address and names, and the rate."""
         result = super().si_values(values, node, context)
         rates = [publisher.publish_rate_hz for publisher in getattr(node, "publishers", ())]
         result["rate_hz"] = max((rate for rate in rates if rate > 0), default=USUAL_RATE_HZ)
-        if context.get("device_root"):
-            result["device_root"] = context["device_root"]
         if result["protocol"] == AMT21 and not result["addresses"]:
             result["addresses"] = [USUAL_ADDRESS]
         if not result["joint_names"]:
             count = len(result["addresses"]) if result["protocol"] == AMT21 else 1
             result["joint_names"] = [f"joint_{number + 1}" for number in range(count)]
         return result
-
-    @model_validator(mode="after")
-    def _names_a_port(self) -> Self:
-        if not (self.port or self.serial_number or self.vid_pid):
-            raise FieldError(
-                "comm",
-                "an encoder needs a serial port, by its path or by its adapter's identity",
-                allowed=("serial { port: … }", "serial { serial_number: … }", "serial { vid_pid: … }"),
-                remedy="add comm { serial { … } }; joshua find-port lists the ports",
-            )
-        return self
 
     @model_validator(mode="after")
     def _suits_the_protocol(self) -> Self:

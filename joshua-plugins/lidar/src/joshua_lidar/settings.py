@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
-from google.protobuf.message import Message
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.devices.serial_settings import SerialSettings
+from joshua.plugins.settings import FieldError, FromField
 from pydantic import model_validator
 from typing_extensions import Self
 
@@ -17,23 +16,17 @@ from joshua_lidar.models import EXPRESS, MODELS
 _ROUNDING_RAD = 1e-3
 
 
-class LidarSettings(BlockSettings):
+class LidarSettings(SerialSettings):
     """Settings of a laser scanner.
 
     Attributes:
-        port, serial_number, vid_pid, baudrate: of the serial link.
         angle_min_rad, angle_max_rad: the window that is published, counter-clockwise positive (REP 103).
         range_min_m, range_max_m: distances that count as measurements.
         display: shows the scan in a window.
         model: name of the model; "" where it is to be found out.
         scan_mode: of an RPLIDAR.
-        device_root: folder that holds ``dev`` and ``sys``.
     """
 
-    port: Annotated[str, FromField("comm.serial.port")] = ""
-    serial_number: Annotated[str, FromField("comm.serial.serial_number")] = ""
-    vid_pid: Annotated[str, FromField("comm.serial.vid_pid")] = ""
-    baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 115_200
     angle_min_rad: Annotated[float, FromField("angle_min")]
     angle_max_rad: Annotated[float, FromField("angle_max")]
     range_min_m: Annotated[float, FromField("range_min")]
@@ -41,28 +34,11 @@ class LidarSettings(BlockSettings):
     display: bool = False
     model: str = ""
     scan_mode: str = EXPRESS
-    device_root: str = "/"
 
     @classmethod
-    def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
-    ) -> dict[str, Any]:
-        """Adds the place of emulated devices from the plan's context."""
-        result = super().si_values(values, node, context)
-        if context.get("device_root"):
-            result["device_root"] = context["device_root"]
-        return result
-
-    @model_validator(mode="after")
-    def _names_a_port(self) -> Self:
-        if not (self.port or self.serial_number or self.vid_pid):
-            raise FieldError(
-                "comm",
-                "a laser scanner needs a serial port, by its path or by its adapter's identity",
-                allowed=("serial { port: … }", "serial { serial_number: … }", "serial { vid_pid: … }"),
-                remedy="add comm { serial { … } }; joshua find-port lists the ports",
-            )
-        return self
+    def called(cls) -> str:
+        """What the device is called in messages."""
+        return "a laser scanner"
 
     @model_validator(mode="after")
     def _has_a_window(self) -> Self:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
+import os
+import pty
+import struct
+import termios
 import unicodedata
 
 import pytest
-from joshua.config.diagnostics import render_text, summary, wants_color
+from joshua.config.diagnostics import columns_of, render_text, summary, wants_color
 from joshua.config.diagnostics.cells import clean, shorten, width
 from joshua.plan import Diagnostic, Position, Related, Severity
 
@@ -225,6 +230,23 @@ def test_colour_is_wanted_only_on_a_terminal_without_no_color() -> None:
     assert not wants_color(Terminal(), {"NO_COLOR": "1"})
     assert not wants_color(Terminal(), {"TERM": "dumb"})
     assert not wants_color(io.StringIO(), {})
+
+
+def test_lines_are_made_for_the_terminal() -> None:
+    master, slave = pty.openpty()
+    with open(slave, "w") as terminal:
+        for columns, expected in ((50, 50), (10, 40), (400, 120), (0, 80)):
+            fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+            assert columns_of(terminal) == expected
+    os.close(master)
+    assert columns_of(io.StringIO()) == columns_of(Terminal()) == 80
+
+
+def test_a_narrow_terminal_gets_narrow_lines() -> None:
+    words = "one node opens a port for itself alone and " * 6
+    sources = {"robot.pbtxt": f"name: {'x' * 200}"}
+    text = render_text([finding(1, 7, message=words, remedy=words, allowed=(words,))], sources, columns=40)
+    assert max(len(line) for line in text.splitlines()) <= 40
 
 
 def test_shorten_keeps_both_ends_and_counts_columns() -> None:

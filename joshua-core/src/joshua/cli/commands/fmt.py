@@ -77,8 +77,9 @@ def _filter(check: bool) -> ExitCode:
 
 
 def _refuse(name: str, formatted: Formatted) -> ExitCode:
-    from joshua.config.diagnostics import render_text, wants_color
+    from joshua.config.diagnostics import columns_of, render_text, wants_color
 
-    sys.stderr.write(render_text(formatted.diagnostics, formatted.sources, color=wants_color(sys.stderr)))
+    color, columns = wants_color(sys.stderr), columns_of(sys.stderr)
+    sys.stderr.write(render_text(formatted.diagnostics, formatted.sources, color, columns))
     sys.stderr.write(f"joshua fmt: {name} is left as it is\n")
     return ExitCode.INVALID

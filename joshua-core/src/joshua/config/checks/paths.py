@@ -238,7 +238,7 @@ class _Search:
 
     def _fresh_folder(self, path: str, value: str) -> Iterator[Diagnostic]:
         place = self._resolve(path, value)
-        if value and _is_directory(place) and any(place.iterdir()):
+        if value and _is_directory(place) and _ask(lambda: any(place.iterdir())):
             yield self._missing(
                 "dataset-exists",
                 f"The folder {place} is not empty, and a data set is never overwritten",

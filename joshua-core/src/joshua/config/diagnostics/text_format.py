@@ -17,6 +17,7 @@ _SHOWN_ALLOWED = 8
 _SHOWN_RELATED = 5
 _COLORS = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "36"}
 _LABEL_WIDTH = 9
+_COLUMNS, _NARROWEST, _WIDEST = 80, 40, 120
 
 
 def wants_color(stream: TextIO, environment: Mapping[str, str] | None = None) -> bool:
@@ -25,8 +26,22 @@ def wants_color(stream: TextIO, environment: Mapping[str, str] | None = None) ->
     return stream.isatty() and not values.get("NO_COLOR") and values.get("TERM") != "dumb"
 
 
+def columns_of(stream: TextIO) -> int:
+    """Columns that lines for a stream are made for: those of its terminal, within reason; 80 for others."""
+    if not stream.isatty():
+        return _COLUMNS
+    try:
+        found = os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError):
+        return _COLUMNS
+    return min(max(found, _NARROWEST), _WIDEST) if found else _COLUMNS
+
+
 def render_text(
-    diagnostics: Iterable[Diagnostic], sources: Mapping[str, str], color: bool = False, columns: int = 80
+    diagnostics: Iterable[Diagnostic],
+    sources: Mapping[str, str],
+    color: bool = False,
+    columns: int = _COLUMNS,
 ) -> str:
     """Renders findings for people, sorted by file and position, with a summary line at the end.
 

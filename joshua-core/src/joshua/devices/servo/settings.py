@@ -11,19 +11,19 @@ from pydantic import Field, model_validator
 from typing_extensions import Self
 
 from joshua.devices.calibration import ArmCalibration
+from joshua.devices.serial_settings import SerialSettings
 from joshua.devices.units import TICKS_PER_TURN, ticks_to_rad
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.plugins.settings import FieldError, FromField
 
 MIDDLE_TICK = TICKS_PER_TURN // 2
 
 _VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")
 
 
-class ServoSettings(BlockSettings):
+class ServoSettings(SerialSettings):
     """What the driver is set to. Ticks stay ticks here: the servo counts in them.
 
     Attributes:
-        device_root: folder that holds ``dev`` and ``sys``; an emulated device brings one of its own.
         calibration: None where the arm is not calibrated.
     """
 
@@ -33,38 +33,30 @@ class ServoSettings(BlockSettings):
     line_speeds: ClassVar[tuple[int, ...]]
     factory_speed: ClassVar[int]
 
-    port: Annotated[str, FromField("comm.serial.port")] = ""
-    serial_number: Annotated[str, FromField("comm.serial.serial_number")] = ""
-    vid_pid: Annotated[str, FromField("comm.serial.vid_pid")] = ""
     baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 1_000_000
     motor_ids: tuple[int, ...] = Field(min_length=1)
     position_min_ticks: Annotated[int, FromField("position_min")] = 0
     position_max_ticks: Annotated[int, FromField("position_max")] = TICKS_PER_TURN - 1
-    device_root: str = "/"
     calibration: ArmCalibration | None = None
 
     @classmethod
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Adds the calibration and the place of emulated devices from the plan's context."""
+        """Adds the calibration from the plan's context."""
         result = super().si_values(values, node, context)
         if context.get("calibration"):
             known = ArmCalibration.model_fields
             result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
-        if context.get("device_root"):
-            result["device_root"] = context["device_root"]
         return result
 
+    @classmethod
+    def called(cls) -> str:
+        """What the device is called in messages."""
+        return f"a bus of {cls.servo_name} servos"
+
     @model_validator(mode="after")
-    def _names_a_port(self) -> Self:
-        if not (self.port or self.serial_number or self.vid_pid):
-            raise FieldError(
-                "comm",
-                f"a bus of {self.servo_name} servos needs a serial port, by path or its adapter's identity",
-                allowed=("serial { port: … }", "serial { serial_number: … }", "serial { vid_pid: … }"),
-                remedy="add comm { serial { … } }; joshua find-port lists the ports",
-            )
+    def _names_its_adapter(self) -> Self:
         if self.vid_pid and not _VID_PID.fullmatch(self.vid_pid):
             raise FieldError(
                 "comm.serial.vid_pid",
