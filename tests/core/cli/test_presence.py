@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from joshua.calibration.front_end import ArmState
+from joshua.cli.calibration import hardware
 from joshua.cli.calibration.arms import Refused
 from joshua.cli.calibration.presence import Presence
 from joshua.generator.control_server import ask
@@ -40,6 +41,22 @@ def test_it_answers_while_nobody_serves_it(tmp_path: Path, monkeypatch: pytest.M
         assert stopped.is_set()
     assert not path.exists()
     assert all(thread.name != "presence" for thread in threading.enumerate())
+
+
+def test_a_check_that_is_told_to_stop_says_that_it_is_not_finished(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped_at_once(_plan: Plan, _arms: Any, stop: Any, _stack: ExitStack, *, doing: str) -> None:
+        assert doing == "calibration is compared"
+        stop()
+
+    monkeypatch.setattr(hardware, "plan_of", lambda *_: (PLAN, {}))
+    monkeypatch.setattr(hardware, "find_arms", lambda *_, **__: [SimpleNamespace(node_name="arm")])
+    monkeypatch.setattr(hardware, "open_arms", lambda *_, **__: None)
+    monkeypatch.setattr(hardware, "Presence", stopped_at_once)
+    arguments: Any = SimpleNamespace(sim=False, nodes=(), recover=False)
+    checked: Any = None
+    with ExitStack() as stack, pytest.raises(Refused, match="stopped before every arm was compared") as ended:
+        hardware._look(checked, arguments, None, stack)
+    assert ended.value.code == 1
 
 
 def test_its_exit_codes_are_those_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
