@@ -37,7 +37,7 @@ def energised(arm: EmulatedBus) -> set[bool]:
     return {servo["energised"] for servo in arm.servos()}
 
 
-def wait_until(condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
+def wait_until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline_s
@@ -106,7 +106,7 @@ except DeviceError as error:
     print(error)
 """
     result = subprocess.run(
-        [sys.executable, "-c", program, follower.port], capture_output=True, text=True, timeout=30
+        [sys.executable, "-c", program, follower.port], capture_output=True, text=True, timeout=60
     )
     assert "this user may not open the port" in result.stdout, result.stderr
     assert "joshua doctor" in result.stdout or "usermod" in result.stdout

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sysconfig
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from emulators_of_runs import bring_about
+from steady_machine import while_steady
+from watched import Watched, watched_run
 
 JOSHUA = Path(sysconfig.get_path("scripts")) / "joshua"
 # Rates that a busy machine holds too.
@@ -19,7 +24,8 @@ SLOW = (
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "wheel_encoders.pbtxt"
 
 
-def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
+@contextmanager
+def start(folder: Path, domain_id: int, *arguments: str) -> Iterator[Watched]:
     runtime = folder / "run"
     runtime.mkdir(mode=0o700, exist_ok=True)
     environment = os.environ | {
@@ -28,22 +34,20 @@ def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
         "XDG_STATE_HOME": str(folder / "state"),
         "JOSHUA_LOG_DIR": str(folder / "log"),
     }
-    done = subprocess.run(
-        [str(JOSHUA), "--config", str(EXAMPLE), "--emulate", *SLOW, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=100,
-        stdin=subprocess.DEVNULL,
-        env=environment,
-    )
-    return done.returncode, done.stdout + done.stderr
+    command = [str(JOSHUA), "--config", str(EXAMPLE), "--emulate", *SLOW, *arguments]
+    with watched_run(command, environment) as watched:
+        yield watched
+
+
+def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
+    with start(folder, domain_id, *arguments) as watched:
+        return watched.end(100.0)
 
 
 def test_good_encoders_pass(tmp_path: Path, joshua_domain_id: int) -> None:
-    for _ in range(3):  # a busy machine can hold the emulators up for too long
-        code, text = run(tmp_path, joshua_domain_id, "--duration", "5")
-        if code == 0:
-            break
+    code, text = while_steady(
+        lambda: run(tmp_path, joshua_domain_id, "--duration", "5"), lambda done: done[0] == 0
+    )
     assert code == 0, text
     assert re.search(r"PASS  /wheels +rate of /wheels/joint_states", text)
     assert re.search(r"PASS  /steering +rate of /steering/joint_states", text)
@@ -60,11 +64,18 @@ def test_a_line_that_damages_counts_fails(tmp_path: Path, joshua_domain_id: int)
 def test_an_encoder_without_its_magnet_fails_and_the_others_go_on(
     tmp_path: Path, joshua_domain_id: int
 ) -> None:
-    code, text = run(tmp_path, joshua_domain_id, "--duration", "5", "--fault", "steering:no_magnet,at_s=2")
+    def lose_the_magnet() -> tuple[int, str]:
+        with start(tmp_path, joshua_domain_id, "--duration", "4") as watched:
+            watched.wait("nodes ready")
+            bring_about(watched.text, "steering", "no_magnet")
+            return watched.end()
+
+    rate = r"PASS  /wheels +rate of /wheels/joint_states"
+    code, text = while_steady(lose_the_magnet, lambda done: re.search(rate, done[1]) is not None)
     assert code == 1, text
     assert "the AS5600 sees no magnet" in text
     assert re.search(r"FAIL  /steering +connection +lost 1 times", text)
-    assert re.search(r"PASS  /wheels +rate of /wheels/joint_states", text)
+    assert re.search(rate, text)
 
 
 def test_a_wrong_address_is_named_before_anything_runs(tmp_path: Path, joshua_domain_id: int) -> None:

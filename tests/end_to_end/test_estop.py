@@ -111,10 +111,13 @@ def test_an_arm_that_holds_after_its_supervisor_was_killed(tmp_path: Path, joshu
 
 
 def test_parking_ends_at_once(tmp_path: Path, joshua_domain_id: int) -> None:
-    with running(tmp_path, joshua_domain_id, park(-1.6)) as rig:
+    patient = (*park(-1.6), "robot.actions[1].park_timeout_s=60")
+    with running(tmp_path, joshua_domain_id, patient) as rig:
         rig.process.send_signal(signal.SIGINT)
         middle = [servo["present_position"] for servo in rig.follower.servos()]
         rig.wait(lambda: rig.follower.servos()[3]["present_position"] < middle[3] - 60)
+        rig.follower.ask("set", id=4, blocked=True)  # it stays on its way, however long the command takes
+        assert rig.energised() == {True}
         result = rig.joshua("estop")
         assert rig.energised() == {False}
         assert result.returncode == 0, result.stdout + result.stderr

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from joshua.testing.program import JoshuaProgram
 from joshua_emulator import EmulatedBus
+from steady_machine import while_steady
 
 PRESET = str(Path(__file__).parents[2] / "configs" / "test_single_motor.pbtxt")
 SHORT = ("--set", "test.duration_s=4")
@@ -18,10 +19,10 @@ PORT = "robot.actions[servo].sts3215_config.comm.serial.port="
 
 def undisturbed(joshua_run: JoshuaProgram, *words: str) -> subprocess.CompletedProcess[str]:
     """A run of the preset; repeated where a busy machine let the emulator or the driver stand still."""
-    for _ in range(3):
-        result = joshua_run("--config", PRESET, "--emulate", *SHORT, *words)
-        if "starts again in" not in result.stderr:
-            break
+    result = while_steady(
+        lambda: joshua_run("--config", PRESET, "--emulate", *SHORT, *words),
+        lambda done: done.returncode == 0 and "starts again in" not in done.stderr,
+    )
     assert result.returncode == 0, result.stdout + result.stderr
     return result
 
@@ -79,7 +80,7 @@ def goal_was_written(entry: dict[str, object]) -> bool:
 def test_a_trip_ends_the_test_without_torque(joshua_run: JoshuaProgram, fault: str, text: str) -> None:
     with EmulatedBus(ids=(1,)) as servo:
         process = joshua_run.start("--config", PRESET, *SHORT, "--set", PORT + servo.port)
-        assert servo.wait_for(["torque"], timeout_s=30)["on"] is True
+        assert servo.wait_for(["torque"], timeout_s=60)["on"] is True
         servo.fault(fault)
         output, errors = process.communicate(timeout=60)
         assert servo.servo(1)["energised"] is False

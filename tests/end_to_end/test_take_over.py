@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,7 @@ class Desk:
     def __init__(self, transport: Any) -> None:
         self._transport = transport
         self.written: list[float] = []
+        self.sent_s: list[float] = []
         node = transport.create_node("guide")
         self._publisher = node.create_publisher("/command", JOINT_STATE, QosProfile())
         node.create_subscription("/follower/command", JOINT_STATE, QosProfile(), self._hear)
@@ -62,11 +64,12 @@ class Desk:
 
     def wait(self, reached: Any, *, send_rad: float | None = None) -> None:
         """Waits until the newest written position fits; sends a position at 50 Hz meanwhile."""
-        end_s = time.monotonic() + 30
+        end_s = time.monotonic() + 60
         while not (self.written and reached(self.written[-1])):
             assert time.monotonic() < end_s, f"the follower wrote {self.written[-5:]}"
             if send_rad is not None:
                 self._publisher.publish(encode(joint_state(["joint_1"], [send_rad])))
+                self.sent_s.append(time.monotonic())
             time.sleep(0.02)
 
     def close(self) -> None:
@@ -106,5 +109,7 @@ def test_the_override_commands_while_it_sends(
         output, errors = joshua_run.stop(run)
     said = output + errors
     assert run.returncode == 0, said
-    assert said.count("/guide takes over: commands of others are ignored while it sends") == 1
-    assert said.count("/guide has been silent for 0.5 s: other commands count again") == 1
+    pauses = sum(later_s - sent_s > 0.3 for sent_s, later_s in pairwise(desk.sent_s))  # of a busy machine
+    takes = said.count("/guide takes over: commands of others are ignored while it sends")
+    assert 1 <= takes <= 1 + pauses
+    assert said.count("/guide has been silent for 0.5 s: other commands count again") == takes

@@ -36,7 +36,7 @@ def exchanged(text: str) -> str:
     )
 
 
-def wait(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 40.0) -> None:
+def wait(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 60.0) -> None:
     """Waits until something holds; says what the program printed where it does not come to that."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
@@ -84,7 +84,7 @@ def test_each_arm_follows_the_other_in_its_own_range(
                 )
                 assert fractions(leader) == pytest.approx([share] * 6, abs=0.002)
             process.send_signal(signal.SIGINT)
-            output, _ = process.communicate(timeout=40)
+            output, _ = process.communicate(timeout=60)
             assert process.returncode == 0, output
         assert energised(follower) == {True}  # held, so that the arm does not fall
         assert energised(leader) == {False}

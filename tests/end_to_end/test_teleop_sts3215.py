@@ -17,7 +17,7 @@ from joshua_sts3215.bus import Bus
 from joshua_sts3215.registers import TORQUE_ENABLE
 
 
-def wait(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 40.0) -> None:
+def wait(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 60.0) -> None:
     """Waits until something holds; says what the program printed where it does not come to that."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
@@ -52,7 +52,7 @@ def test_the_follower_repeats_what_a_hand_does_with_the_leader(tmp_path: Path, j
         energise(leader)
         with teleoperation(leader, follower, tmp_path, joshua_domain_id) as process:
             wait(lambda: energised(follower) == {True}, process)
-            assert energised(leader) == {False}
+            wait(lambda: energised(leader) == {False}, process)
             for pose in ([2300, 1900, 2200, 2000, 2150, 2100], [1900, 2100, 1950, 2150, 1950, 2000]):
                 leader.hand(dict(zip(range(1, 7), pose, strict=True)), duration_s=0.5)
                 wait(lambda pose=pose: positions(leader) == pose, process)  # type: ignore[misc]
@@ -63,7 +63,7 @@ def test_the_follower_repeats_what_a_hand_does_with_the_leader(tmp_path: Path, j
                     process,
                 )
             process.send_signal(signal.SIGINT)
-            output, _ = process.communicate(timeout=40)
+            output, _ = process.communicate(timeout=60)
             assert process.returncode == 0, output
         assert energised(follower) == {True}  # held, so that the arm does not fall
         assert energised(leader) == {False}

@@ -13,7 +13,9 @@ from typing import Any
 
 import pytest
 from emulated_teleop import JOSHUA
+from emulators_of_runs import bring_about
 from guarded_arm import HOLD, RELEASE, Rig, park, running
+from watched import watched_run
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
 
@@ -43,7 +45,7 @@ def node(rig: Rig, name: str = "/follower_arm") -> dict[str, Any]:
 
 
 def wait_for_state(rig: Rig, state: str) -> dict[str, Any]:
-    deadline_s = time.monotonic() + 30
+    deadline_s = time.monotonic() + 60
     while (found := node(rig))["state"] != state:
         assert time.monotonic() < deadline_s, found
         time.sleep(0.05)
@@ -169,18 +171,12 @@ def test_the_other_arms_go_on(tmp_path: Path, joshua_domain_id: int) -> None:
         answers = json.loads(joshua("status", "--format", "json").stdout)
         return {item["full_name"]: item for answer in answers for item in answer["nodes"]}
 
-    process = subprocess.Popen(
-        [str(JOSHUA), "--config", str(DUAL), "--emulate", "--fault", "left_follower:overload=2,at_s=6"],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        stdin=subprocess.DEVNULL,
-        text=True,
-    )
-    try:
+    with watched_run([str(JOSHUA), "--config", str(DUAL), "--emulate"], environment) as watched:
+        watched.wait("nodes ready")
+        bring_about(watched.text, "left_follower", "overload", 2)
         deadline_s = time.monotonic() + 60
         while states().get("/left_follower", {}).get("state") != "fault":
-            assert process.poll() is None, process.communicate()[0]
+            assert watched.process.poll() is None, watched.text
             assert time.monotonic() < deadline_s, states()
             time.sleep(0.1)
         time.sleep(1.0)
@@ -195,7 +191,6 @@ def test_the_other_arms_go_on(tmp_path: Path, joshua_domain_id: int) -> None:
         assert now["/left_follower"]["published_hz"]["/left/follower/joint_states"] > 10
         assert joshua("resume", "left_follower").returncode == 0
         assert states()["/left_follower"]["state"] == "ready"
-    finally:
-        process.send_signal(signal.SIGINT)
-        output = process.communicate(timeout=60)[0]
-    assert process.returncode == 0, output
+        watched.process.send_signal(signal.SIGINT)
+        code, output = watched.end()
+    assert code == 0, output

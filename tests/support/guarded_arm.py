@@ -40,7 +40,7 @@ class Rig:
     guardian: int
     fork_server: int
 
-    def wait(self, condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
+    def wait(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
         """Waits until a condition comes true."""
         deadline_s = time.monotonic() + timeout_s
         while not condition():
@@ -62,7 +62,7 @@ class Rig:
             env=self.environment,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=90,
         )
 
     def stop(self) -> str:

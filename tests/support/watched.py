@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import threading
 import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import IO
 
 
@@ -25,7 +27,7 @@ class Watched:
         with self._changed:
             return self._text
 
-    def wait(self, text: str, timeout_s: float = 40.0) -> None:
+    def wait(self, text: str, timeout_s: float = 60.0) -> None:
         """Waits until a text has come; fails with everything that was printed."""
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
@@ -47,3 +49,24 @@ class Watched:
             with self._changed:
                 self._text += line
                 self._changed.notify_all()
+
+
+@contextmanager
+def watched_run(command: Sequence[str], environment: Mapping[str, str]) -> Iterator[Watched]:
+    """Runs a program and watches what it prints; kills it in the end if it still runs."""
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+    )
+    watched = Watched(process)
+    try:
+        yield watched
+    finally:
+        process.kill()
+        watched.end()
+        assert process.stdout is not None
+        process.stdout.close()
