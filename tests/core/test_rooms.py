@@ -32,6 +32,8 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "testing": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.
     "builtin_plugin": ("plugins",),
+    # What `python -m joshua` runs.
+    "__main__": ("cli",),
 }
 
 

@@ -20,6 +20,12 @@ def test_a_file_where_a_command_belongs_is_told_how_it_runs(
     assert "\n  to run a file: joshua --config arm.pbtxt\n" in capsys.readouterr().err
 
 
+def test_a_file_with_a_space_is_quoted(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse(["my arm.pbtxt"])
+    assert "\n  to run a file: joshua --config 'my arm.pbtxt'\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "first", "nearest"),
     [

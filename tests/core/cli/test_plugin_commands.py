@@ -61,6 +61,19 @@ def test_a_misspelt_command_names_the_one_of_a_plugin(add: Adder, capsys: pytest
     assert "nearest: wave" in capsys.readouterr().err
 
 
+def test_a_command_of_a_plugin_behind_an_option_is_told_where_it_stands(
+    add: Adder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add("acme-rig", "wave", WAVE)
+    with pytest.raises(SystemExit) as caught:
+        main(["--config", "arm.pbtxt", "wave"])
+    assert caught.value.code == 2
+    assert capsys.readouterr().err == (
+        "joshua: error: wave is a command of a plugin and stands before all options: joshua wave …\n"
+        "  see: joshua --help\n"
+    )
+
+
 def test_a_broken_command(add: Adder, capsys: pytest.CaptureFixture[str]) -> None:
     add("acme-rig", "wave", "import nowhere_to_be_found")
     with pytest.raises(SystemExit) as caught:

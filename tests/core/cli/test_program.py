@@ -39,3 +39,10 @@ def test_without_one_the_command_runs() -> None:
     result = run("")
     assert result.returncode == 0
     assert result.stdout.startswith("joshua ")
+
+
+def test_the_package_runs_like_the_command() -> None:
+    command = [sys.executable, "-m", "joshua", "--version"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0
+    assert result.stdout.startswith("joshua ")

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.usb_ports import Endpoint
-from joshua.plugins.emulator import EmulatedDevice
+from joshua.plugins.emulator import EmulatedDevice, EmulationError
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedEncoder, EmulatedLidar, EmulatorError
 from joshua_emulator.serial_sensors import EncoderEmulator, LidarEmulator
@@ -134,6 +134,17 @@ def test_the_scanner_that_stands_for_a_block(tmp_path: Path, model: str, baudrat
         assert Path(block.comm.serial.port).resolve() == Path(emulator.endpoint).resolve()
     finally:
         emulator.close()
+
+
+def test_a_place_that_takes_no_memory_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    device = EmulatedDevice(
+        "front", "PERCEPTION_LIDAR", config_pb2.LidarConfig(), tmp_path / "file" / "front"
+    )
+    with pytest.raises(
+        EmulationError, match="front, where the emulated device keeps what it remembers, cannot"
+    ):
+        LidarEmulator(device).start()
 
 
 def test_the_encoders_that_stand_for_a_block(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import importlib
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
@@ -35,10 +36,12 @@ class Parser(argparse.ArgumentParser):
         unknown = self._unknown_options()
         if unknown:
             message = f"unrecognized arguments: {' '.join(unknown)}"
+        elif late := self._late_command(message):
+            message = f"{late} is a command of a plugin and stands before all options: {self.prog} {late} …"
         lines = [f"{self.prog}: error: {message}"]
         lines += [f"  nearest: {hint}" for hint in self._nearest(message)]
         if message.startswith("argument COMMAND:") and (file := self._file()):
-            lines.append(f"  to run a file: {self.prog} --config {file}")
+            lines.append(f"  to run a file: {self.prog} --config {shlex.quote(file)}")
         lines.append(f"  see: {self.prog} --help")
         sys.stderr.write("\n".join(lines) + "\n")
         sys.exit(ExitCode.INVALID)
@@ -46,6 +49,15 @@ class Parser(argparse.ArgumentParser):
     def _file(self) -> str:
         """The configuration that somebody wrote where a command belongs; "" for none."""
         return next((word for word in self.arguments if word.endswith(".pbtxt")), "")
+
+    def _late_command(self, message: str) -> str:
+        """The command of a plugin that stands behind an option, where none is looked for; "" for none."""
+        word = _invalid_choice(message)
+        if not word or isinstance(self, CommandParser):
+            return ""
+        from joshua.cli.plugin_commands import plugin_commands
+
+        return word if any(command.name == word for command in plugin_commands()) else ""
 
     def _unknown_options(self) -> list[str]:
         # argparse takes the value of a misspelt option for the command and complains about that.
@@ -59,8 +71,7 @@ class Parser(argparse.ArgumentParser):
             words = message.partition(":")[2].split()
             unknown = [word.partition("=")[0] for word in words if word.startswith("-")]
             return [near for word in unknown for near in difflib.get_close_matches(word, options, n=1)]
-        if "invalid choice:" in message:
-            word = message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
+        if word := _invalid_choice(message):
             names = [
                 name
                 for action in self._actions
@@ -73,6 +84,11 @@ class Parser(argparse.ArgumentParser):
                 names += [command.name for command in plugin_commands()]
             return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
         return []
+
+
+def _invalid_choice(message: str) -> str:
+    """The word that argparse takes for no choice; "" where it says something else."""
+    return message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
 
 
 class CommandParser(Parser):

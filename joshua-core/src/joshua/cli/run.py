@@ -179,4 +179,7 @@ def draw(report: RunReport) -> None:
             sys.stdout.write(f"picture: {path}\n")
     except OSError as error:
         reason = error.strerror or error
-        sys.stderr.write(f"no picture of the test could be written beside {report.log}: {reason}\n")
+        sys.stderr.write(
+            f"no picture of the test could be written beside {report.log}: {reason}\n"
+            "set JOSHUA_LOG_DIR to a folder that can be written\n"
+        )

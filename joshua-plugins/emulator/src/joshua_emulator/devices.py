@@ -37,9 +37,16 @@ class ProcessEmulator(DeviceEmulator):
 
     def start(self) -> None:
         """Starts the process. Raises EmulationError, FaultRefusedError."""
+        folder = self.device.state_folder
         try:
-            self.device.state_folder.mkdir(parents=True, exist_ok=True)
-            self._process = self.make_process(self.device.block, self.device.state_folder)
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise EmulationError(
+                f"{self.device.node_name}: {folder}, where the emulated device keeps what it remembers, cannot "
+                f"be made: {error.strerror}; set XDG_STATE_HOME to a folder that can be written"
+            ) from error
+        try:
+            self._process = self.make_process(self.device.block, folder)
             self._process.start()
         except FaultRefused as error:
             raise FaultRefusedError(f"--fault {self.device.node_name}: {error}") from error
