@@ -154,6 +154,10 @@ ended with 1: stopped by SIGINT (stopped in 0.12 s)"""
 def test_a_run_without_timers_and_topics_shows_no_table():
     report = RunReport(exit_code=0, reason="done", nodes=(NodeReport(full_name="/a", state="stopped"),))
     assert report_lines(report) == ["ended with 0: done"]
+    # the checks of a test follow, and may end it with another code
+    assert report_lines(report.model_copy(update={"judged": True})) == ["ended: done"]
+    failed = report.model_copy(update={"judged": True, "exit_code": 1})
+    assert report_lines(failed) == ["ended with 1: done"]
 
 
 def test_a_log_line_has_local_time_level_and_node(monkeypatch):

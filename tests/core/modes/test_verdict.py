@@ -63,7 +63,14 @@ def test_a_test_that_was_stopped_early_has_not_passed():
     rows = verdict(plan_of("camera"), report)
     assert not passed(rows)
     assert verdict_text(rows, report).splitlines() == [
-        "FAIL  /camera  runs to the end  stopped by SIGINT",
+        "----  /camera  runs to the end  stopped by SIGINT",
         "PASS  /camera  rate             30 Hz",
         "test not finished: stopped by SIGINT before its time was over",
     ]
+
+
+def test_what_failed_by_itself_before_an_early_stop_is_said_to_have_failed():
+    node = NodeReport(full_name="/camera", state="failed", reason="the cable is unplugged")
+    report = RunReport(exit_code=1, nodes=(node,), reason="stopped by SIGINT", interrupted=True)
+    text = verdict_text(verdict(plan_of("camera"), report), report)
+    assert text.startswith("FAIL  /camera  runs to the end  the cable is unplugged\n")

@@ -158,7 +158,7 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
 
 def conclude(plan: Plan, report: RunReport) -> int:
     """Names the exit code of a run; MODE_TEST prints its table, and a failed check is a failed run."""
-    if plan.mode != "MODE_TEST" or report.ready_s is None:
+    if not report.judged:
         return report.exit_code
     from joshua.modes.verdict import passed, verdict, verdict_text
 

@@ -110,7 +110,8 @@ def report_lines(report: RunReport) -> list[str]:
             lines.append(f"{node.full_name}: started again {times}")
         if node.state == "stopped" and node.reason:
             lines.append(f"{node.full_name}: in fault: {node.reason}")
-    ending = f"ended with {report.exit_code}: {report.reason}"
+    open_end = report.judged and not report.exit_code
+    ending = f"ended: {report.reason}" if open_end else f"ended with {report.exit_code}: {report.reason}"
     if report.stop_s is not None:
         ending += f" (stopped in {report.stop_s:.2f} s)"
     return [clean(line) for line in [*lines, ending]]

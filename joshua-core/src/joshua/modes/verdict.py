@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from joshua.plan import CheckResult, NodeReport, Plan, RunReport
 
+#: The first row of each node.
+RAN = "runs to the end"
+
 
 def verdict(plan: Plan, report: RunReport) -> list[tuple[str, CheckResult]]:
     """Judges a test run.
@@ -29,7 +32,7 @@ def _ran(node: NodeReport, report: RunReport) -> CheckResult:
     measured = node.reason or (report.reason if report.interrupted else node.state)
     if node.restarts:
         measured += f", {node.restarts} restarts"
-    return CheckResult(check="runs to the end", passed=good, measured=measured)
+    return CheckResult(check=RAN, passed=good, measured=measured)
 
 
 def passed(rows: list[tuple[str, CheckResult]]) -> bool:
@@ -38,14 +41,22 @@ def passed(rows: list[tuple[str, CheckResult]]) -> bool:
 
 
 def verdict_text(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
-    """Prints the table: result, node, check and what was measured; then whether the test passed."""
+    """The table: result, node, check and what was measured; then whether the test passed."""
     node_width = max((len(name) for name, _ in rows), default=0)
     check_width = max((len(check.check) for _, check in rows), default=0)
     lines = []
     for name, check in rows:
-        result = "PASS" if check.passed else "FAIL"
+        result = _result(check, report)
         lines.append(f"{result}  {name:<{node_width}}  {check.check:<{check_width}}  {check.measured}")
     return "\n".join([*(line.rstrip() for line in lines), _summary(rows, report)]) + "\n"
+
+
+def _result(check: CheckResult, report: RunReport) -> str:
+    """A node that was stopped with the run has not failed; nobody knows whether it would have."""
+    if check.passed:
+        return "PASS"
+    stopped = report.interrupted and (check.check, check.measured) == (RAN, report.reason)
+    return "----" if stopped else "FAIL"
 
 
 def _summary(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:

@@ -100,6 +100,7 @@ class RunReport(BaseModel):
         exit_code: of the contract (0, 1, 3, 4, 130).
         reason: why the run ended, one sentence.
         interrupted: whether it was stopped from outside, by a signal or by ``joshua stop``, in good order.
+        judged: whether a table of checks follows, which may make an exit code of 0 another one.
         ready_s: from the start to the last ready report; None if that was not reached.
         first_message_s: from the start to the first message that a subscription received.
         stop_s: from the stop request to the last exit.
@@ -112,6 +113,7 @@ class RunReport(BaseModel):
     nodes: tuple[NodeReport, ...] = ()
     reason: str = ""
     interrupted: bool = False
+    judged: bool = False
     ready_s: float | None = None
     first_message_s: float | None = None
     stop_s: float | None = None
