@@ -64,7 +64,8 @@ def test_a_device_without_an_emulator_is_never_opened(environment: dict[str, str
         environment, "--config", preset("teleop_so_arm100"), "--emulate", "--block-plugin", "joshua-emulator"
     )
     assert result.returncode == 3
-    assert "no installed plugin emulates sts3215_config" in " ".join(result.stderr.split())
+    text = " ".join(result.stderr.split())
+    assert "leader_arm, follower_arm: no plugin in use emulates sts3215_config" in text
     assert "nothing was started" in result.stderr
 
 

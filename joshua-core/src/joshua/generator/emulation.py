@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from joshua.generator.devices import Wanted, unpack, wanted_nodes
 from joshua.generator.state_home import state_home
 from joshua.modes.share import mode_share
-from joshua.plan import Diagnostic, Severity
-from joshua.plugins import Provision, ProvisionKind, Registry
+from joshua.plan import Diagnostic, Related, Severity
+from joshua.plugins import PluginStatus, Provision, ProvisionKind, Registry
 from joshua.plugins.emulator import (
     Coupling,
     DeviceEmulator,
@@ -29,6 +29,8 @@ from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
     from joshua.config.positions import Positions
+
+EMULATORS = "joshua-emulator"
 
 __all__ = ["EmulatedRig", "EmulationError", "FaultRefusedError", "parse_faults"]
 
@@ -68,19 +70,7 @@ class EmulatedRig:
 
     def problems(self, positions: Positions) -> list[Diagnostic]:
         """Devices without an emulator, and faults of nodes that are not emulated."""
-        found = [
-            Diagnostic(
-                "emulator-missing",
-                Severity.ERROR,
-                f"{want.entry.node.node_name}: no installed plugin emulates {want.block_name}, "
-                "and --emulate never opens a real device.",
-                positions.name(want.block_path),
-                want.block_path,
-                remedy="pip install joshua-emulator, or leave the device out of the file.",
-            )
-            for want in self._wanted
-            if self._provision(want) is None
-        ]
+        found = self._without_emulator(positions)
         names = [want.entry.node.node_name for want in self._wanted]
         found += [
             Diagnostic(
@@ -95,6 +85,40 @@ class EmulatedRig:
             if name not in names
         ]
         return found
+
+    def _without_emulator(self, positions: Positions) -> list[Diagnostic]:
+        """One finding for all devices of one block that nothing emulates."""
+        by_block: dict[str, list[Wanted]] = {}
+        for want in self._wanted:
+            if self._provision(want) is None:
+                by_block.setdefault(want.block_name, []).append(want)
+        return [
+            Diagnostic(
+                "emulator-missing",
+                Severity.ERROR,
+                f"{', '.join(want.entry.node.node_name for want in wants)}: no plugin in use emulates "
+                f"{block}, and --emulate never opens a real device.",
+                positions.name(wants[0].block_path),
+                wants[0].block_path,
+                remedy=self._remedy(),
+                related=tuple(
+                    Related(place, f"{want.entry.node.node_name} needs it too")
+                    for want in wants[1:]
+                    if (place := positions.name(want.block_path)) is not None
+                ),
+            )
+            for block, wants in by_block.items()
+        ]
+
+    def _remedy(self) -> str:
+        row = next((row for row in self._registry.rows() if row.distribution == EMULATORS), None)
+        if row is None:
+            return f"pip install {EMULATORS}, or leave the device out of the file."
+        if row.status is PluginStatus.BLOCKED:
+            return f"Leave --block-plugin {row.name} out, or leave the device out of the file."
+        if row.status is not PluginStatus.OK:
+            return f"See what `joshua plugins` says of {EMULATORS}, or leave the device out of the file."
+        return "Leave the device out of the file, or ask its vendor for a plugin with an emulator."
 
     def start(self) -> None:
         """Starts every emulator and puts its endpoint and calibration into the configuration.
