@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import signal
+
+# A shell that starts the tests in the background lets them ignore Ctrl-C, and with them what they start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 with contextlib.suppress(ImportError):  # the session of mjx installs less
     from hypothesis import HealthCheck, settings

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from joshua.calibration import transaction
 from joshua.calibration.arm_file import PreparedFile
 from joshua.calibration.journal import JournalRefused
 from joshua.calibration.transaction import NotWritten, Recovery, recover, values_of, write
+from joshua.devices.servo.bus import REPLY_MARGIN_S
 from joshua_emulator import EmulatedBus
 from patience import BRISK_S
 
@@ -63,6 +67,20 @@ def test_both_hold_the_new_calibration(rig: Rig):
     write(rig.target, NODE, new_calibration(), rig.file, rig.journal)
     assert rig.holds(new_calibration())
     assert not [entry for entry in rig.emulator.log("torque") if entry["on"]]
+
+
+def test_a_bus_that_is_silent_for_a_moment_costs_no_calibration(rig: Rig):
+    rig.target._bus.reply_margin_s = REPLY_MARGIN_S  # as the program has it
+    silence_s = 0.25  # a control loop gives a servo up after a tenth of a second
+    os.kill(rig.emulator.pid, signal.SIGSTOP)
+    end = threading.Timer(silence_s, os.kill, (rig.emulator.pid, signal.SIGCONT))
+    end.start()
+    began_s = time.monotonic()
+    rig.target.store(1, values_of(new_calibration())[1])
+    end.join()
+    assert time.monotonic() - began_s > silence_s
+    write(rig.target, NODE, new_calibration(), rig.file, rig.journal)
+    assert rig.holds(new_calibration())
 
 
 @pytest.mark.parametrize("step", range(STEPS))

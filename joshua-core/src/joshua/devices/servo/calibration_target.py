@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import ClassVar
 
 from joshua.devices.calibration_target import CalibrationTarget, StoredMotor, TargetMotor, arm_motors
@@ -19,6 +20,9 @@ from joshua.devices.servo.settings import ServoSettings
 from joshua.devices.servo.torque import TorqueSwitch
 from joshua.devices.units import TICKS_PER_TURN
 from joshua.devices.usb_ports import Endpoint
+
+#: Half a second for each request to the EEPROM: nothing moves, and to give up costs the whole calibration.
+EEPROM_RETRIES = 24
 
 
 class ServoCalibrationTarget(CalibrationTarget):
@@ -106,6 +110,14 @@ class ServoCalibrationTarget(CalibrationTarget):
         self._require_open("release")
         self._torque.switch_off()
 
+    @contextmanager
+    def _patiently(self) -> Iterator[None]:
+        usual, self._bus.retries = self._bus.retries, EEPROM_RETRIES
+        try:
+            yield
+        finally:
+            self._bus.retries = usual
+
     def raw_positions(self) -> tuple[int, ...]:
         """Encoder positions in cable order."""
         self._require_open("raw_positions")
@@ -125,14 +137,15 @@ class ServoCalibrationTarget(CalibrationTarget):
     def stored(self) -> tuple[StoredMotor, ...]:
         """Homing offsets and limits in the EEPROM, in cable order."""
         self._require_open("stored")
-        return tuple(
-            StoredMotor(
-                self.offset_sign * self._bus.read(servo_id, self.homing_offset),
-                self._bus.read(servo_id, self.min_position),
-                self._bus.read(servo_id, self.max_position),
+        with self._patiently():
+            return tuple(
+                StoredMotor(
+                    self.offset_sign * self._bus.read(servo_id, self.homing_offset),
+                    self._bus.read(servo_id, self.min_position),
+                    self._bus.read(servo_id, self.max_position),
+                )
+                for servo_id in self._ids
             )
-            for servo_id in self._ids
-        )
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
         """Writes the EEPROM of one servo and reads it back."""
@@ -143,7 +156,8 @@ class ServoCalibrationTarget(CalibrationTarget):
             self.max_position: values.range_max,
         }
         self.refuse_unfit(motor_id, registers)
-        self.write_eeprom(motor_id, registers)
+        with self._patiently():
+            self.write_eeprom(motor_id, registers)
         self._offsets[motor_id] = values.homing_offset
 
     def _require_open(self, verb: str) -> None:
