@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from joshua_mujoco_sim.model_file import ModelError, load_model
@@ -27,6 +29,20 @@ def test_starts_at_home_and_resets_there(physics: Physics) -> None:
 def test_unknown_keyframe_names_those_of_the_model() -> None:
     with pytest.raises(ModelError, match=r"no keyframe 'hom'.*home, rest"):
         Physics(load_model("so_arm100/scene.xml"), keyframe="hom")
+
+
+def test_actuators_without_names_are_told_apart(tmp_path: Path) -> None:
+    bodies = "".join(f"<body><geom size='0.1'/><joint name='{name}'/></body>" for name in ("one", "two"))
+    drives = "".join(f"<position joint='{name}' kp='20'/>" for name in ("one", "two"))
+    path = tmp_path / "arm.xml"
+    path.write_text(f"<mujoco><worldbody>{bodies}</worldbody><actuator>{drives}</actuator></mujoco>")
+    physics = Physics(load_model(str(path)))
+    group = physics.group(())
+    assert group.joints == ("one", "two")
+    group.set_command(np.array([0.1, -0.2]))
+    assert list(physics.data.ctrl) == [0.1, -0.2]
+    with pytest.raises(ModelError, match="the model has no actuator ''"):
+        physics.group(("", ""))
 
 
 def test_group_follows_its_command_in_its_own_order(physics: Physics) -> None:

@@ -90,6 +90,20 @@ def test_malformed_model_is_found_with_its_line(tmp_path) -> None:
     assert "gem" in errors[0].message
 
 
+def test_actuator_of_a_tendon_is_found_before_the_start(tmp_path) -> None:
+    (tmp_path / "gripper.xml").write_text(
+        "<mujoco><worldbody><body><geom size='1'/><joint name='hinge'/></body></worldbody><tendon>"
+        "<fixed name='cable'><joint joint='hinge' coef='1'/></fixed></tendon>"
+        "<actuator><position name='pull' tendon='cable'/></actuator></mujoco>"
+    )
+    text = 'general { mode: MODE_SIMULATION name: "s" id: "s" }\n'
+    text += 'simulation { mode: OFFSCREEN model_path: "gripper.xml" }\n'
+    found = error(tmp_path, text)
+    assert (found.code, found.field_path) == ("invalid-setting", "simulation.model_path")
+    assert "model's actuator 'pull' drives no single joint" in found.message
+    assert found.remedy == "Give it a joint, or take it out of the model."
+
+
 def test_missing_model_is_an_error_at_launch(tmp_path) -> None:
     text = simulation_file().replace("so_arm100/scene.xml", "mine.xml")
     errors = examination(tmp_path, text).errors

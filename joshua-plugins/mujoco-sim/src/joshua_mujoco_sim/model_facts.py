@@ -68,6 +68,13 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
         raise FieldError("model_path", str(error), remedy="correct model_path or the file") from error
     facts = summarise(model)
     joints = actuated_joints(model)
+    unfit = [name for name in facts["actuators"] if name not in joints]
+    if unfit:
+        raise FieldError(
+            "model_path",
+            f"the model's actuator {unfit[0]!r} drives no single joint, so it cannot be commanded",
+            remedy="give it a joint, or take it out of the model",
+        )
     return ModelFacts(
         actuators=tuple(facts["actuators"]),
         joints={name: joint for name, (joint, _, _) in joints.items()},

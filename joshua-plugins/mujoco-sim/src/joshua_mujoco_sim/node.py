@@ -199,7 +199,7 @@ class SimulatorNode(NodeBehaviour):
             recordings = read_trajectories(Path(settings.trajectory_path)) if settings.trajectory_path else []
             with world.lock:
                 return EpisodeMaker(world, made, recordings, self.context.log)
-        except (TrajectoryError, EpisodeError, TargetError) as error:
+        except (ModelError, TrajectoryError, EpisodeError, TargetError) as error:
             raise DeviceError(str(error)) from error
 
     def _advance_replay(self) -> None:

@@ -166,14 +166,16 @@ class ActuatorGroup:
         model = physics.model
         known = [model.actuator(index).name for index in range(model.nu)]
         self.names = tuple(actuators) or tuple(known)
-        for name in self.names:
-            if name not in known:
+        for name in actuators:
+            if not name or name not in known:
                 near = get_close_matches(name, known, n=1, cutoff=0.0)
                 nearest = f"did you mean {near[0]}? " if near else ""
                 raise ModelError(
                     f"the model has no actuator {name!r}: {nearest}it has {', '.join(known) or 'none'}"
                 )
-        ids = np.array([known.index(name) for name in self.names], dtype=np.int64)
+        # Not by name where all are meant: several may have none.
+        wanted = [known.index(name) for name in actuators] if actuators else range(len(known))
+        ids = np.array(wanted, dtype=np.int64)
         joints = model.actuator_trnid[ids, 0].astype(np.int64)
         unfit = [
             name
