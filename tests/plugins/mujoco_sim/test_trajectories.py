@@ -199,6 +199,18 @@ def test_lists_of_different_lengths_are_refused(tmp_path: Path) -> None:
         read_trajectories(path)
 
 
+def test_files_of_a_data_set_that_disagree_are_refused(tmp_path: Path) -> None:
+    root = write_lerobot(tmp_path)
+    columns = {"action": [[1.0, 2.0, 3.0]], "timestamp": [1.0], "episode_index": [1]}
+    file = root / "data" / "chunk-000" / "file-001.parquet"
+    pyarrow.parquet.write_table(pyarrow.table(columns), file)
+    with pytest.raises(TrajectoryError, match="action has another length than in the files before it"):
+        read_trajectories(root)
+    pyarrow.parquet.write_table(pyarrow.table({"action": [[1.0, 2.0]], "timestamp": [1.0]}), file)
+    with pytest.raises(TrajectoryError, match="has no timestamp, no episode_index or no action"):
+        read_trajectories(root)
+
+
 def test_missing_path_and_empty_folder(tmp_path: Path) -> None:
     with pytest.raises(TrajectoryError, match="does not exist: name a"):
         read_trajectories(tmp_path / "no.csv")

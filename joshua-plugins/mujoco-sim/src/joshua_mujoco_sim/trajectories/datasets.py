@@ -56,7 +56,10 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
             if not episodes or number in episodes:
                 part = {name: columns[name][here == number] for name in ("timestamp", key)}
                 budget.take(folder, sum(values.size for values in part.values()))
-                by_episode.setdefault(number, []).append(part)
+                parts = by_episode.setdefault(number, [])
+                parts.append(part)
+                if part[key].shape[1:] != parts[0][key].shape[1:]:
+                    raise TrajectoryError(f"{file}: {key} has another length than in the files before it")
     missing = [number for number in episodes if number not in numbers]
     if missing or not numbers:
         have = f"0 to {max(numbers)}" if numbers else "none"
