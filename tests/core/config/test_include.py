@@ -165,3 +165,10 @@ def test_an_absolute_include_is_taken_as_it_stands(folder: Path) -> None:
     loaded = load("robot.pbtxt")
     assert codes(loaded) == []
     assert str(loaded.positions.value("general.name")) == f"{folder}/sub/a.pbtxt:1:17"
+
+
+def test_an_include_may_begin_at_the_home_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(folder / "home"))
+    write(robot='include: "~/arm.pbtxt" include: "~nobody-of-this-name/arm.pbtxt"', home__arm="general { }")
+    assert only(load("robot.pbtxt")).found == "~nobody-of-this-name/arm.pbtxt"
+    assert str(folder / "home" / "arm.pbtxt") in load("robot.pbtxt").sources

@@ -137,7 +137,8 @@ class _Loading:
                 "include-missing", "The path of the included file is empty.", at, path="include", found='""'
             )
         else:
-            self._read(os.path.normpath(os.path.join(folder, value)), at)  # noqa: PTH118
+            home = os.path.expanduser(value)  # noqa: PTH111 - an unknown user stays as written
+            self._read(os.path.normpath(os.path.join(folder, home)), at)  # noqa: PTH118
 
     def _may_read(self, identity: FileId, path: str, at: Span | None) -> bool:
         """Reports a cycle of includes, a second include of one file, and too many files."""
