@@ -134,6 +134,29 @@ def test_values_that_cannot_be_trusted_are_never_written(run: Any) -> None:
     assert "40 refused" in rows["commands on /arm/command"][1]
 
 
+def test_what_holds_the_process_up_after_a_write_is_not_in_the_stamp_of_the_goal(run: Any) -> None:
+    """Else the next goal would seem to be too far away for the time between both stamps."""
+    node = run()
+    node.context.now_ns = node.clock.time_ns
+    node.cycles(10, send=joint_state(["joint_1"], [1.0]))
+    write = node.actuator.write
+
+    def write_and_stand_still(goal: Any) -> Any:
+        written = write(goal)
+        node.clock.sleep(0.3)
+        return written
+
+    node.actuator.write = write_and_stand_still
+    node.cycles(1)
+    node.actuator.write = write
+    node.cycles(3)
+    seconds = [stamp.sec + stamp.nanosec / 1e9 for stamp in (m.header.stamp for m in node.written)]
+    steps = np.diff([message.position[0] for message in node.written])
+    fastest = node.actuator.limits.velocity_max_rad_s[0]
+    assert (steps <= fastest * np.diff(seconds) + 0.002).all(), "a tick is 0.0015 rad"
+    assert np.diff(seconds).max() == pytest.approx(0.305, abs=1e-3), "the time does pass"
+
+
 def test_joints_hold_when_commands_stop(run: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     node = run(context={"stale_after_s": 0.05})

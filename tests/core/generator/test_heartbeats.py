@@ -67,6 +67,23 @@ def test_a_process_that_is_busy_is_hung_although_it_waits_at_times():
     assert heart.hung(now[0]) is not None
 
 
+@pytest.mark.parametrize(("waited_s", "is_hung"), [(0.3, False), (0.1, True)])
+def test_the_time_that_a_busy_loop_waits_for_a_processor_is_none_of_its_own(waited_s, is_hung):
+    """A loop that has much to do needs longer for it on a busy machine: that is no hang."""
+    share = [0.0]
+    heart = watch(lambda _thread_id: ProcessorTime(5.0 + share[0] * 0.05, 9.0, 7.0 + share[0] * waited_s))
+    assert heart.hung(100.12) is None
+    share[0] = 1.0
+    assert (heart.hung(100.45) is not None) == is_hung
+
+
+def test_a_loop_that_waits_for_a_processor_all_the_time_is_not_hung():
+    heart = watch(lambda _thread_id: ProcessorTime(5.0, 9.0, 7.0, loop_is_runnable=True))
+    assert heart.hung(100.12) is None
+    assert heart.hung(100.45) is None
+    assert heart.hung(102.1) is not None, "but not for ever"
+
+
 def test_a_system_that_tells_no_times_is_no_excuse():
     heart = watch(lambda _thread_id: None)
     assert heart.hung(100.3) is not None

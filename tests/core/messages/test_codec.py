@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from joshua.messages import MessageError, decode, encode, message_class
+from joshua.messages import MessageError, decode, encode, message_class, preload
 from joshua.messages.typestore import typestore
 from rosbags.serde import SerdeError
 
@@ -180,3 +180,11 @@ def test_a_field_of_the_wrong_kind_is_named():
 def test_what_is_no_message_is_refused():
     with pytest.raises(MessageError, match="int is not a ROS 2 message"):
         encode(3)
+
+
+def test_what_was_preloaded_is_compiled_before_the_first_message(monkeypatch):
+    name = "sensor_msgs/msg/BatteryState"
+    cache = typestore().cache
+    monkeypatch.delitem(cache, name, raising=False)
+    preload((name,))
+    assert name in cache

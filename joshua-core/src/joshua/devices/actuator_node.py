@@ -250,9 +250,9 @@ class ActuatorNode(NodeBehaviour):
         self._test.state(reading, actuator.limits)
         if not self._energised:
             return
-        now_ns = time.monotonic_ns()
+        now_ns, stamp_ns = time.monotonic_ns(), self.context.now_ns()
         written = actuator.write(goals.step(now_ns))
-        self._publish_written(written)
+        self._publish_written(written, stamp_ns)
         self._test.written(written, following=goals.state is GoalState.FOLLOWING and not goals.ramping)
         self._status.doing = goals.state.value
         self._report_state(goals.state)
@@ -339,7 +339,8 @@ class ActuatorNode(NodeBehaviour):
             at_ns=reading.stamp_ns,
         )
 
-    def _publish_written(self, written: FloatArray) -> None:
+    def _publish_written(self, written: FloatArray, stamp_ns: int) -> None:
+        """With the time that the goal was made for: what holds the process up later is none of its speed."""
         assert self._actuator is not None
         if self._written is not None:
             self._written.publish(
@@ -347,7 +348,7 @@ class ActuatorNode(NodeBehaviour):
                     self._actuator.joint_names,
                     written,
                     frame_id=self.context.spec.frame_id,
-                    at_ns=self.context.now_ns(),
+                    at_ns=stamp_ns,
                 )
             )
 

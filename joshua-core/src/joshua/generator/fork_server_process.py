@@ -39,7 +39,7 @@ PRELOADED = (
 )
 
 #: Message types whose codecs are made ready; the frequent ones have fast paths that need none.
-PRELOADED_TYPES = ("rcl_interfaces/msg/Log",)
+PRELOADED_TYPES = ("rcl_interfaces/msg/Log", "diagnostic_msgs/msg/DiagnosticArray")
 
 #: Math libraries start threads when they are loaded, and a process with threads cannot fork safely.
 LOAD_SETTINGS = {

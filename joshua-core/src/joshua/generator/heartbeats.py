@@ -33,10 +33,18 @@ STARVED_PATIENCE = 10.0
 
 @dataclass(frozen=True)
 class ProcessorTime:
-    """What a node got so far: seconds that its loop ran, and that its process waited for a processor."""
+    """What a node got so far.
+
+    Attributes:
+        loop_ran_s: seconds that its loop ran; loop_waited_s: that its loop waited for a processor.
+        waited_s: seconds that all threads of its process waited for a processor.
+        loop_is_runnable: its loop runs or waits for a processor just now.
+    """
 
     loop_ran_s: float
     waited_s: float
+    loop_waited_s: float = 0.0
+    loop_is_runnable: bool = False
 
 
 def processor_time(process_id: int, thread_id: int) -> ProcessorTime | None:
@@ -44,16 +52,19 @@ def processor_time(process_id: int, thread_id: int) -> ProcessorTime | None:
 
     Source: Documentation/scheduler/sched-stats.rst, first two fields of ``schedstat``, in ns.
     """
-    ran_ns = waited_ns = 0
+    ran_ns = waited_ns = loop_waited_ns = 0
+    runnable = False
     try:
         for path in Path(f"/proc/{process_id}/task").glob("*/schedstat"):
             fields = path.read_text().split()
             waited_ns += int(fields[1])
             if path.parent.name == str(thread_id):
-                ran_ns = int(fields[0])
+                ran_ns, loop_waited_ns = int(fields[0]), int(fields[1])
+                state = path.with_name("stat").read_text().rpartition(")")[2].split()[0]
+                runnable = state == "R"
     except (OSError, ValueError, IndexError):
         return None
-    return ProcessorTime(ran_ns / 1e9, waited_ns / 1e9)
+    return ProcessorTime(ran_ns / 1e9, waited_ns / 1e9, loop_waited_ns / 1e9, runnable)
 
 
 def hang_limit_s(spec: NodeSpec) -> float:
@@ -137,6 +148,12 @@ class HeartbeatWatch:
         if now_s - pulse.heard_s > STARVED_PATIENCE * pulse.limit_s:
             return False
         then, now = pulse.sample, self._usage(pulse.thread_id)
-        if then is None or now is None or now.loop_ran_s - then.loop_ran_s > STARVED_RAN_S:
+        if then is None or now is None:
+            return False
+        if now.loop_is_runnable and now.loop_ran_s == then.loop_ran_s:
+            return True  # it still waits, which the kernel adds up only afterwards
+        if now_s - pulse.heard_s - (now.loop_waited_s - then.loop_waited_s) <= pulse.limit_s:
+            return True  # without those waits it would have been in time
+        if now.loop_ran_s - then.loop_ran_s > STARVED_RAN_S:
             return False
         return now.waited_s - then.waited_s > STARVED_SHARE * (now_s - pulse.sampled_s)

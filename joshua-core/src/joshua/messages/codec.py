@@ -125,14 +125,16 @@ def decode(type_name: str, cdr: Any) -> Any:
 
 
 def preload(type_names: tuple[str, ...] = ()) -> None:
-    """Loads the definitions and compiles the codecs of the named types.
+    """Loads the definitions and compiles the codecs of the named types, those with a fast path excepted.
 
-    A fork server calls it once, so that its children find everything in memory.
+    A fork server calls it once, so that its children find everything in memory; a node before it is active,
+    because compiling takes longer than a control loop may stand.
 
     Raises:
         MessageError: a type is unknown.
     """
     codecs = _current()
     for name in type_names:
-        codecs.store.get_msgdef(require_type(name))
+        if name not in codecs.readers:
+            codecs.store.get_msgdef(require_type(name))
         type_hash(name)

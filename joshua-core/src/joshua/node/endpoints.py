@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua.ipc.messages import FirstMessage, Topics
-from joshua.messages import MessageError, decode, encode
+from joshua.messages import MessageError, decode, encode, preload
 from joshua.node.cadence import TrafficFigures
 from joshua.node.publisher_names import PublisherNames
 from joshua.plan import TopicReport, TopicSpec
@@ -133,6 +133,7 @@ class Endpoints:
         raw = self._handle.create_publisher(
             topic.name, topic.type_name, topic.qos, on_event=self._reporter(topic)
         )
+        preload((topic.type_name,))  # not by the first message: that comes in the midst of a loop
         publisher = CountingPublisher(raw, topic)
         self._publishers.append(publisher)
         return publisher
@@ -182,6 +183,7 @@ class Endpoints:
 
     def _subscribe(self, topic: TopicSpec, hand_over: Callable[[Any, Sample], None]) -> None:
         topic = self._resolve(topic)
+        preload((topic.type_name,))
         subscription = CountingSubscription(topic, hand_over, self._first, self._on_error, self._log)
         self._subscriptions.append(subscription)
         self._open.append(

@@ -66,7 +66,8 @@ class StateReader:
         """Feedback in joint order, and its time in ns since the epoch.
 
         After a servo did not answer it is asked once for each call: who reads has more to do than to wait.
-        Replies that took long to come are read anew, so that the time is that of all positions.
+        Replies that took long to come are read anew, so that the time is that of all positions; the quicker
+        of both readings counts.
         Raises NoReply and PortDisconnected.
         """
         if self._missed and time.monotonic() < self._next_s:
@@ -75,9 +76,9 @@ class StateReader:
         self._missed = len(found) < len(self._ids)
         self._next_s = time.monotonic() + SILENT_PERIOD_S
         values = self._all(found)
-        if spread_ns > COHERENT_NS and spread_ns > (limit_ns := COHERENT_NS + self._wire_ns()):
-            again, again_ns, spread_ns = self._timed(retries=0)
-            if len(again) == len(self._ids) and spread_ns <= limit_ns:
+        if spread_ns > COHERENT_NS and spread_ns > COHERENT_NS + self._wire_ns():
+            again, again_ns, again_spread_ns = self._timed(retries=0)
+            if len(again) == len(self._ids) and again_spread_ns < spread_ns:
                 values, stamp_ns = self._all(again), again_ns
         return self._parse(values), stamp_ns
 
