@@ -73,9 +73,7 @@ def test_a_run_that_ends_is_not_kept_waiting(
     with pytest.raises(StopObeyed):
         encoder.connect()
     assert not encoder.connected
-    encoder.stopping = lambda: False
-    emulator.ask("clear_faults")
-    encoder.connect()  # the port was let go
+    assert not encoder._port.is_open
 
 
 def test_nothing_comes(emulator_of: Start, encoder_at: Make) -> None:
