@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 from camera_settings import make_settings
 from joshua.messages.make import pixels
+from joshua.node.standstill import Standstills
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.testing.recording_context import RecordingContext
+from joshua_camera import node as node_module
 from joshua_camera.camera import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from joshua_camera.figures import Figures
 from joshua_camera.node import CameraNode
 from joshua_camera.picture import decode_jpeg
 from joshua_emulator import EmulatedCamera
@@ -195,3 +198,16 @@ def test_a_window_needs_a_display(
     assert context.warnings == [
         "display: no window, for this machine has no display; over SSH, log in with ssh -X"
     ]
+
+
+@pytest.mark.parametrize(("held_ns", "passed"), [(500_000_000, True), (0, False)])
+def test_a_machine_that_stood_still_is_no_fault_of_the_camera(
+    monkeypatch: pytest.MonkeyPatch, held_ns: int, passed: bool
+) -> None:
+    now_ns = [0]
+    held = Standstills(lambda: now_ns[0])
+    now_ns[0] = held_ns + 20_000_000
+    held.look()
+    monkeypatch.setattr(node_module, "standstills", lambda: held)
+    figures = Figures(24.0, 60, 60, 0, 0, 0, 0.0, 0.0, "", "", span_ns=(0, 2_500_000_000))
+    assert node_module._rate(figures, 30.0)[1] is passed

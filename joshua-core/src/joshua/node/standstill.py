@@ -10,7 +10,7 @@ from collections.abc import Callable
 PERIOD_S = 0.02
 
 #: A look that comes this much late says that the process was held up.
-HELD_UP_S = 0.05
+HELD_UP_S = 0.02
 
 NS_PER_S = 1_000_000_000
 

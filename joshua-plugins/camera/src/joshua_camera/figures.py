@@ -22,6 +22,7 @@ class Figures:
         latency_p50_s, latency_p99_s: from acquisition to hand-over, decoding included; 0 where none was.
         exposure: in force, in words; "" where the camera does not say.
         pixel_format: of what comes from the camera; "" where it is not known.
+        span_ns: first and last of the pictures in ``fps``, on the monotonic clock.
     """
 
     fps: float
@@ -34,6 +35,7 @@ class Figures:
     latency_p99_s: float
     exposure: str
     pixel_format: str
+    span_ns: tuple[int, int] = (0, 0)
 
     def line(self) -> str:
         """One line for people."""
@@ -85,4 +87,5 @@ class FigureKeeper:
             latency_p99_s=latencies[int(len(latencies) * 0.99)] / _NS_PER_S if latencies else 0.0,
             exposure=self.exposure,
             pixel_format=self.pixel_format,
+            span_ns=(arrivals[0], arrivals[-1]) if arrivals else (0, 0),
         )
