@@ -30,8 +30,9 @@ class FreeRunningClock:
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = NS_PER_S / rate_hz
+        wall_ns = time.time_ns()  # first: held up between the two, no stamp may lie in the future
         self._start_ns = time.monotonic_ns()
-        self._epoch_ns = time.time_ns() - self._start_ns
+        self._epoch_ns = wall_ns - self._start_ns
         self._next = 0
 
     def wait(self, timeout_s: float) -> Tick | None:

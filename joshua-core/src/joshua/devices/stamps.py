@@ -27,7 +27,10 @@ class StampClock:
             self._last_ns = simulated_ns if simulated_ns < self._last_ns - NS_PER_S else self._last_ns
             self._last_ns = max(simulated_ns, self._last_ns + 1)
             return self._last_ns
+        # In this order: held up between the two, the offset comes out too small, which the next call mends.
+        # The other way round it would be too large for good, and every later stamp in the future.
+        wall_ns = time.time_ns()
         monotonic_ns = time.monotonic_ns()
-        self._offset_ns = max(self._offset_ns, time.time_ns() - monotonic_ns)
+        self._offset_ns = max(self._offset_ns, wall_ns - monotonic_ns)
         self._last_ns = max(monotonic_ns + self._offset_ns, self._last_ns + 1)
         return self._last_ns
