@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import numpy as np
 import pytest
@@ -137,4 +138,30 @@ def test_a_stamp_a_little_beyond_now_is_now_and_one_far_beyond_is_no_stamp() -> 
     late = scan.not_later_than(998_000_000)
     assert late is not None
     assert (late.stamp_ns, late.turn_s, late.points) == (998_000_000, 0.1, 3)
-    assert scan.not_later_than(989_000_000) is None
+    assert scan.not_later_than(949_000_000) is None
+
+
+@pytest.mark.parametrize("first_cw_deg", np.arange(0.0, 9.6, 0.8))
+@pytest.mark.parametrize("lost", [(), (0,), (37,), (38,), (37, 38), (38, 0)], ids=str)
+def test_every_turn_is_published_wherever_the_packets_of_an_ld19_lie(
+    first_cw_deg: float, lost: tuple[int, ...]
+) -> None:
+    """37.5 packets a turn: each second turn ends with a packet; near the seam some of each turn are lost."""
+    step_deg, packet_ns, jitter = 0.8, 12 * TURN_NS // 450, random.Random(1)
+    assembler = TurnAssembler(whole_turn(450), 0.0, 100.0)
+    stamps: list[int] = []
+    for number in range(38 * 12):
+        first = first_cw_deg + 12 * step_deg * number
+        clockwise = np.radians((first + step_deg * np.arange(12)) % 360)
+        now_ns = START_NS + (number + 1) * packet_ns + round(jitter.uniform(0, 2e6))
+        packets_after_the_seam = round((first - 180) % 360 / 9.6)
+        if packets_after_the_seam in lost and number % 75 < 40:  # in each second turn
+            continue
+        samples = Samples(-clockwise, np.ones(12), np.ones(12), np.full(12, 47 * (number + 1)))
+        for turn in assembler.add(samples, np.full(12, now_ns)):
+            scan = turn.not_later_than(now_ns)
+            assert scan is not None
+            stamps.append(scan.stamp_ns)
+    turns = np.diff(stamps) / TURN_NS
+    assert len(stamps) >= 10
+    assert turns == pytest.approx(np.ones(len(turns)), abs=0.1)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from eventually import eventually
 from joshua.devices.sensor import Reading
 from joshua_emulator import EmulatedLidar
 from joshua_emulator.lidar.room import distances_m
@@ -19,13 +20,26 @@ Start = Callable[..., EmulatedLidar]
 Make = Callable[..., SerialLidar]
 
 
-def next_reading(lidar: SerialLidar, timeout_s: float = 5.0) -> Reading:
+def next_reading(lidar: SerialLidar, timeout_s: float = 60.0) -> Reading:
     deadline_s = time.monotonic() + timeout_s
     while time.monotonic() < deadline_s:
         reading = lidar.read(0.2)
         if reading is not None:
             return reading
     raise AssertionError("no scan came")
+
+
+def steady_reading(lidar: SerialLidar) -> Reading:
+    """The next turn in which time ran evenly; before the rate of a line is known, a stall shows in it."""
+    assert lidar.model is not None
+    return eventually(
+        lambda: _steady(next_reading(lidar), 1 / lidar.model.turn_hz),  # type: ignore[union-attr]
+        "a turn as long as it should be",
+    )
+
+
+def _steady(reading: Reading, turn_s: float) -> Reading | None:
+    return reading if abs(reading.data.turn_s - turn_s) < 0.4 * turn_s else None
 
 
 def beam_angles(lidar: SerialLidar) -> np.ndarray:
@@ -50,15 +64,13 @@ def test_each_model_sees_the_room(emulator_of: Start, lidar_at: Make, model: str
     lidar.connect()
     assert lidar.model is not None
     assert same_stream(lidar.model.name, model)
-    scan: Scan = next_reading(lidar).data
+    scan: Scan = steady_reading(lidar).data
     assert scan.ranges_m.shape == (MODELS[model].beams,)
     assert np.mean(np.isfinite(scan.ranges_m)) > 0.98
     assert agrees_with_the_room(lidar, scan) > 0.97
-    assert scan.turn_s == pytest.approx(1 / MODELS[model].turn_hz, rel=0.4)
     lidar.disconnect()
     if MODELS[model].family != "none":
-        emulator.wait_for(["request"] if MODELS[model].family != "lds01" else ["motor"])
-        assert not emulator.state()["motor"]
+        eventually(lambda: not emulator.state()["motor"], "the stop of the motor")
 
 
 @pytest.mark.parametrize("model", ["rplidar_a1", "rplidar_c1"])
@@ -76,10 +88,10 @@ def test_the_standard_scan_of_an_rplidar(emulator_of: Start, lidar_at: Make, mod
 def test_the_message_describes_its_beams(emulator_of: Start, lidar_at: Make) -> None:
     emulator = emulator_of("ld19")
     lidar = lidar_at(emulator.port, "ld19", range_min=1.0, range_max=3.0)
-    lidar.connect()
     before_ns = time.time_ns()
+    lidar.connect()
     next_reading(lidar)
-    reading = next_reading(lidar)
+    reading = steady_reading(lidar)
     message = lidar.message(reading, LASER_SCAN, "laser")
     count = len(message.ranges)
     assert message.header.frame_id == "laser"
@@ -90,7 +102,7 @@ def test_the_message_describes_its_beams(emulator_of: Start, lidar_at: Make) -> 
     assert message.scan_time == pytest.approx(0.1, rel=0.4)
     # the scanner turns clockwise: the first beam of the message is measured last
     assert message.time_increment == pytest.approx(-message.scan_time / 450, rel=0.05)
-    assert before_ns - 5e7 < reading.stamp_ns < time.time_ns()
+    assert before_ns < reading.stamp_ns < time.time_ns()
     ranges = np.asarray(message.ranges)
     truth = distances_m(beam_angles(lidar))
     assert np.all(np.isneginf(ranges[truth < 0.95]))
@@ -149,10 +161,15 @@ def test_a_line_that_loses_packets_leaves_gaps(emulator_of: Start, lidar_at: Mak
     lidar = lidar_at(emulator.port, scan_mode="standard")
     lidar.connect()
     emulator.fault("drop", 0.1)
-    next_reading(lidar)
-    scan: Scan = next_reading(lidar).data
-    missing = np.isnan(scan.ranges_m).mean()
-    assert 0.01 < missing < 0.4
+
+    def next_gaps() -> Scan | None:
+        """The next scan with gaps; those before were measured before the fault."""
+        scan: Scan = next_reading(lidar).data
+        return scan if np.isnan(scan.ranges_m).mean() > 0.01 else None
+
+    eventually(next_gaps, "a scan with gaps")  # one that began before the fault
+    scan = eventually(next_gaps, "another one")
+    assert np.isnan(scan.ranges_m).mean() < 0.4
     assert agrees_with_the_room(lidar, scan) > 0.95
 
 
@@ -161,7 +178,8 @@ def test_the_state_for_diagnostics(emulator_of: Start, lidar_at: Make) -> None:
     lidar = lidar_at(emulator.port, "rplidar_c1")
     assert lidar.diagnostics() == ()
     lidar.connect()
-    next_reading(lidar)
+    steady_reading(lidar)
+    eventually(lambda: next_reading(lidar) and abs(lidar.figures.turn_hz - 10) < 2, "the usual turns")
     (row,) = lidar.diagnostics()
     assert (row.level, row.name, row.message) == (0, "scanner", "in order")
     assert row.hardware_id.startswith("RPLIDAR C1, firmware 1.29, serial number ")
@@ -170,14 +188,19 @@ def test_the_state_for_diagnostics(emulator_of: Start, lidar_at: Make) -> None:
 
 
 def test_a_reader_that_is_held_up_again_and_again_loses_no_turn(emulator_of: Start, lidar_at: Make) -> None:
-    """On a busy machine more than half a turn may wait for the reader each time."""
+    """On a busy machine more than half a turn may wait for the reader each time, and now and then many."""
     lidar = lidar_at(emulator_of("rplidar_c1").port, "rplidar_c1", MODELS["rplidar_c1"].baudrate)
     lidar.connect()
-    next_reading(lidar)
-    scans = []
-    for _ in range(14):
-        time.sleep(0.12)
-        scans += [reading.data for _ in range(3) if (reading := lidar.read(0.005)) is not None]
-    assert len(scans) > 8
-    assert np.mean([agrees_with_the_room(lidar, scan) for scan in scans]) > 0.95
+    end_s = time.monotonic() + 0.7  # from then on the rate of the line is known
+    while time.monotonic() < end_s:
+        next_reading(lidar)
+    readings = [next_reading(lidar)]
+    for held_up_s in (0.12, 0.05, 0.13, 0.9, 0.12, 0.04, 0.12):
+        time.sleep(held_up_s)
+        readings += [next_reading(lidar) for _ in range(2 + round(held_up_s * 10))]
+    assert np.mean([agrees_with_the_room(lidar, reading.data) for reading in readings]) > 0.95
     assert lidar.figures.damaged == 0
+    # every turn is there, at its time; one may be lost where the emulator itself was held up
+    turns = np.diff([reading.stamp_ns for reading in readings]) / 1e8
+    assert abs(turns.sum() - len(turns)) < 1.5
+    assert np.sort(np.abs(turns - 1))[:-2].max() < 0.3

@@ -7,11 +7,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from eventually import eventually
 from joshua_emulator import EmulatedLidar
 from joshua_lidar.lidar import SerialLidar
 from joshua_lidar.motor_watch import stop_scanner
@@ -38,12 +38,8 @@ def test_a_killed_driver(emulator_of: Callable[..., EmulatedLidar], model: str) 
         assert driver.stdout.readline().strip() == "turns"
         assert emulator.state()["motor"]
         driver.send_signal(signal.SIGKILL)
-    deadline_s = time.monotonic() + 5
-    while emulator.state()["motor"] and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    state = emulator.state()
-    assert not state["motor"]
-    assert not state["scanning"]
+    eventually(lambda: not emulator.state()["motor"], "the stop of the motor")
+    assert not emulator.state()["scanning"]
 
 
 def test_an_end_in_good_order(
@@ -57,6 +53,7 @@ def test_an_end_in_good_order(
     lidar.disconnect()
     with pytest.raises(ProcessLookupError):
         os.kill(watch.pid, 0)
+    eventually(lambda: not emulator.state()["motor"], "the stop of the motor")
     stops = [entry for entry in emulator.log("request") if entry["command"] == 0xF0]
     assert [entry["payload"] for entry in stops] == ["9402", "0000"]  # on and off once each
 

@@ -12,14 +12,20 @@ from joshua_lidar.samples import Offsets
 _NS_PER_S = 1_000_000_000
 _KEPT = 4096  # pieces; packets that are held back must still find theirs
 
-#: Stretch of time from which the usual rate of a line is known.
+#: Stretch of time from which the usual rate of a line is known, and the last stretch that it is taken from.
 _USUAL_FROM_NS = 500_000_000
+_USUAL_OVER_NS = 2_000_000_000
+
+#: A pause that brings less than half of what usually comes in it was the sender's.
+_PAUSE_NS = 250_000_000
 
 
 class Arrivals:
-    """Remembers when pieces of the stream came; a byte left the line as long before as those behind it took.
+    """Remembers when pieces of the stream came; a byte was sent as long before as those behind it took.
 
-    What had waited because nobody read came at the usual rate of the stream, which is below that of the line.
+    A piece is what came since the last look: some packets with pauses between them, or many that had waited
+    because nobody looked. So its bytes came at the usual rate of the stream, as soon as that is known; until
+    then at that of the line.
 
     Args:
         baudrate: of the line, with ten bits a byte.
@@ -31,20 +37,29 @@ class Arrivals:
         self._times_ns: deque[int] = deque(maxlen=_KEPT)
         self._paces_ns: deque[float] = deque(maxlen=_KEPT)
         self._received = 0
-        self._first: tuple[int, int] | None = None  # bytes and time from which the usual rate is measured
+        self._last_ns = 0
+        self._marks: deque[tuple[int, int]] = deque()  # bytes and times from which the usual rate is measured
 
-    def add(self, size: int, now_ns: int, *, waited: bool = False) -> None:
-        """Notes that a piece came now; ``waited`` where its first byte was there long before."""
+    def add(self, size: int, now_ns: int) -> None:
+        """Notes that a piece came now."""
+        if not size:
+            return
+        pause_ns = now_ns - self._last_ns
+        if pause_ns > _PAUSE_NS and 2 * size * self._usual_ns(self._last_ns) < pause_ns:
+            self._marks.clear()
+        self._last_ns = now_ns
         self._received += size
         self._ends.append(self._received)
         self._times_ns.append(now_ns)
-        self._paces_ns.append(self._usual_ns(now_ns) if waited else self._byte_ns)
-        if self._first is None:
-            self._first = (self._received, now_ns)
+        self._paces_ns.append(self._usual_ns(now_ns))
+        if not self._marks or now_ns - self._marks[-1][1] >= _USUAL_FROM_NS:
+            self._marks.append((self._received, now_ns))
+        while len(self._marks) > 1 and now_ns - self._marks[1][1] >= _USUAL_OVER_NS:
+            self._marks.popleft()
 
     def _usual_ns(self, now_ns: int) -> float:
         """Time from byte to byte on average, as far as it is known."""
-        count, since_ns = self._first or (0, now_ns)
+        count, since_ns = self._marks[0] if self._marks else (0, now_ns)
         if now_ns - since_ns < _USUAL_FROM_NS or self._received <= count:
             return self._byte_ns
         return max(self._byte_ns, (now_ns - since_ns) / (self._received - count))

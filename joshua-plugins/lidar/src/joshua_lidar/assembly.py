@@ -17,8 +17,9 @@ _FEWEST_TIMES = 3
 #: Silence in turns after which nobody knows how often the scanner has turned.
 _LONGEST_GAP_TURNS = 0.4
 
-#: How far, in turns, the line through the times of a turn may reach beyond now; farther is no jitter.
-_LARGEST_LEAD_TURNS = 0.1
+#: How far, in turns, the line through the times of a turn may reach beyond now; on a busy machine, which
+#: reads the packets of a turn in two or three pieces, that is a quarter of a turn.
+_LARGEST_LEAD_TURNS = 0.5
 
 
 @dataclass(frozen=True)

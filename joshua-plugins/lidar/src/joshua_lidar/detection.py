@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceError
+from joshua.devices.patience import machine_is_busy
 from joshua.devices.serial_errors import PortUnusable
 from joshua.devices.serial_port import SerialPort
 
@@ -18,6 +20,12 @@ from joshua_lidar.stop_bytes import STOP_BYTES
 
 LISTEN_S = 0.4
 ANSWER_S = 0.15
+
+#: How much longer than that everything may take on a machine that has more to do than it can.
+BUSY_FACTOR = 3.0
+
+#: How long a sender of whatever kind is listened to for its first byte.
+FIRST_BYTE_S = 0.3
 
 #: An LDS-01 sends nothing before it turns.
 SPIN_UP_S = 3.0
@@ -33,12 +41,13 @@ def detect(port: SerialPort) -> str:
 
     A scanner that sends by itself is known by its packets; others are asked. Raises PortDisconnected.
     """
+    factor = BUSY_FACTOR if machine_is_busy() else 1.0
     requests.quieten(port)
-    heard = _listen(port, LISTEN_S)
+    heard = _listen(port, LISTEN_S * factor)
     if heard:
         return heard
     for command, numbers in ((requests.GET_INFO, RPLIDAR_NUMBERS), (requests.YDLIDAR_INFO, YDLIDAR_NUMBERS)):
-        info = requests.ask(port, requests.request(command), requests.INFO_ANSWER, ANSWER_S)
+        info = requests.ask(port, requests.request(command), requests.INFO_ANSWER, ANSWER_S * factor)
         if info is not None and info.data[0] in numbers:
             return numbers[info.data[0]]
     if port.baudrate == MODELS[_LDS01].baudrate:
@@ -61,7 +70,8 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
         except PortUnusable:
             continue  # a speed that the adapter cannot run at cannot be the scanner's
         port.discard_input()
-        bytes_seen += len(port.receive(_CHUNK, time.monotonic() + 0.05)) if baudrate == asked_baudrate else 0
+        if baudrate == asked_baudrate:
+            bytes_seen = len(port.receive(1, time.monotonic() + FIRST_BYTE_S))
         found = detect(port)
         if not found:
             continue
@@ -101,9 +111,9 @@ def _listen(port: SerialPort, duration_s: float) -> str:
         _LDS01: Lds01Parser(_SURE),
         "ydlidar_x2": YdlidarParser(_SURE),
     }
-    deadline_s = time.monotonic() + duration_s
-    while (now_s := time.monotonic()) < deadline_s:
-        data = port.receive(_CHUNK, min(deadline_s, now_s + 0.05))
+    clock = AwakeClock()
+    while (left_s := duration_s - clock.now_s()) > 0:
+        data = port.receive(_CHUNK, time.monotonic() + min(left_s, 0.05))
         for name, parser in parsers.items():
             if len(parser.feed(data)):
                 return name

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
@@ -37,14 +38,22 @@ FIRST_SCAN_S = 10.0
 #: Longest wait for the first packet; some send none before they turn as fast as they should.
 FIRST_PACKET_S = 5.0
 
-#: Silence after which a line counts as dead; time without a packet that counts, and without a whole turn.
+#: Silence after which a line counts as dead; time without a packet that counts, and without a whole turn; of
+#: the time in which this process was there to listen.
 SILENT_S = 2.0
 NO_PACKET_S = 2.5
 NO_TURN_S = 3.0
 
 _CHUNK_S = 0.01
 _LARGEST_CHUNK = 255
-_BACKLOG = 4096  # bytes that a system keeps for a reader that is held up
+
+# A reader that was held up finds much at once; the system hands it over in pieces, with moments between.
+_PIECE = 4096
+_PIECE_S = 0.002
+_LARGEST_BACKLOG = 1 << 17
+
+#: More than any scanner sends in such a moment.
+_MORE_COMES = 512
 
 
 class SerialLidar(Sensor):
@@ -74,6 +83,7 @@ class SerialLidar(Sensor):
         self._arrivals = Arrivals(settings.baudrate)
         self._sequence = 0
         self._last_stamp_ns = 0
+        self._awake = AwakeClock()
         self._byte_s = self._packet_s = self._turn_s = 0.0
         self.model: Model | None = MODELS.get(settings.model)
         self.beams: Beams | None = None
@@ -230,25 +240,25 @@ class SerialLidar(Sensor):
         self._keeper = FigureKeeper()
         self._arrivals = Arrivals(port.baudrate)
         self._sequence = 0
-        self._byte_s = self._packet_s = self._turn_s = time.monotonic()
+        self._byte_s = self._packet_s = self._turn_s = self._awake.now_s()
         self._parser = parser
         self._take(rest, self._clock.now_ns())
 
     def _await_first_scan(self) -> None:
-        deadline_s = time.monotonic() + FIRST_SCAN_S
+        deadline_s = self._awake.now_s() + FIRST_SCAN_S
         model = self.model
         assert model is not None
         while not self._ready:
             if self._cancelled.is_set():
                 raise DeviceError(f"{self._port} was closed while it was being opened: open it again")
-            now_s = time.monotonic()
+            now_s = self._awake.now_s()
             heard = self._keeper.packets > 0
             if not heard and now_s - self._packet_s > FIRST_PACKET_S:
                 self._stop_link()
                 raise explain(self._port, model)
             if now_s > deadline_s:
                 raise DeviceError(self._stalled())
-            self._receive(now_s + _CHUNK_S)
+            self._receive(time.monotonic() + _CHUNK_S)
         self._ready.clear()  # the motor was still coming up to speed
 
     def _stop_link(self) -> None:
@@ -260,26 +270,33 @@ class SerialLidar(Sensor):
         data = self._port.receive(size, min(deadline_s, time.monotonic() + 2 * _CHUNK_S))
         if not data:
             return
-        held_up = b""
-        if len(data) == size:  # perhaps there is more, which came while this process did not run
-            held_up = self._port.receive(_BACKLOG, time.monotonic())
-        self._byte_s = time.monotonic()
-        self._take(data + held_up, self._clock.now_ns(), waited=len(held_up) > size)
+        if len(data) == size:
+            data += self._backlog()
+        self._byte_s = self._awake.now_s()
+        self._take(data, self._clock.now_ns())
 
-    def _take(self, data: bytes, now_ns: int, *, waited: bool = False) -> None:
+    def _backlog(self) -> bytes:
+        """What else is there because it came while this process did not run."""
+        found = piece = self._port.receive(_PIECE, time.monotonic())
+        while len(piece) > _MORE_COMES and len(found) < _LARGEST_BACKLOG:
+            piece = self._port.receive(_PIECE, time.monotonic() + _PIECE_S)
+            found += piece
+        return found
+
+    def _take(self, data: bytes, now_ns: int) -> None:
         parser, assembler = self._parser, self._assembler
         assert parser is not None
         assert assembler is not None
-        self._arrivals.add(len(data), now_ns, waited=waited)
+        self._arrivals.add(len(data), now_ns)
         samples = parser.feed(data)
         self._keeper.packets, self._keeper.damaged = parser.packets, parser.damaged
         if not len(samples):
             return
-        self._packet_s = time.monotonic()
+        self._packet_s = self._awake.now_s()
         times_ns = self._arrivals.times_ns(samples.end)
         self._arrivals.forget(int(samples.end[-1]))
         for turn in assembler.add(samples, times_ns):
-            self._turn_s = time.monotonic()
+            self._turn_s = self._awake.now_s()
             scan = turn.not_later_than(now_ns)
             if scan is None or scan.stamp_ns <= self._last_stamp_ns:
                 continue
@@ -289,7 +306,7 @@ class SerialLidar(Sensor):
             self._ready.append(scan)
 
     def _check_alive(self) -> None:
-        now_s = time.monotonic()
+        now_s = self._awake.now_s()
         model = self.model
         assert model is not None
         if now_s - self._byte_s > SILENT_S:

@@ -107,7 +107,12 @@ class YdlidarLink(Link):
         """Asks who it is, then starts motor and measurements."""
         port = self.port
         requests.quieten(port)
-        info = requests.ask(port, requests.request(requests.YDLIDAR_INFO), requests.INFO_ANSWER)
+        info = requests.ask(
+            port,
+            requests.request(requests.YDLIDAR_INFO),
+            requests.INFO_ANSWER,
+            attempts=requests.ATTEMPTS,
+        )
         if info is None or YDLIDAR_NUMBERS.get(info.data[0]) != self.model.name:
             raise NoAnswerError(f"{port}: no {self.model.title} answers")
         self.facts = _facts(self.model, info.data)
@@ -128,7 +133,9 @@ class RplidarLink(Link):
         """Asks who and how it is, then starts motor and measurements."""
         port = self.port
         requests.quieten(port)
-        info = requests.ask(port, requests.request(requests.GET_INFO), requests.INFO_ANSWER)
+        info = requests.ask(
+            port, requests.request(requests.GET_INFO), requests.INFO_ANSWER, attempts=requests.ATTEMPTS
+        )
         if info is None or RPLIDAR_NUMBERS.get(info.data[0], self.model.name) != self.model.name:
             raise NoAnswerError(f"{port}: no {self.model.title} answers")
         self.facts = _facts(self.model, info.data)
@@ -186,7 +193,12 @@ class RplidarLink(Link):
             )
 
     def _health(self) -> tuple[int, int]:
-        answer = requests.ask(self.port, requests.request(requests.GET_HEALTH), requests.HEALTH_ANSWER)
+        answer = requests.ask(
+            self.port,
+            requests.request(requests.GET_HEALTH),
+            requests.HEALTH_ANSWER,
+            attempts=requests.ATTEMPTS,
+        )
         if answer is None:
             raise NoAnswerError(f"{self.port}: the {self.model.title} does not say how it is")
         return answer.data[0], answer.data[1] | answer.data[2] << 8

@@ -13,6 +13,7 @@ import sys
 import time
 from typing import Any
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceError
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.usb_ports import Endpoint
@@ -75,13 +76,13 @@ class MotorWatch:
 def stop_scanner(order: dict[str, Any]) -> bool:
     """Opens the port and stops the scanner; False where it cannot be reached."""
     port = SerialPort(Endpoint(order["path"]), order["baudrate"])
-    deadline_s = time.monotonic() + PATIENCE_S
+    clock = AwakeClock()
     while True:
         try:
             port.open()
             break
         except DeviceError:
-            if time.monotonic() > deadline_s:
+            if clock.now_s() > PATIENCE_S:
                 return False
             time.sleep(_RETRY_S)
     try:

@@ -7,6 +7,7 @@ from functools import reduce
 from operator import xor
 from typing import NamedTuple
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.serial_port import SerialPort
 
 STOP, RESET, SCAN, EXPRESS_SCAN = 0x25, 0x40, 0x20, 0x82
@@ -18,6 +19,9 @@ INFO_ANSWER, HEALTH_ANSWER, CONF_ANSWER = 0x04, 0x06, 0x20
 INFO_LENGTH, HEALTH_LENGTH, CONF_LENGTH = 20, 3, 4
 
 ANSWER_TIMEOUT_S = 0.5
+
+#: How often a scanner is asked who and how it is.
+ATTEMPTS = 3
 
 #: A scanner that is told to stop sends what it has begun; after this time the line is quiet.
 QUIET_S = 0.03
@@ -47,14 +51,19 @@ def request(command: int, payload: bytes = b"") -> bytes:
     return body + bytes((reduce(xor, body),))
 
 
-def ask(port: SerialPort, message: bytes, kind: int, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer | None:
+def ask(
+    port: SerialPort, message: bytes, kind: int, timeout_s: float = ANSWER_TIMEOUT_S, *, attempts: int = 1
+) -> Answer | None:
     """Sends a request and waits for its answer; None when none of that type came, or a shorter one.
 
     Raises PortDisconnected.
     """
-    port.send(message)
-    answer = await_answer(port, (kind,), timeout_s)
-    return answer if answer is not None and len(answer.data) >= _SHORTEST[kind] else None
+    for _ in range(attempts):
+        port.send(message)
+        answer = await_answer(port, (kind,), timeout_s)
+        if answer is not None and len(answer.data) >= _SHORTEST[kind]:
+            return answer
+    return None
 
 
 def await_answer(
@@ -65,7 +74,7 @@ def await_answer(
     Args:
         many: the answer is a stream, of which the descriptor alone is waited for.
     """
-    deadline_s = time.monotonic() + timeout_s
+    clock = AwakeClock()
     received = b""
     while True:
         start = received.find(_DESCRIPTOR)
@@ -78,10 +87,10 @@ def await_answer(
                     return Answer(received[start + 6], received[content:end], received[end:])
                 break
             start = received.find(_DESCRIPTOR, start + 1)
-        now_s = time.monotonic()
-        if now_s >= deadline_s:
+        left_s = timeout_s - clock.now_s()
+        if left_s <= 0:
             return None
-        received += port.receive(_DESCRIPTOR_LENGTH, min(deadline_s, now_s + _READ_AHEAD_S))
+        received += port.receive(_DESCRIPTOR_LENGTH, time.monotonic() + min(left_s, _READ_AHEAD_S))
 
 
 def quieten(port: SerialPort) -> None:
