@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eventually import eventually
 from joshua.devices.sensor import Reading
 from joshua.devices.serial_errors import PortDisconnected
 from joshua_emulator import EmulatedEncoder
@@ -16,6 +17,9 @@ from joshua_encoder.encoder import JOINT_STATE, SerialEncoder
 
 Start = Callable[..., EmulatedEncoder]
 Make = Callable[..., SerialEncoder]
+
+#: Fastest that the emulated shaft turns.
+SHAFT_RAD_S = 9.0 * math.tau / 12.0
 
 KINDS: list[tuple[str, dict[str, Any], dict[str, Any], int]] = [
     ("line", {}, {}, 115_200),
@@ -28,14 +32,45 @@ KINDS: list[tuple[str, dict[str, Any], dict[str, Any], int]] = [
 ]
 
 
-def readings(encoder: SerialEncoder, duration_s: float) -> list[Reading]:
-    found = []
-    end_s = time.monotonic() + duration_s
-    while time.monotonic() < end_s:
-        reading = encoder.read(0.2)
-        if reading is not None:
-            found.append(reading)
-    return found
+class Readings:
+    """Readings with the times at which they came.
+
+    What comes late, because this process or the emulator was held up, comes after a gap.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[Reading] = []
+        self._came_s = [time.monotonic()]
+
+    def take(self, encoder: SerialEncoder, count: int, duration_s: float = 0.0) -> Readings:
+        """Reads on, until there are ``count`` more and ``duration_s`` has passed."""
+        wanted, begun_s = len(self.found) + count, time.monotonic()
+        while len(self.found) < wanted or time.monotonic() < begun_s + duration_s:
+            assert time.monotonic() < begun_s + duration_s + 60, f"{len(self.found)} of {wanted} came"
+            reading = encoder.read(0.2)
+            if reading is not None:
+                self.found.append(reading)
+                self._came_s.append(time.monotonic())
+        return self
+
+    def lateness_s(self, index: int) -> float:
+        """How late a reading may be: the longest gap in the time before it."""
+        came_s = np.array(self._came_s[: index + 2])
+        return float(np.diff(came_s[came_s >= came_s[-1] - 2.0], prepend=came_s[0]).max())
+
+
+def readings(encoder: SerialEncoder, count: int, duration_s: float = 0.0) -> list[Reading]:
+    return Readings().take(encoder, count, duration_s).found
+
+
+def at_rest(encoder: SerialEncoder) -> Reading:
+    """A reading of a shaft that is held fast; those that were under way before come first."""
+    found = readings(encoder, 1)
+    end_s = time.monotonic() + 60
+    while len(found) < 20 or len({reading.data.ticks for reading in found[-20:]}) > 1:
+        assert time.monotonic() < end_s, "the shaft does not stand still"
+        found += readings(encoder, 1)
+    return found[-1]
 
 
 @pytest.mark.parametrize(("kind", "options", "fields", "baudrate"), KINDS)
@@ -51,18 +86,26 @@ def test_positions_follow_the_shaft_over_its_turns(
     encoder = encoder_at(emulator.port, kind, baudrate, **fields)
     encoder.connect()
     offset_ns = time.time_ns() - time.monotonic_ns()
-    found = readings(encoder, 3.0)
-    assert len(found) > 200
+    sent = emulator.ask("state")["sent"]
+    taken = Readings().take(encoder, 200, 3.0)
+    found, sent = taken.found, emulator.ask("state")["sent"] - sent
+    # each line, and each answer that counts, where some are asked for twice
+    assert len(found) > (0.9 if kind != "amt21" else 0.3) * sent
     assert [reading.sequence for reading in found] == list(range(len(found)))
     positions = np.array([reading.data.position_rad[0] for reading in found])
-    picked = found[:: len(found) // 20]
+    places = range(0, len(found), len(found) // 20)
+    picked = [found[place] for place in places]
     truth = np.array([emulator.angle_rad(reading.stamp_ns - offset_ns) for reading in picked])
     shown = np.array([reading.data.position_rad[0] for reading in picked])
+    late_s = np.array([taken.lateness_s(place) for place in places])
     turns = np.round((shown - truth) / math.tau)
-    assert len(set(turns.tolist())) == 1  # an encoder knows its angle, not how often it has turned
+    # an encoder knows its angle, not how often it has turned; nor how far it went while nobody could see it
+    followed = late_s < 0.5 * math.pi / SHAFT_RAD_S
+    if followed.all():
+        assert len(set(turns.tolist())) == 1
     error = shown - truth - turns * math.tau
-    # a line that comes late on a busy machine shows where the shaft was
-    assert np.abs(error - np.median(error)).max() < 0.3
+    # what comes late shows where the shaft was
+    assert np.all(np.abs(error - np.median(error)) < 0.1 + SHAFT_RAD_S * late_s)
     if "counter_range" not in options:
         assert np.median(np.abs(error)) < 0.05
     assert np.ptp(positions) > 3.0
@@ -87,11 +130,10 @@ def test_several_encoders_on_one_bus(emulator_of: Start, encoder_at: Make) -> No
     )
     emulator.fault("stall")
     encoder.connect()
-    first = readings(encoder, 0.3)[-1]
-    emulator.ask("clear_faults")
-    readings(encoder, 1.0)
-    emulator.fault("stall")
-    last = readings(encoder, 0.5)[-1]
+    first = at_rest(encoder)
+    emulator.fault("turn", 0.4)  # less than half a turn of it: nobody need see it on its way
+    eventually(lambda: abs(at_rest(encoder).data.position_rad[0] - first.data.position_rad[0]) > 0.1)
+    last = at_rest(encoder)
     message = encoder.message(last, JOINT_STATE, "base")
     assert list(message.name) == ["hip", "knee", "ankle"]
     moved = np.subtract(last.data.position_rad, first.data.position_rad)
@@ -105,7 +147,7 @@ def test_the_message_is_a_joint(emulator_of: Start, encoder_at: Make) -> None:
     emulator = emulator_of("line")
     encoder = encoder_at(emulator.port, joint_name=["left_wheel"])
     encoder.connect()
-    reading = readings(encoder, 0.2)[-1]
+    reading = readings(encoder, 10)[-1]
     message = encoder.message(reading, JOINT_STATE, "base_link")
     assert list(message.name) == ["left_wheel"]
     assert message.position[0] == reading.data.position_rad[0]
@@ -119,10 +161,10 @@ def test_noise_and_half_a_line_at_the_start(emulator_of: Start, encoder_at: Make
     encoder = encoder_at(emulator.port)
     encoder.connect()
     emulator.fault("dirty", 2000)
-    found = readings(encoder, 1.0)
-    steps = np.abs(np.diff([reading.data.ticks[0] for reading in found]))
-    assert len(found) > 100
-    assert steps.max() < 100
+    taken = Readings().take(encoder, 150)
+    steps = np.abs(np.diff([reading.data.ticks[0] for reading in taken.found]))
+    gaps_s = np.array([taken.lateness_s(index) for index in range(1, len(taken.found))])
+    assert np.all(steps < 100 + SHAFT_RAD_S / math.tau * 4096 * gaps_s)
 
 
 def test_damaged_answers_are_asked_for_again(emulator_of: Start, encoder_at: Make) -> None:
@@ -130,11 +172,12 @@ def test_damaged_answers_are_asked_for_again(emulator_of: Start, encoder_at: Mak
     encoder = encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384)
     encoder.connect()
     emulator.fault("drop", 0.1)
-    assert len(readings(encoder, 1.5)) > 20
+    readings(encoder, 40)
+    assert emulator.ask("state")["fault_counts"]["drop"] > 0
     assert encoder.damaged == 0
     emulator.fault("corrupt", 0.1)
-    assert len(readings(encoder, 1.5)) > 20
-    assert encoder.damaged > 2
+    readings(encoder, 40)
+    eventually(lambda: readings(encoder, 1) and encoder.damaged > 2, "damaged answers")
 
 
 def test_the_state_for_diagnostics(emulator_of: Start, encoder_at: Make) -> None:
@@ -142,15 +185,14 @@ def test_the_state_for_diagnostics(emulator_of: Start, encoder_at: Make) -> None
     encoder = encoder_at(emulator.port, joint_name=["left_wheel"])
     assert encoder.diagnostics() == ()
     encoder.connect()
-    readings(encoder, 0.3)
+    readings(encoder, 40)
     link, joint = encoder.diagnostics()
     assert (link.level, link.name, link.message) == (0, "link", "in order")
     assert joint.name == "left_wheel"
     assert float(joint.values["position_rad"]) != 0.0
     emulator.fault("corrupt", 0.05)
-    readings(encoder, 0.5)
+    eventually(lambda: readings(encoder, 1) and encoder.diagnostics()[0].level == 1, "the warning")
     link = encoder.diagnostics()[0]
-    assert link.level == 1
     assert link.message == "the line damages what comes: check cable and ground"
 
 
@@ -161,18 +203,17 @@ def test_turns_are_kept_over_a_lost_connection(
     emulator = emulator_of(kind, baudrate=baudrate)
     encoder = encoder_at(emulator.by_id, kind, baudrate)
     encoder.connect()
-    end_s = time.monotonic() + 20
-    while abs(encoder.read(0.2).data.ticks[0]) < 1.1 * 4096:  # more than a turn away from its first angle
+    end_s = time.monotonic() + 60
+    while abs(readings(encoder, 1)[0].data.ticks[0]) < 1.1 * 4096:  # more than a turn from its first angle
         assert time.monotonic() < end_s
     emulator.fault("stall")
-    time.sleep(0.2)
-    last = readings(encoder, 0.3)[-1].data.position_rad[0]
+    last = at_rest(encoder).data.position_rad[0]
     emulator.fault("unplug")
     with pytest.raises(PortDisconnected):
-        readings(encoder, 5)
+        readings(encoder, 100_000)
     encoder.disconnect()
     emulator.fault("replug")
     encoder.connect()
-    first = next(reading for reading in iter(lambda: encoder.read(0.2), object()) if reading is not None)
+    (first,) = readings(encoder, 1)
     assert first.data.position_rad[0] == pytest.approx(last, abs=0.01)
     assert first.data.velocity_rad_s[0] == 0.0

@@ -6,7 +6,9 @@ import time
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.patience import machine_is_busy
 from joshua.devices.serial_errors import PortUnusable
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.stamps import StampClock
@@ -19,8 +21,11 @@ from joshua_encoder.trust import Trust
 #: A microcontroller that restarts when its port is opened needs this long for its first line.
 FIRST_LINE_S = 4.0
 
-#: Silence after which an encoder counts as lost.
+#: Silence after which an encoder counts as lost, of the time in which this process was there to listen.
 STALE_S = 1.0
+
+#: How much longer than usual an encoder is waited for on a machine that has more to do than it can.
+BUSY_FACTOR = 3.0
 
 #: How long an AMT21 is waited for; USB adapters hold bytes back for up to 16 ms.
 ANSWER_S = 0.025
@@ -34,6 +39,9 @@ _SURE = 3  # lines that are no accident
 _CHUNK_S = 0.002
 _LARGEST_CHUNK = 64
 _RETRIES = 2
+_FIRST_ATTEMPTS = 10  # to reach an encoder that should be there
+_LATE_ATTEMPTS = 3  # more of them, where what came may have been late answers
+_LATE_ADDRESSES = 10  # that may have been asked before an answer comes
 _MOST_ASKS = 6  # of one encoder in one round, while its line is in doubt
 _MICROSECONDS = 1 << 32  # of a microcontroller's 32-bit clock
 _NS_PER_US = 1_000
@@ -62,6 +70,7 @@ class Source(ABC):
         self.port, self.settings = port, settings
         self.damaged = 0
         self._clock = StampClock()
+        self._awake = AwakeClock()
 
     @abstractmethod
     def start(self) -> None:
@@ -81,18 +90,17 @@ class LineSource(Source):
         self._received = 0
         self._ready: list[Counts] = []
         self._time_us: int | None = None  # of the sender's clock, going on beyond 32 bits
-        self._byte_s = self._good_s = time.monotonic()
+        self._byte_s = self._good_s = self._awake.now_s()
         self._no_magnet = False
 
     def start(self) -> None:
         """Waits for the first line."""
         self.port.discard_input()
-        self._byte_s = self._good_s = started_s = time.monotonic()
+        self._byte_s = self._good_s = started_s = self._awake.now_s()
         while not self._ready:
-            now_s = time.monotonic()
-            if now_s - started_s > FIRST_LINE_S or self._parser.bad >= 10 * _SURE:
+            if self._awake.now_s() - started_s > FIRST_LINE_S or self._parser.bad >= 10 * _SURE:
                 raise self._explain()
-            self._take(now_s + 0.05)
+            self._take(time.monotonic() + 0.05)
 
     def read(self, deadline_s: float) -> list[Counts]:
         """Waits for the next lines."""
@@ -112,7 +120,7 @@ class LineSource(Source):
         if not data:
             return
         stamp_ns = self._clock.now_ns()
-        self._byte_s = time.monotonic()
+        self._byte_s = self._awake.now_s()
         self._received += len(data)
         for count in self._parser.feed(data):
             behind_ns = round(port.wire_time_s(self._received - count.end) * 1e9)
@@ -133,11 +141,11 @@ class LineSource(Source):
             else:
                 self._time_us += step
             time_ns = self._time_us * _NS_PER_US
-        self._good_s = time.monotonic()
+        self._good_s = self._awake.now_s()
         self._ready.append(Counts(stamp_ns, time_ns, (count.count,)))
 
     def _check_alive(self) -> None:
-        now_s = time.monotonic()
+        now_s = self._awake.now_s()
         if now_s - self._byte_s > STALE_S:
             raise DeviceDisconnected(
                 f"{self.port}: the encoder has sent nothing for {STALE_S:g} s: check cable and power, and "
@@ -177,9 +185,9 @@ class LineSource(Source):
                 continue
             port.discard_input()
             trial = self._new_parser()
-            end_s = time.monotonic() + _LISTEN_S
-            while time.monotonic() < end_s and trial.good < _SURE:
-                trial.feed(port.receive(_LARGEST_CHUNK, min(end_s, time.monotonic() + 0.05)))
+            end_s = self._awake.now_s() + _LISTEN_S
+            while (left_s := end_s - self._awake.now_s()) > 0 and trial.good < _SURE:
+                trial.feed(port.receive(_LARGEST_CHUNK, time.monotonic() + min(left_s, 0.05)))
             if trial.good >= _SURE:
                 return DeviceError(
                     f"{port}: no line can be read at {asked} bit/s, but at {speed} they can: "
@@ -199,20 +207,27 @@ class Amt21Source(Source):
     def __init__(self, port: SerialPort, settings: EncoderSettings) -> None:
         super().__init__(port, settings)
         self._period_s = 1.0 / settings.rate_hz
-        self._due_s = self._good_s = time.monotonic()
+        self._due_s = time.monotonic()
+        self._good_s = self._awake.now_s()
         self._echo = False
         self._trust = {address: Trust(settings.resolution) for address in settings.addresses}
 
     def start(self) -> None:
         """Asks each encoder."""
-        missing = [address for address in self.settings.addresses if not self._answers(address)]
+        missing = [
+            address
+            for address in self.settings.addresses
+            if not self._answers(address, attempts=_FIRST_ATTEMPTS)
+        ]
         if missing:
             raise self._explain(missing)
-        self._due_s = self._good_s = time.monotonic()
+        self._due_s = time.monotonic()
+        self._good_s = self._awake.now_s()
 
     def read(self, deadline_s: float) -> list[Counts]:
         """Waits for the time of the next round, then asks each encoder."""
         now_s = time.monotonic()
+        self._awake.now_s()
         if self._due_s > deadline_s:
             time.sleep(max(0.0, deadline_s - now_s))
             return []
@@ -222,7 +237,7 @@ class Amt21Source(Source):
         for address in self.settings.addresses:
             count = self._ask(address)
             if count is None:
-                if time.monotonic() - self._good_s > STALE_S:
+                if self._awake.now_s() - self._good_s > STALE_S:
                     raise DeviceDisconnected(
                         f"{self.port}: the AMT21 at address {address} has not answered for {STALE_S:g} s: "
                         "check its power, both wires of the bus and its termination"
@@ -230,7 +245,7 @@ class Amt21Source(Source):
                 return []
             counts.append(count)
         stamp_ns = self._clock.now_ns()
-        self._good_s = time.monotonic()
+        self._good_s = self._awake.now_s()
         return [Counts(stamp_ns, stamp_ns, tuple(counts))]
 
     def _ask(self, address: int) -> int | None:
@@ -259,38 +274,57 @@ class Amt21Source(Source):
                     return count
         return None
 
-    def _answers(self, address: int, timeout_s: float = ANSWER_S) -> bool:
+    def _answers(self, address: int, timeout_s: float = ANSWER_S, attempts: int = _RETRIES) -> bool:
         """Whether an encoder answers; learns whether the adapter returns what is sent."""
-        for _ in range(_RETRIES):
+        for attempt in range(attempts + _LATE_ATTEMPTS):
             self.port.send(bytes((address,)))
             answer = self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s)
             echo = len(answer) == ANSWER_LENGTH + 1 and answer[0] == address
             if len(answer) == ANSWER_LENGTH + echo and _checked(answer[-ANSWER_LENGTH:]):
                 self._echo = echo
                 return True
+            if answer:  # among it may be answers to earlier questions: the line must fall silent
+                self.port.receive(_LARGEST_CHUNK, time.monotonic() + timeout_s)
+            elif attempt + 1 >= attempts:
+                return False
         return False
+
+    def _heard(self, timeout_s: float) -> list[int]:
+        """Addresses of the bus at which something may answer; an answer does not say from where it is."""
+        addresses = range(0, _LARGEST_ADDRESS + 1, 4)
+        heard: set[int] = set()
+        for place, address in enumerate(addresses):
+            for _ in range(_RETRIES):
+                self.port.send(bytes((address,)))
+                if self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s):
+                    heard.update(addresses[max(0, place - _LATE_ADDRESSES) : place + 1])
+                    break
+        if self.port.receive(1, time.monotonic() + ANSWER_S):
+            heard.update(addresses[-_LATE_ADDRESSES:])
+        return sorted(heard)
 
     def _explain(self, missing: list[int]) -> DeviceError:
         port, asked = self.port, self.port.baudrate
         listed = ", ".join(f"{address} ({address:#04x})" for address in missing)
         wanted = f"no AMT21 answers at address {listed}"
+        patient_s = ANSWER_S * (BUSY_FACTOR if machine_is_busy() else 1.0)
+        at_times = DeviceError(
+            f"{port}: the AMT21 at address {listed} answers only at times: check its power, both wires of "
+            "the bus and its termination"
+        )
+        if all(self._answers(address, patient_s) for address in missing):  # each of them once more
+            return at_times
         for speed in dict.fromkeys((asked, AMT21_BAUDRATE, 115_200, 9_600, 19_200, 38_400)):
             if not _runs_at(port, speed):
                 continue
-            found = [
-                address
-                for address in range(0, _LARGEST_ADDRESS + 1, 4)
-                if self._answers(address, SEARCH_ANSWER_S + port.wire_time_s(4))
-            ]
+            heard = self._heard(SEARCH_ANSWER_S + port.wire_time_s(4))
+            found = [address for address in heard if self._answers(address, patient_s)]
             if found and speed != asked:
                 return DeviceError(
                     f"{port}: {wanted} at {asked} bit/s, but one does at {speed}: set baudrate: {speed}"
                 )
             if found and set(missing) <= set(found):
-                return DeviceError(
-                    f"{port}: the AMT21 at address {listed} answers only at times: check its power, both "
-                    "wires of the bus and its termination"
-                )
+                return at_times
             if found:
                 there = ", ".join(str(address) for address in found)
                 return DeviceError(

@@ -37,6 +37,7 @@ def fault_rules(protocol: str) -> dict[str, FaultRule]:
         "replug": PLAIN,
         "rate": LINE_SPEED,
         "dirty": NOISE,
+        "turn": FaultRule(SECONDS),
     }
 
 
@@ -63,6 +64,7 @@ class EncoderOperations(SensorOperations):
             "replug": lambda _: self.replug,
             "rate": lambda request: self.rate(request, device),
             "dirty": self.dirty,
+            "turn": self._turn,
         }
 
     def _state(self, _: Request) -> dict[str, Any]:
@@ -91,9 +93,14 @@ class EncoderOperations(SensorOperations):
         shaft = self._device.shaft
 
         def stall() -> None:
-            shaft.held_rad = shaft.angle_rad(time.monotonic())
+            shaft.hold(time.monotonic())
 
-        return self.lasting("stall", request, stall, lambda: setattr(shaft, "held_rad", None))
+        return self.lasting("stall", request, stall, lambda: shaft.release(time.monotonic()))
+
+    def _turn(self, request: Request) -> Action:
+        """Lets the shaft turn for ``value`` seconds, then holds it fast."""
+        length_s = float(request["value"])
+        return lambda: self._device.shaft.release(time.monotonic(), length_s)
 
     def _clear_faults(self, _: Request) -> None:
         """Ends all faults: the encoders are plugged in, turn and talk as at the start."""
@@ -102,5 +109,5 @@ class EncoderOperations(SensorOperations):
         device.faults.clear()
         device.silent = device.frozen = device.no_magnet = False
         device.baudrate = device.original_baudrate
-        device.shaft.held_rad = None
+        device.shaft.release(time.monotonic())
         self.replug()

@@ -15,14 +15,25 @@ class Shaft:
     """A shaft whose angle is known at every time of the monotonic clock.
 
     Attributes:
-        start_s: when it stood at 0; held_rad: where a fault holds it fast, None where none does.
+        start_s: when it stood at 0, or would have without the times at which it was held fast.
+        held_s: since when a fault holds it fast; None where none does.
     """
 
     start_s: float
-    held_rad: float | None = None
+    held_s: float | None = None
+
+    def hold(self, now_s: float) -> None:
+        """Holds it fast where it is."""
+        self.held_s = now_s if self.held_s is None else min(now_s, self.held_s)
+
+    def release(self, now_s: float, for_s: float | None = None) -> None:
+        """Lets it go on from where it is; where ``for_s`` says so, for that time only."""
+        if self.held_s is not None:
+            self.start_s += max(0.0, now_s - self.held_s)
+        self.held_s = None if for_s is None else now_s + for_s
 
     def angle_rad(self, now_s: float) -> float:
         """Its angle, counter-clockwise, over any number of turns."""
-        if self.held_rad is not None:
-            return self.held_rad
+        if self.held_s is not None:
+            now_s = min(now_s, self.held_s)
         return _SWING_RAD * math.sin(math.tau * (now_s - self.start_s) / _PERIOD_S)
