@@ -10,6 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from eventually import eventually
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading
 from joshua.messages import decode, encode
@@ -72,8 +74,11 @@ def test_frames_are_new_in_order_and_stamped_when_they_came(
     numbers = [found.number for found in codes]
     assert numbers == sorted(set(numbers))
     assert [reading.sequence for reading in readings] == sorted({reading.sequence for reading in readings})
-    # a gap in the sequence is a frame that was lost on the way, and the other way round
-    assert [n - numbers[0] for n in numbers] == [r.sequence - readings[0].sequence for r in readings]
+    # a gap in the sequence is a frame that was lost on the way, and the other way round; a client that was
+    # held up is not sent some
+    skipped = [entry["number"] for entry in emulator.log("skipped")]
+    sent = [n - numbers[0] - sum(numbers[0] < lost < n for lost in skipped) for n in numbers]
+    assert sent == [r.sequence - readings[0].sequence for r in readings]
     for reading, found in zip(readings, codes, strict=True):
         assert reading.stamp_ns - clock_ns >= found.sent_ns - 5_000_000
 
@@ -82,11 +87,9 @@ def test_only_the_newest_frame_is_kept(emulator: EmulatedCamera, camera_at: Make
     camera = camera_at(emulator.source)
     camera.connect()
     first = next_reading(camera)
-    while emulator.ask("state")["number"] < code(first).number + 30:
-        time.sleep(0.01)
+    eventually(lambda: camera.figures.dropped > 20, "pictures that nobody took")
     second = next_reading(camera)
     assert code(second).number > code(first).number + 20
-    assert camera.figures.dropped > 20
 
 
 def test_messages(emulator: EmulatedCamera, camera_at: Maker) -> None:
@@ -139,6 +142,23 @@ def test_a_stall_is_reported_and_the_stream_can_be_opened_again(
     camera.disconnect()
     emulator.ask("clear_faults")
     camera.connect()
+    next_reading(camera)
+
+
+def test_a_machine_that_gives_nobody_its_time_is_no_stall(emulator: EmulatedCamera, camera_at: Maker) -> None:
+    camera = camera_at(emulator.source)
+    camera.connect()
+    emulator.fault("stall")
+    while camera.read(0.2) is not None:
+        pass
+    held_up_s = 0.0
+    thread = camera._thread
+    assert thread is not None
+    thread._awake = AwakeClock(lambda: time.monotonic() + held_up_s)
+    thread._heard = (thread._last_ns, thread._awake.now_s())
+    held_up_s = 30.0  # the camera has sent nothing meanwhile, for it was held up, too
+    camera.read(0.1)
+    emulator.ask("clear_faults")
     next_reading(camera)
 
 
@@ -228,7 +248,8 @@ def test_another_rate_shows_in_the_figures(emulator: EmulatedCamera, camera_at: 
     camera.connect()
     for _ in range(20):
         next_reading(camera)
-    assert 10 < camera.figures.fps < 40
+    # a machine that stalls delays pictures, which shows in the figures until many others have come
+    eventually(lambda: next_reading(camera) and 10 < camera.figures.fps < 40, "the rate of the camera")
 
 
 def test_controls_have_no_effect_on_a_stream(emulator: EmulatedCamera, camera_at: Maker) -> None:
@@ -245,14 +266,17 @@ def test_camera_info_without_calibration_is_a_warning(emulator: EmulatedCamera, 
     assert camera.warnings == ("CAMERA_INFO carries no calibration: name a file in intrinsics_file",)
 
 
-def test_closing_does_not_wait_for_a_stalled_stream(emulator: EmulatedCamera, camera_at: Maker) -> None:
+def test_closing_does_not_wait_for_a_stalled_stream(
+    emulator: EmulatedCamera, camera_at: Maker, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr("joshua_camera.stream_capture.stall_limit_s", lambda _: 300.0)  # FFmpeg's patience
     camera = camera_at(emulator.source)
     camera.connect()
     emulator.fault("stall")
     thread = camera._thread
     assert thread is not None
     camera.disconnect()
-    assert not thread.alive
+    eventually(lambda: not thread.alive, "the end of the thread")
 
 
 def test_a_connection_attempt_can_be_cancelled(emulator: EmulatedCamera, camera_at: Maker) -> None:
@@ -278,12 +302,12 @@ def test_a_connection_attempt_can_be_cancelled(emulator: EmulatedCamera, camera_
 
 
 def test_no_picture_at_all(emulator: EmulatedCamera, camera_at: Maker, monkeypatch: Any) -> None:
-    monkeypatch.setattr("joshua_camera.camera.FIRST_PICTURE_S", 0.5)
+    monkeypatch.setattr("joshua_camera.camera.FIRST_PICTURE_S", 2.0)
     emulator.fault("truncate", 1)
     camera = camera_at(emulator.source)
     with pytest.raises(DeviceError) as caught:
         camera.connect()
-    assert "delivered no picture within 0.5 s" in str(caught.value)
+    assert "delivered no picture within 2 s" in str(caught.value)
     assert "damaged" in str(caught.value)
 
 

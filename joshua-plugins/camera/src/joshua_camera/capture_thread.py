@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.stamps import StampClock
 from joshua.node import ros_time
@@ -25,7 +26,12 @@ JOIN_S = 1.0
 #: A clock that is set back by more than this cannot be made good by stamps that stand still.
 LARGEST_CLOCK_STEP_NS = 500_000_000
 
-_LOOK_S = 0.05  # how late a stop may be noticed
+_LOOK_S = 0.05  # how late a stop, or that the camera delivers nothing, may be noticed
+
+#: A reading of two clocks that takes longer was interrupted, and is made again.
+_CLOSE_NS = 1_000_000
+_CLOCK_ATTEMPTS = 10
+
 _EXPOSURE_EVERY_NS = 1_000_000_000
 _NS_PER_S = 1_000_000_000
 
@@ -52,6 +58,8 @@ class CaptureThread:
         self._newest: Newest | None = None
         self._failure: DeviceError | None = None
         self._last_ns = 0
+        self._awake = AwakeClock()  # of those who wait for pictures
+        self._heard = (0, 0.0)  # the last picture that they know of, and when they came to know
         self._last_stamp_ns = 0
         self._simulated = StampClock()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
@@ -79,10 +87,10 @@ class CaptureThread:
         # A thread that still waits inside OpenCV when the interpreter ends would abort the process.
         atexit.register(self.close)
         self._thread.start()
-        deadline_s, obeys = time.monotonic() + timeout_s, False
+        deadline_s, obeys = self._awake.now_s() + timeout_s, False
         with self._changed:
             while self._newest is None and self._failure is None and not self._stop.is_set():
-                left_s = deadline_s - time.monotonic()
+                left_s = deadline_s - self._awake.now_s()
                 if left_s <= 0 or (obeys := stopping()):
                     break
                 self._changed.wait(min(left_s, _LOOK_S))
@@ -122,7 +130,7 @@ class CaptureThread:
                 wait_s = deadline_s - time.monotonic()
                 if wait_s <= 0 or self._stop.is_set():
                     return None
-                self._changed.wait(wait_s)
+                self._changed.wait(min(wait_s, _LOOK_S))
 
     def interrupt(self) -> None:
         """Ends the waits of ``open`` and ``take``, and the thread; any thread, does not wait."""
@@ -135,8 +143,12 @@ class CaptureThread:
         """Ends the thread; a second call does nothing."""
         atexit.unregister(self.close)
         self.interrupt()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(JOIN_S)
+        clock = AwakeClock()
+        while self._thread.is_alive() and self._thread is not threading.current_thread():
+            left_s = JOIN_S - clock.now_s()
+            if left_s <= 0:
+                return
+            self._thread.join(min(left_s, _LOOK_S))
 
     @property
     def alive(self) -> bool:
@@ -202,7 +214,7 @@ class CaptureThread:
         """An acquisition time on the clock of stamps; later than the one before."""
         if ros_time.is_simulated():
             return self._simulated.now_ns()
-        stamp_ns = time.time_ns() - (time.monotonic_ns() - acquired_ns)
+        stamp_ns = _epoch_offset_ns() + acquired_ns
         behind_ns = self._last_stamp_ns - stamp_ns
         if behind_ns > LARGEST_CLOCK_STEP_NS:
             raise DeviceDisconnected(
@@ -219,7 +231,10 @@ class CaptureThread:
 
     def _check_stall(self) -> None:
         limit_s = stall_limit_s(self._capture.settings.fps)
-        if time.monotonic_ns() - self._last_ns > limit_s * _NS_PER_S:
+        now_s, last_ns = self._awake.now_s(), self._last_ns
+        if last_ns != self._heard[0]:
+            self._heard = (last_ns, now_s)
+        elif now_s - self._heard[1] > limit_s:
             raise DeviceDisconnected(
                 f"{self._capture.source.label} has delivered nothing for {limit_s:g} s: check cable, "
                 "power and network"
@@ -230,3 +245,14 @@ class CaptureThread:
         if not figures.received:
             return "nothing came"
         return f"{figures.received} came, {figures.damaged} of them damaged, {figures.stale} stale"
+
+
+def _epoch_offset_ns() -> int:
+    """Nanoseconds since the epoch less those of the monotonic clock, read together."""
+    for _ in range(_CLOCK_ATTEMPTS):
+        before_ns = time.monotonic_ns()
+        wall_ns = time.time_ns()
+        after_ns = time.monotonic_ns()
+        if after_ns - before_ns <= _CLOSE_NS:
+            break
+    return wall_ns - after_ns

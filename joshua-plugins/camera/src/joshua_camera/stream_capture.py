@@ -16,6 +16,9 @@ from joshua_camera.source import CameraSource
 
 OPEN_TIMEOUT_S = 5.0
 
+#: How much longer than a camera may be silent FFmpeg waits for it; whoever reads the camera ends that wait.
+_GRACE_S = 3.0
+
 _PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322, "rtmp": 1935}
 
 
@@ -36,7 +39,7 @@ class StreamCapture(Capture):
             raise self._refuse("was closed while it was being opened", "open it again")
         video = cv2.VideoCapture()
         self._video = video
-        read_timeout_s = stall_limit_s(settings.fps) + 0.5
+        read_timeout_s = stall_limit_s(settings.fps) + _GRACE_S
         options = [
             cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(OPEN_TIMEOUT_S * 1000),
             cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(read_timeout_s * 1000),
