@@ -9,6 +9,7 @@ from typing import Any
 from google.protobuf import text_format
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2 as pb
+from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input.settings import GamepadSettings, InputSettings, KeyboardSettings
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -41,6 +42,11 @@ def keyboard_settings(block: str, *, node: str = NODE) -> KeyboardSettings:
     return KeyboardSettings.from_block(message, text_format.Parse(node, pb.Node()), {})
 
 
+def wait_until_reported(pad: EmulatedGamepad) -> None:
+    """Waits until an emulated gamepad has reported what was done to it."""
+    wait_until(lambda: pad.ask("state")["reported"], "the report")
+
+
 def node_spec(settings: InputSettings, *, joy: bool = False, rate_hz: float = 50.0) -> NodeSpec:
     """The plan of a gamepad's node that drives two joints."""
     topics = [TopicSpec(name=COMMANDS, type_name=JOINT_STATE, rate_hz=rate_hz)]
@@ -61,7 +67,7 @@ def node_spec(settings: InputSettings, *, joy: bool = False, rate_hz: float = 50
 
 def wait_until(condition: Callable[[], object], what: str = "it") -> None:
     """Waits for something that another thread or process brings about."""
-    deadline_s = time.monotonic() + 30
+    deadline_s = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline_s, f"{what} did not happen"
         time.sleep(0.005)

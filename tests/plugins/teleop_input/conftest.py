@@ -1,11 +1,10 @@
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from gamepads import node_spec
+from gamepads import node_spec, wait_until_reported
 from joshua.testing.recording_context import RecordingContext
 from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input.gamepad_node import GamepadNode
@@ -26,7 +25,7 @@ def pad(emulator_process: EmulatedGamepad) -> Iterator[EmulatedGamepad]:
     yield emulator_process
     emulator_process.ask("clear_faults")
     emulator_process.ask("motion", kind="")
-    time.sleep(0.05)  # until it has reported that everything is released
+    wait_until_reported(emulator_process)
 
 
 @pytest.fixture

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sysconfig
-import time
 from pathlib import Path
 
 import pytest
-from gamepads import wait_until
+from gamepads import wait_until, wait_until_reported
 from joshua.cli.main import main
 from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input import discovery
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.remote_device import RemoteDevice
 from joshua_teleop_input.sharing import GamepadShare
+from watched import Watched
 
 JOSHUA = str(Path(sysconfig.get_path("scripts")) / "joshua")
 
@@ -30,14 +31,21 @@ def test_no_gamepad(
     assert json.loads(capsys.readouterr().out) == []
 
 
-def test_watching_shows_our_name_and_the_kernels(
-    pad: EmulatedGamepad, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pad.fault("dirty", at_s=0.3)
-    assert main(["find-gamepads", "--watch", pad.device, "--duration", "1"]) == 0
-    out = capsys.readouterr().out
-    assert "ABS_RX               used as right_x" in out
-    assert "BTN_TL               used as left_bumper" in out
+def test_watching_shows_our_name_and_the_kernels(pad: EmulatedGamepad) -> None:
+    command = [JOSHUA, "find-gamepads", "--watch", pad.device]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        watched = Watched(process)
+        watched.wait("press what you want to know, Ctrl-C ends")
+        pad.fault("dirty")
+        watched.wait("ABS_RX               used as right_x")
+        watched.wait("BTN_TL               used as left_bumper")
+        process.send_signal(signal.SIGINT)
+        assert watched.end()[0] == 0
+
+
+def test_watching_ends_after_its_time(pad: EmulatedGamepad, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["find-gamepads", "--watch", pad.device, "--duration", "0.1"]) == 0
+    assert "Emulated Xbox Controller" in capsys.readouterr().out
 
 
 def test_watching_what_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -48,12 +56,13 @@ def test_watching_what_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_shared_gamepad_is_the_gamepad(pad: EmulatedGamepad, tmp_path: Path) -> None:
     path = tmp_path / "pad.sock"
     pad.set(left_bumper=1)
+    wait_until_reported(pad)
     command = [JOSHUA, "share-gamepad", str(path), "--device", pad.device]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        wait_until(path.is_socket, "the sharing")
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("shares Emulated Xbox Controller at ")
         assert path.stat().st_mode & 0o777 == 0o600
-        time.sleep(0.1)
         device = RemoteDevice(str(path))
         assert device.capabilities.name == "Emulated Xbox Controller"
         assert device.capabilities.held == {0x136}

@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
-from gamepads import STICK, gamepad_settings
+from gamepads import STICK, gamepad_settings, wait_until, wait_until_reported
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected
 from joshua.devices.sensor import Sensor
 from joshua.testing import check_sensor
@@ -18,6 +19,7 @@ from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.gamepad import Gamepad
 from joshua_teleop_input.pad_state import PadState
+from joshua_teleop_input.remote_device import RemoteDevice
 from joshua_teleop_input.settings import GamepadSettings
 
 
@@ -25,7 +27,7 @@ def settings_for(pad: EmulatedGamepad, block: str = STICK) -> GamepadSettings:
     return gamepad_settings(f'device: "{pad.device}" {block}')
 
 
-def read_until(gamepad: Gamepad, condition: object, timeout_s: float = 10.0) -> PadState:
+def read_until(gamepad: Gamepad, condition: object, timeout_s: float = 60.0) -> PadState:
     end_s = time.monotonic() + timeout_s
     while time.monotonic() < end_s:
         reading = gamepad.read(0.2)
@@ -63,11 +65,11 @@ def test_it_follows_sticks_and_buttons(pad: EmulatedGamepad) -> None:
 
 def test_it_says_how_it_was_found(pad: EmulatedGamepad) -> None:
     pad.fault("dirty")
-    time.sleep(0.05)
+    wait_until_reported(pad)
     gamepad = Gamepad(settings_for(pad))
     gamepad.connect()
     try:
-        first = gamepad.read(1.0)
+        first = gamepad.read(30.0)
         assert first is not None
         assert first.data.pressed("left_bumper")
         assert first.data.value("left_x") == pytest.approx(1.0)
@@ -81,8 +83,9 @@ def test_a_silent_sender_is_not_trusted(pad: EmulatedGamepad) -> None:
     try:
         pad.set(left_x=1.0)
         read_until(gamepad, lambda state: state.value("left_x") > 0.9)
-        pad.fault("stall", 1.0)
+        pad.fault("stall")
         assert read_until(gamepad, lambda state: not state.live).value("left_x") == 0.0
+        pad.ask("clear_faults")
         assert read_until(gamepad, lambda state: state.live).value("left_x") == pytest.approx(1.0)
     finally:
         gamepad.disconnect()
@@ -99,6 +102,24 @@ def test_a_sender_that_stays_silent_is_lost(pad: EmulatedGamepad) -> None:
         gamepad.disconnect()
 
 
+def test_a_machine_that_gives_nobody_its_time_is_no_loss(pad: EmulatedGamepad) -> None:
+    path = pad.device
+    device = RemoteDevice(path)
+    try:
+        pad.fault("stall")
+        while device.read(0.2):
+            pass
+        held_up_s = 0.0
+        device._awake = AwakeClock(lambda: time.monotonic() + held_up_s)
+        device._heard_s = device._awake.now_s()
+        held_up_s = 30.0  # the sender has shown no sign of life meanwhile, for it was held up, too
+        assert device.read(0.0) == []
+        pad.ask("clear_faults")
+        wait_until(lambda: device.read(0.2), "a sign of life")
+    finally:
+        device.close()
+
+
 def test_lost_records_end_the_connection(pad: EmulatedGamepad) -> None:
     gamepad = Gamepad(settings_for(pad))
     gamepad.connect()
@@ -109,9 +130,9 @@ def test_lost_records_end_the_connection(pad: EmulatedGamepad) -> None:
         with pytest.raises(DeviceDisconnected, match="the sender has lost records"):
             read_until(gamepad, lambda _: False)
         pad.set(left_x=0.25)
-        time.sleep(0.05)
+        wait_until_reported(pad)
         gamepad.connect()
-        first = gamepad.read(1.0)
+        first = gamepad.read(30.0)
         assert first is not None
         assert first.data.value("left_x") == pytest.approx(0.25, abs=0.001)
     finally:

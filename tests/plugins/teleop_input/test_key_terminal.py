@@ -25,7 +25,7 @@ guard, terminal = TerminalGuard([node]), KeyTerminal()
 try:
     terminal.open()
     print("open", flush=True)
-    end = time.monotonic() + 10
+    end = time.monotonic() + 60
     while time.monotonic() < end:
         data = terminal.read(0.1)
         if data:
@@ -47,7 +47,8 @@ except BaseException as error:
 if "leave" not in sys.argv:
     terminal.close()
 print("end", flush=True)
-time.sleep(0.2)
+if "stay" in sys.argv:  # until it is killed: a terminal without a program has no settings to look at
+    time.sleep(600)
 """
 
 
@@ -55,17 +56,22 @@ class Session:
     """A program that is the leader of a session on a pseudo-terminal."""
 
     def __init__(self, *arguments: str) -> None:
+        go, gone = os.pipe()
         self.process_id, self.master = pty.fork()
         if self.process_id == 0:
-            os.execv(sys.executable, [sys.executable, "-c", PROGRAM, *arguments])
+            os.read(go, 1)  # until the terminal was looked at
+            os.execv(sys.executable, [sys.executable, "-c", PROGRAM, "stay", *arguments])
         self.text = b""
         self.first = self.attributes()
+        os.write(gone, b"!")
+        os.close(go)
+        os.close(gone)
 
     def attributes(self) -> list[Any]:
         return termios.tcgetattr(self.master)
 
     def wait_for(self, text: bytes) -> None:
-        deadline_s = time.monotonic() + 20
+        deadline_s = time.monotonic() + 60
         while text not in self.text:
             assert time.monotonic() < deadline_s, self.text
             if select.select([self.master], [], [], 0.1)[0]:
@@ -139,7 +145,7 @@ def test_the_guard_restores_what_a_killed_reader_left() -> None:
 
 def test_without_a_terminal_the_remedy_is_said() -> None:
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, start_new_session=True, timeout=30
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, start_new_session=True, timeout=100
     )
     assert "InputDeviceError there is no terminal to read keys from" in done.stdout
     assert "over SSH: ssh -t" in done.stdout
@@ -157,7 +163,7 @@ child = subprocess.run([sys.executable, "-c", {PROGRAM!r}], process_group=0)
     if process_id == 0:
         os.execv(sys.executable, [sys.executable, "-c", program])
     text = b""
-    deadline_s = time.monotonic() + 20
+    deadline_s = time.monotonic() + 60
     while b"end" not in text and time.monotonic() < deadline_s:
         if select.select([master], [], [], 0.1)[0]:
             try:

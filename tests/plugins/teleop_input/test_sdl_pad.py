@@ -27,7 +27,7 @@ sdl.SDL_JoystickOpen.restype = ctypes.c_void_p
 joystick = ctypes.c_void_p(sdl.SDL_JoystickOpen(index))
 
 def state(pad, condition):
-    end = time.monotonic() + 10
+    end = time.monotonic() + 40
     while time.monotonic() < end:
         for found in pad.read(0.1):
             if condition(found):
@@ -77,7 +77,7 @@ gamepad.DEVICE_FOLDER = Path("/nonexistent")
 device = gamepad.Gamepad(gamepad_settings(STICK))
 device.connect()
 print(device.note)
-print("state:", device.read(1.0).data.value("left_x"))
+print("state:", device.read(30.0).data.value("left_x"))
 device.disconnect()
 """
 
@@ -86,7 +86,7 @@ def run(program: str) -> str:
     paths = [entry for entry in sys.path if entry]
     prefix = f"import sys; sys.path[:0] = {paths!r}\n"
     done = subprocess.run(
-        [sys.executable, "-c", prefix + BEGIN + program], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", prefix + BEGIN + program], capture_output=True, text=True, timeout=100
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -12,9 +12,9 @@ import json
 import os
 import select
 import socket
-import time
 from typing import Any
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected
 
 from joshua_teleop_input.errors import InputDeviceError
@@ -29,10 +29,11 @@ LIFE_SIGN_S = 0.1
 #: Silence after which everything counts as released.
 SILENCE_LIMIT_S = 0.3
 
-#: Silence after which the connection counts as lost.
+#: Silence after which the connection counts as lost, of the time in which this process was there to listen.
 LOST_AFTER_S = 2.0
 
 _CONNECT_TIMEOUT_S = 2.0
+_LOOK_S = 0.1
 _MAX_HEADER = 65_536
 _MAX_CODE = 0x2FF
 _MAX_INT = 2**31
@@ -63,7 +64,8 @@ class RemoteDevice:
         except BaseException:
             self.close()
             raise
-        self._heard_s = time.monotonic()
+        self._awake = AwakeClock()
+        self._heard_s = self._awake.now_s()
 
     def grab(self) -> None:
         """Does nothing: the sender holds the device."""
@@ -75,7 +77,7 @@ class RemoteDevice:
             return events
         ready, _, _ = select.select([self._socket], [], [], timeout_s)
         if not ready:
-            if time.monotonic() - self._heard_s > LOST_AFTER_S:
+            if self._awake.now_s() - self._heard_s > LOST_AFTER_S:
                 raise DeviceDisconnected(f"{self.path}: the sender shows no sign of life")
             return []
         try:
@@ -86,7 +88,7 @@ class RemoteDevice:
             raise DeviceDisconnected(f"{self.path}: {os.strerror(error.errno or 0).lower()}") from error
         if not data:
             raise DeviceDisconnected(f"{self.path}: the sender has closed the connection")
-        self._heard_s = time.monotonic()
+        self._heard_s = self._awake.now_s()
         return self._decoder.feed(data)
 
     def resynchronise(self) -> Capabilities:
@@ -113,17 +115,21 @@ class RemoteDevice:
 
     def _read_header(self) -> Capabilities:
         data = b""
-        deadline_s = time.monotonic() + _CONNECT_TIMEOUT_S
+        clock = AwakeClock()
+        self._socket.settimeout(_LOOK_S)
         while b"\n" not in data and len(data) <= _MAX_HEADER:
+            late = clock.now_s() > _CONNECT_TIMEOUT_S
             try:
                 piece = self._socket.recv(4096)
             except TimeoutError:
+                if not late:
+                    continue
                 piece = b""
             except OSError as error:
                 raise InputDeviceError(
                     f"{self.path}: the sender went away while connecting ({error})"
                 ) from error
-            if not piece or time.monotonic() > deadline_s:
+            if not piece or late:
                 raise InputDeviceError(f"{self.path}: the sender does not say which gamepad it is")
             data += piece
         line, _, rest = data.partition(b"\n")

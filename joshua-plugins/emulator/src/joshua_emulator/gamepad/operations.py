@@ -59,6 +59,7 @@ class GamepadOperations(DeviceOperations):
             "reports": server.reports,
             "axes": dict(server.axes),
             "held": sorted(server.held),
+            "reported": server.reported,
         }
 
     def _set(self, request: Request) -> None:

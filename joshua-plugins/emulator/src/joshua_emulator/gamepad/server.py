@@ -62,6 +62,11 @@ class GamepadServer:
         """Programs that read it."""
         return len(self._clients)
 
+    @property
+    def reported(self) -> bool:
+        """Whether its last report, and what a new client is told, says everything as it stands."""
+        return self._snapshot() == self._reported
+
     def press(self, name: str, *, down: bool) -> None:
         """Presses or releases a button."""
         (self.held.add if down else self.held.discard)(name)
