@@ -7,15 +7,30 @@ from typing import Any
 
 import pytest
 from joshua_emulator.spike.process import EmulatedHub
+from joshua_spike import client, link, session
 from joshua_spike.actuator import SpikeActuator
 from joshua_spike.settings import SpikeSettings
 
 HUB_NAME = "Pybricks Hub"
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets nothing be given up because this machine holds somebody up; tests of a limit bring it back."""
+    monkeypatch.setattr(client, "DEAD_MAN_S", 30.0)
+    monkeypatch.setattr(client, "STATE_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(client, "ORDER_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(session, "ORDER_ATTEMPTS", 40)
+    monkeypatch.setattr(session, "HELLO_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(session, "READY_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(link, "FIND_TIMEOUT_S", 30.0)
+    monkeypatch.setattr(link, "COMMAND_TIMEOUT_S", 30.0)
+
+
 @pytest.fixture
-def hub() -> Iterator[EmulatedHub]:
+def hub(monkeypatch: pytest.MonkeyPatch) -> Iterator[EmulatedHub]:
     """A hub with motors on A and B."""
+    monkeypatch.setattr("joshua_spike.bumble_backend.OPEN_TIMEOUT_S", 30.0)
     with EmulatedHub(("A", "B"), name=HUB_NAME) as emulated:
         yield emulated
 

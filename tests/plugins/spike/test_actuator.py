@@ -7,25 +7,28 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from joshua.devices.diagnostics import OK, WARN
+from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.messages import decode, encode
 from joshua_emulator.spike.process import EmulatedHub
+from joshua_spike import client, session
 from joshua_spike.actuator import SpikeActuator
-from joshua_spike.client import DEAD_MAN_S
 from joshua_spike.diagnostics import BATTERY_STATE
 from joshua_spike.errors import LinkLost, NotCalibrated, NotEnabled, SafetyTripped
+
+#: Of the hub's dead man's switch in the tests of it; in the others a busy machine must not trip it.
+DEAD_MAN_S = 1.0
 
 MakeActuator = Callable[..., SpikeActuator]
 
 
-def wait_until(reached: Callable[[], bool], timeout_s: float = 5.0) -> None:
+def wait_until(reached: Callable[[], bool], timeout_s: float = 60.0) -> None:
     end_s = time.monotonic() + timeout_s
     while not reached():
         assert time.monotonic() < end_s, "it did not come about"
         time.sleep(0.01)
 
 
-def drive(actuator: SpikeActuator, goal: np.ndarray, timeout_s: float = 3.0) -> None:
+def drive(actuator: SpikeActuator, goal: np.ndarray, timeout_s: float = 60.0) -> None:
     """Commands a goal until it is reached."""
     end_s = time.monotonic() + timeout_s
     while np.abs(actuator.read().position_rad - goal).max() > 0.02:
@@ -35,7 +38,8 @@ def drive(actuator: SpikeActuator, goal: np.ndarray, timeout_s: float = 3.0) -> 
 
 def read_on(actuator: SpikeActuator) -> None:
     """Reads for a while, as a node does."""
-    for _ in range(100):
+    end_s = time.monotonic() + 60
+    while time.monotonic() < end_s:
         actuator.read()
 
 
@@ -62,11 +66,13 @@ def test_effort_and_speed_have_the_signs_of_the_joint(hub: EmulatedHub, make_act
     actuator.connect()
     start = actuator.read().position_rad
     actuator.enable()
-    fastest = 0.0
-    for _ in range(10):
-        actuator.write(start + 0.5)
-        fastest = max(fastest, float(actuator.read().velocity_rad_s[0]))
-    assert fastest > 0
+    up, fastest, end_s = start + 0.15, 0.0, time.monotonic() + 60
+    while fastest < 0.5:  # again, where no state was seen on the way
+        assert time.monotonic() < end_s, "it does not move"
+        drive(actuator, start - 1.0)
+        while np.abs((reading := actuator.read()).position_rad - up).max() > 0.02:
+            actuator.write(up)
+            fastest = max(fastest, float(reading.velocity_rad_s[0]))
     assert hub.motor("A")["absolute_deg"] < 12
 
 
@@ -90,8 +96,13 @@ def test_a_joint_beyond_its_range_stays_until_it_is_told(
 
 @pytest.mark.parametrize(("safe_state", "holds"), [("HOLD", True), ("RELEASE", False)])
 def test_the_hub_stops_its_motors_when_nothing_comes(
-    hub: EmulatedHub, make_actuator: MakeActuator, safe_state: str, holds: bool
+    hub: EmulatedHub,
+    make_actuator: MakeActuator,
+    monkeypatch: pytest.MonkeyPatch,
+    safe_state: str,
+    holds: bool,
 ) -> None:
+    monkeypatch.setattr(client, "DEAD_MAN_S", DEAD_MAN_S)
     actuator = make_actuator({"allow_uncalibrated": True, "safe_state": safe_state})
     actuator.connect()
     actuator.enable()
@@ -99,20 +110,20 @@ def test_the_hub_stops_its_motors_when_nothing_comes(
     actuator.write(far)
     hub.fault("out_of_range")
     time.sleep(DEAD_MAN_S + 0.1)
-    wait_until(lambda: powered(hub) == [holds, holds])
-    assert hub.motor("A")["speed_deg_s"] == 0
+    wait_until(lambda: powered(hub) == [holds, holds] and hub.motor("A")["speed_deg_s"] == 0)
     with pytest.raises(LinkLost, match="out of range"):
         read_on(actuator)
 
 
 def test_a_caller_that_hangs_stops_the_motors_though_the_link_stands(
-    hub: EmulatedHub, make_actuator: MakeActuator
+    hub: EmulatedHub, make_actuator: MakeActuator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(client, "DEAD_MAN_S", DEAD_MAN_S)
     actuator = make_actuator({"allow_uncalibrated": True, "safe_state": "RELEASE"})
     actuator.connect()
     actuator.enable()
     here = actuator.write(actuator.read().position_rad)
-    wait_until(lambda: powered(hub) == [False, False], DEAD_MAN_S + 2)
+    wait_until(lambda: powered(hub) == [False, False])
     with pytest.raises(SafetyTripped, match=r"the hub stopped the motors by itself.*come nearer"):
         read_on(actuator)  # the first state may be an older one
     actuator.read()  # it goes on to say where the joints are
@@ -123,7 +134,10 @@ def test_a_caller_that_hangs_stops_the_motors_though_the_link_stands(
     assert powered(hub) == [True, True]
 
 
-def test_held_motors_stay_held_without_a_link(hub: EmulatedHub, make_actuator: MakeActuator) -> None:
+def test_held_motors_stay_held_without_a_link(
+    hub: EmulatedHub, make_actuator: MakeActuator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "DEAD_MAN_S", DEAD_MAN_S)
     actuator = make_actuator()
     actuator.connect()
     actuator.enable()
@@ -156,7 +170,7 @@ def test_a_dry_run_commands_nothing(hub: EmulatedHub, make_actuator: MakeActuato
 
 
 def test_the_program_is_uploaded_once_and_again_only_where_another_runs(
-    hub: EmulatedHub, make_actuator: MakeActuator
+    hub: EmulatedHub, make_actuator: MakeActuator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     actuator = make_actuator()
     for uploads in (1, 1):
@@ -167,6 +181,7 @@ def test_the_program_is_uploaded_once_and_again_only_where_another_runs(
     hub.fault("button")
     hub.fault("other_program")  # somebody's own program runs now, and prints in the middle of lines
     wait_until(lambda: hub.state()["running"])
+    monkeypatch.setattr(session, "HELLO_TIMEOUT_S", 0.6)  # nobody answers
     actuator.connect()
     actuator.read()
     assert [entry["holes"] for entry in hub.log("upload")] == [0, 0]
@@ -178,12 +193,12 @@ def test_turns_are_kept_over_a_lost_link(hub: EmulatedHub, make_actuator: MakeAc
     actuator.enable()
     drive(actuator, np.radians([100.0, -100.0]))
     actuator.hold()
-    hub.fault("out_of_range", replug_after_s=0.3)
+    hub.fault("out_of_range")
+    wait_until(lambda: not hub.state()["connected"])
     with pytest.raises(LinkLost):
         drive(actuator, np.radians([120.0, -100.0]))
     actuator.disconnect()
-    wait_until(lambda: not hub.state()["connected"])
-    time.sleep(0.3)
+    hub.fault("in_range")
     actuator.connect()
     assert actuator.read().position_rad == pytest.approx(np.radians([100, -100]), abs=0.03)
     assert len(hub.log("upload")) == 1
@@ -204,14 +219,18 @@ def test_the_newest_set_point_wins_on_a_slow_link(hub: EmulatedHub, make_actuato
     actuator.enable()
     start = actuator.read().position_rad
     hub.fault("slow", 0.05)
-    for step in range(100):  # 200 a second, of which the link carries a tenth
+    began_s = time.monotonic()
+    for step in range(100):  # hundreds a second, of which the link carries two dozen
         actuator.write(start + 0.01 * step)
-        time.sleep(0.005)
+        time.sleep(0.002)
     target = actuator.write(start + 1.0)
-    wait_until(lambda: hub.log("track")[-2]["angle_deg"] == round(np.degrees(target[0])))
-    tracked = [entry["angle_deg"] for entry in hub.log("track") if entry["port"] == "A"]
-    assert len(tracked) < 50
-    assert tracked == sorted(tracked)
+
+    def tracked() -> list[int]:
+        return [entry["angle_deg"] for entry in hub.log("track") if entry["port"] == "A"]
+
+    wait_until(lambda: tracked()[-1:] == [round(np.degrees(target[0]))])
+    assert len(tracked()) < 20 + 30 * (time.monotonic() - began_s)
+    assert tracked() == sorted(tracked())
 
 
 def test_a_blocked_motor_shows_its_load_and_stays(hub: EmulatedHub, make_actuator: MakeActuator) -> None:
@@ -220,13 +239,14 @@ def test_a_blocked_motor_shows_its_load_and_stays(hub: EmulatedHub, make_actuato
     actuator.enable()
     start = actuator.read()
     hub.fault("stall", "A")  # type: ignore[arg-type]
-    end_s = time.monotonic() + 0.8
-    while time.monotonic() < end_s:
+    end_s = time.monotonic() + 60
+    reading = start
+    while reading.position_rad[1] < start.position_rad[1] + 0.9 or reading.effort[0] < 0.179:
+        assert time.monotonic() < end_s, reading
         actuator.write(start.position_rad + 1.0)
         reading = actuator.read()
         time.sleep(0.02)
     assert reading.position_rad[0] == pytest.approx(start.position_rad[0], abs=0.05)
-    assert reading.position_rad[1] > start.position_rad[1] + 0.3
     assert reading.effort[0] == pytest.approx(0.18)  # N·m, its stall torque
 
 
@@ -238,9 +258,15 @@ def test_the_battery_and_the_link_are_in_the_diagnostics(
     assert actuator.further_message(BATTERY_STATE, "hub") is None
     actuator.connect()
     actuator.read()
-    rows = {row.name: row for row in actuator.diagnostics()}
+    rows: dict[str, DiagnosticStatus] = {}
+
+    def look() -> bool:
+        """Whether all is well; a line that came late on a busy machine is one that was lost."""
+        rows.update({row.name: row for row in actuator.diagnostics()})
+        return {row.level for row in rows.values()} == {OK}
+
+    wait_until(look)
     assert set(rows) == {"joint_a", "joint_b", "battery", "link"}
-    assert {row.level for row in rows.values()} == {OK}
     assert rows["battery"].values["voltage_v"] == "8.10"
     assert rows["joint_b"].hardware_id == f"{actuator.identity} port B"
     hub.fault("battery", 6500)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
+from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceError
 
 from joshua_spike.errors import HubUnreachable, LinkLost
@@ -18,7 +18,8 @@ from joshua_spike.settings import SpikeSettings
 OPEN_TIMEOUT_S = 90.0  # beyond the sum of what the steps allow themselves
 CLOSE_TIMEOUT_S = 10.0
 ORDER_TIMEOUT_S = 6.0
-STATE_TIMEOUT_S = 1.0  # without a state for so long, the link counts as lost
+STATE_TIMEOUT_S = 1.0  # without a state for so long, while this process ran, the link counts as lost
+_LOOK_S = 0.1
 DEAD_MAN_S = 0.5
 
 
@@ -121,16 +122,16 @@ class HubClient:
     def next_state(self) -> StampedState:
         """A state that was not handed out before, the newest. Raises LinkLost, ProgramFailed."""
         session = self.session
-        deadline_s = time.monotonic() + STATE_TIMEOUT_S
+        clock = AwakeClock()
         with session.changed:
             while session.end is None and session.number == self._seen:
-                left_s = deadline_s - time.monotonic()
+                left_s = STATE_TIMEOUT_S - clock.now_s()
                 if left_s <= 0:
                     raise LinkLost(
                         f"{self}: no state for {STATE_TIMEOUT_S:g} s, though the link stands. Come nearer; "
                         f"its dead man's switch stops the motors after {DEAD_MAN_S:g} s"
                     )
-                session.changed.wait(left_s)
+                session.changed.wait(min(left_s, _LOOK_S))
             if session.end is not None:
                 raise session.end
             self._seen = session.number
