@@ -85,9 +85,10 @@ def test_positions_follow_the_shaft_over_its_turns(
     emulator = emulator_of(kind, baudrate=baudrate, **options)
     encoder = encoder_at(emulator.port, kind, baudrate, **fields)
     encoder.connect()
+    taken = Readings()
     offset_ns = time.time_ns() - time.monotonic_ns()
     sent = emulator.ask("state")["sent"]
-    taken = Readings().take(encoder, 200, 3.0)
+    taken.take(encoder, 200, 3.0)
     found, sent = taken.found, emulator.ask("state")["sent"] - sent
     # each line, and each answer that counts, where some are asked for twice
     assert len(found) > (0.9 if kind != "amt21" else 0.3) * sent
@@ -160,8 +161,9 @@ def test_noise_and_half_a_line_at_the_start(emulator_of: Start, encoder_at: Make
     emulator = emulator_of("line", crc=True, fault=["dirty=500"])
     encoder = encoder_at(emulator.port)
     encoder.connect()
+    taken = Readings()
     emulator.fault("dirty", 2000)
-    taken = Readings().take(encoder, 150)
+    taken.take(encoder, 150)
     steps = np.abs(np.diff([reading.data.ticks[0] for reading in taken.found]))
     gaps_s = np.array([taken.lateness_s(index) for index in range(1, len(taken.found))])
     assert np.all(steps < 100 + SHAFT_RAD_S / math.tau * 4096 * gaps_s)

@@ -60,6 +60,7 @@ class Session:
         self.process_id, self.master = pty.fork()
         if self.process_id == 0:
             os.read(go, 1)  # until the terminal was looked at
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # tests in the background of a shell ignore it
             os.execv(sys.executable, [sys.executable, "-c", PROGRAM, "stay", *arguments])
         self.text = b""
         self.first = self.attributes()
