@@ -192,5 +192,5 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
     with pytest.raises(EpisodeError, match=r"\(24, 32, 3\) of float64, and \(24, 32, 3\) of uint8 is kept"):
         writer.add_frame(0, frame(1) | {TOP: np.zeros((24, 32, 3))})
     (tmp_path / "file").write_text("")
-    with pytest.raises(EpisodeError, match="cannot be made: Not a directory"):
+    with pytest.raises(EpisodeError, match="cannot be made: Not a directory; name another local_path"):
         LeRobotWriter(layout(tmp_path / "file" / "set")).open()

@@ -64,7 +64,9 @@ class LeRobotWriter(EpisodeWriter):
                 f"{layout.folder} is being written by another run, or is a file: name another local_path"
             ) from error
         except OSError as error:
-            raise EpisodeError(f"{layout.folder} cannot be made: {error.strerror or error}") from error
+            raise EpisodeError(
+                f"{layout.folder} cannot be made: {error.strerror or error}; name another local_path"
+            ) from error
 
     def add_frame(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
         """Adds a frame. Raises EpisodeError."""
