@@ -78,21 +78,16 @@ def test_last_stall_counts_and_what_is_over_ends_nothing(devices: dict[str, Emul
         device.ask("clear_faults")
 
 
-def test_what_has_become_impossible_is_logged(devices: dict[str, EmulatorProcess], tmp_path: Path) -> None:
+def test_what_has_become_impossible_is_logged(devices: dict[str, EmulatorProcess]) -> None:
     bus = devices["bus"]
     bus.fault("unplug", replug_after_s=0.05)
-    bus.fault("replug")  # before its time
-    bus.fault("silent", 1, at_s=0.1)
-    bus.ask("set_register", name="id", value=7)
-    entry = bus.wait_for(["refused"])
-    assert entry["reason"] == "no servo has the id 1; there are 7"
-    state = bus.ask("state")
-    assert state["plugged"]
+    bus.fault("replug")  # before or after its time
     (bus.root / "dev" / "ttyACM9").touch()
-    bus.fault("unplug", replug_after_s=0.05, name="ttyACM9")
-    entry = bus.wait_for(["refused"], since=entry["sequence"])
+    bus.fault("unplug", replug_after_s=0.1, name="ttyACM9")
+    entry = bus.wait_for(["refused"])
     assert entry["reason"].endswith("dev/ttyACM9: is in use; choose another name")
     bus.fault("replug", name="ttyACM0")
+    assert bus.ask("state")["plugged"]
 
 
 def test_other_files_are_left_alone(tmp_path: Path) -> None:
