@@ -27,8 +27,11 @@ TargetFactory = Callable[[], CalibrationTarget]
 #: How long the hand of the check takes, and how often it looks meanwhile.
 HAND_S, LOOK_EVERY_S = 0.8, 0.02
 
-#: A look that took so long has missed a part of the way: the motion is made again, some times at most.
+#: A look that took so long may have missed a part of the way: the motion is made again, some times at most.
 LONGEST_LOOK_S, MOTIONS = 0.15, 4
+
+#: Joints that so many looks find within so many ticks rest; a hand that was held up may need so much longer.
+REST_LOOKS, REST_TICKS, OVERTIME_S = 8, 2, 10.0
 
 
 def check_calibration_target(
@@ -362,15 +365,18 @@ class _TargetClauses:
 
 
 def _ways(target: CalibrationTarget, end_s: float) -> tuple[list[int], float]:
-    """How far each joint moves until a time of the monotonic clock, in ticks, and how long one look took."""
+    """How far each joint moves until a time and until it rests, in ticks, and how long one look took."""
     tracks = [Track(motor.ticks_per_turn) for motor in target.motors]
     places: list[list[int]] = []
     longest_s, last_s = 0.0, time.monotonic()
-    while not places or last_s < end_s:
+    still = 0  # looks since a joint moved
+    while last_s < end_s or (still < REST_LOOKS and last_s < end_s + OVERTIME_S):
         for track, raw in zip(tracks, target.raw_positions(), strict=True):
             track.follow(raw)
         places.append([track.position for track in tracks])
         time.sleep(LOOK_EVERY_S)
         now_s = time.monotonic()
         longest_s, last_s = max(longest_s, now_s - last_s), now_s
+        ways = (abs(new - old) for new, old in zip(places[-1], places[-2:][0], strict=True))
+        still = 0 if max(ways) > REST_TICKS else still + 1
     return [max(way) - min(way) for way in zip(*places, strict=True)], longest_s
