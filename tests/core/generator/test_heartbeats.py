@@ -58,6 +58,15 @@ def test_a_process_that_waits_for_a_processor_is_starved_not_hung_but_not_for_ev
     assert heart.hung(now[0]) is not None
 
 
+def test_a_thread_that_has_waited_all_the_time_may_hold_what_the_loop_needs():
+    seen = ProcessorTime(1.0, 1.0, ready=frozenset({("77", 5)}))
+    heart = watch(lambda _thread_id: seen)
+    assert heart.hung(100.12) is None
+    assert heart.hung(100.25) is None
+    seen = ProcessorTime(1.0, 1.0, ready=frozenset({("77", 6)}))
+    assert heart.hung(100.3) is not None, "it ran meanwhile"
+
+
 def test_a_process_that_is_busy_is_hung_although_it_waits_at_times():
     now = [100.0]
     heart = watch(lambda _thread_id: ProcessorTime(now[0], 0.6 * now[0]))
@@ -140,4 +149,5 @@ def test_processor_time_grows_with_work():
     after = processor_time(os.getpid(), threading.get_native_id())
     assert after.loop_ran_s > before.loop_ran_s
     assert after.waited_s >= before.waited_s
+    assert str(threading.get_native_id()) in {thread for thread, _ in after.ready}
     assert processor_time(2**22 + 1, 1) in (None, ProcessorTime(0.0, 0.0))

@@ -39,12 +39,15 @@ class ProcessorTime:
         loop_ran_s: seconds that its loop ran; loop_waited_s: that its loop waited for a processor.
         waited_s: seconds that all threads of its process waited for a processor.
         loop_is_runnable: its loop runs or waits for a processor just now.
+        ready: every thread that does so, with the nanoseconds that it ran: one that is there again with the
+            same number has waited all the time, which the kernel adds up only afterwards.
     """
 
     loop_ran_s: float
     waited_s: float
     loop_waited_s: float = 0.0
     loop_is_runnable: bool = False
+    ready: frozenset[tuple[str, int]] = frozenset()
 
 
 def processor_time(process_id: int, thread_id: int) -> ProcessorTime | None:
@@ -54,17 +57,28 @@ def processor_time(process_id: int, thread_id: int) -> ProcessorTime | None:
     """
     ran_ns = waited_ns = loop_waited_ns = 0
     runnable = False
+    ready = set()
+    found = False
     try:
-        for path in Path(f"/proc/{process_id}/task").glob("*/schedstat"):
-            fields = path.read_text().split()
-            waited_ns += int(fields[1])
-            if path.parent.name == str(thread_id):
-                ran_ns, loop_waited_ns = int(fields[0]), int(fields[1])
-                state = path.with_name("stat").read_text().rpartition(")")[2].split()[0]
-                runnable = state == "R"
-    except (OSError, ValueError, IndexError):
+        paths = list(Path(f"/proc/{process_id}/task").glob("*/schedstat"))
+    except OSError:
         return None
-    return ProcessorTime(ran_ns / 1e9, waited_ns / 1e9, loop_waited_ns / 1e9, runnable)
+    for path in paths:
+        try:
+            fields = path.read_text().split()
+            ran, waited = int(fields[0]), int(fields[1])
+            is_ready = path.with_name("stat").read_text().rpartition(")")[2].split()[0] == "R"
+        except (OSError, ValueError, IndexError):
+            continue  # the thread has just ended
+        found = True
+        waited_ns += waited
+        if is_ready:
+            ready.add((path.parent.name, ran))
+        if path.parent.name == str(thread_id):
+            ran_ns, loop_waited_ns, runnable = ran, waited, is_ready
+    if not found:
+        return None
+    return ProcessorTime(ran_ns / 1e9, waited_ns / 1e9, loop_waited_ns / 1e9, runnable, frozenset(ready))
 
 
 def hang_limit_s(spec: NodeSpec) -> float:
@@ -156,4 +170,8 @@ class HeartbeatWatch:
             return True  # without those waits it would have been in time
         if now.loop_ran_s - then.loop_ran_s > STARVED_RAN_S:
             return False
+        if then.ready & now.ready:
+            return (
+                True  # another thread waits all the time, which may hold the interpreter that the loop needs
+            )
         return now.waited_s - then.waited_s > STARVED_SHARE * (now_s - pulse.sampled_s)
