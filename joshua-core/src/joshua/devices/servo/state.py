@@ -12,7 +12,8 @@ from joshua.devices.servo.family import ServoFamily
 from joshua.devices.servo.feedback import Feedback
 from joshua.devices.stamps import StampClock
 
-SETTLED_ATTEMPTS = 3
+#: So often an arm is asked where nothing is in a hurry: about as long as its control loop bears a silence.
+SETTLED_ATTEMPTS = 10
 
 #: A control loop that is silent for 0.2 s counts as hung; all retries take less where nobody else is busy.
 CYCLE_S = 0.06
