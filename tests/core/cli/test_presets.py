@@ -52,7 +52,7 @@ def test_a_misspelt_preset_names_the_nearest(capsys: pytest.CaptureFixture[str])
 def test_sections_of_the_header_are_read_line_by_line():
     preset = read_preset("teleop_so_arm100_camera")
     assert preset.mode == "TELEOPERATE"
-    assert preset.plugins == "joshua-sts3215, joshua-camera, joshua-dataset (optional: records)"
+    assert preset.plugins == "joshua-sts3215, joshua-camera, joshua-dataset (optional: will record)"
     assert preset.sections["Run"] == ("joshua --config teleop_so_arm100_camera.pbtxt",)
     assert len(preset.sections["Change"]) == 3
     assert read_preset("test_mock_hardware").plugins == ""
