@@ -132,7 +132,8 @@ def soak(session: nox.Session) -> None:
 @nox.session
 def mjx(session: nox.Session) -> None:
     """The simulation's models on JAX, which is too heavy for every run of the tests."""
-    install(session, "pytest", "pytest-timeout", "mujoco-mjx", "jax", *editable(CORE, f"{PLUGIN}/mujoco-sim"))
+    needed = ("pytest", "pytest-timeout", "hypothesis", "mujoco-mjx", "jax")
+    install(session, *needed, *editable(CORE, f"{PLUGIN}/mujoco-sim"))
     session.run(
         "pytest",
         *("-p", "no:cacheprovider", "-W", "default", "--timeout", "600"),
