@@ -138,7 +138,8 @@ def test_a_new_id_answers_and_outlives_the_process(tmp_path: Path) -> None:
             client.write(servo_id, 5, 9)  # locked: dropped
             assert client.ping(servo_id) == 777
             client.write(servo_id, LOCK, 0)
-            client.write(servo_id, 5, 9)
+            client.packets.write1ByteTxOnly(client.port, servo_id, 5, 9)  # asked twice, nobody would answer
+            client.settle()
             client.close()
 
 
