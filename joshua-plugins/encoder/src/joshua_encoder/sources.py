@@ -39,7 +39,7 @@ _SURE = 3  # lines that are no accident
 _CHUNK_S = 0.002
 _LARGEST_CHUNK = 64
 _RETRIES = 2
-_FIRST_ATTEMPTS = 10  # to reach an encoder that should be there
+_FIRST_ATTEMPTS = 40  # to reach an encoder that should be there
 _LATE_ATTEMPTS = 3  # more of them, where what came may have been late answers
 _LATE_ADDRESSES = 10  # that may have been asked before an answer comes
 _MOST_ASKS = 6  # of one encoder in one round, while its line is in doubt
@@ -293,7 +293,8 @@ class Amt21Source(Source):
         """Addresses of the bus at which something may answer; an answer does not say from where it is."""
         addresses = range(0, _LARGEST_ADDRESS + 1, 4)
         heard: set[int] = set()
-        for place, address in enumerate(addresses):
+        rounds = 2 if machine_is_busy() else 1
+        for place, address in [*enumerate(addresses)] * rounds:
             for _ in range(_RETRIES):
                 self.port.send(bytes((address,)))
                 if self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s):

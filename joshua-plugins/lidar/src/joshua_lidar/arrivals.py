@@ -38,6 +38,7 @@ class Arrivals:
         self._paces_ns: deque[float] = deque(maxlen=_KEPT)
         self._received = 0
         self._last_ns = 0
+        self._pace_ns = self._byte_ns  # as known before the marks
         self._marks: deque[tuple[int, int]] = deque()  # bytes and times from which the usual rate is measured
 
     def add(self, size: int, now_ns: int) -> None:
@@ -46,6 +47,7 @@ class Arrivals:
             return
         pause_ns = now_ns - self._last_ns
         if pause_ns > _PAUSE_NS and 2 * size * self._usual_ns(self._last_ns) < pause_ns:
+            self._pace_ns = self._usual_ns(self._last_ns)  # until there is a new one
             self._marks.clear()
         self._last_ns = now_ns
         self._received += size
@@ -61,7 +63,7 @@ class Arrivals:
         """Time from byte to byte on average, as far as it is known."""
         count, since_ns = self._marks[0] if self._marks else (0, now_ns)
         if now_ns - since_ns < _USUAL_FROM_NS or self._received <= count:
-            return self._byte_ns
+            return self._pace_ns
         return max(self._byte_ns, (now_ns - since_ns) / (self._received - count))
 
     def times_ns(self, end: Offsets) -> Offsets:
