@@ -129,8 +129,14 @@ def test_scans_follow_each_other_at_the_pace_of_the_turns(emulator_of: Start, li
     lidar.connect()
     readings = [next_reading(lidar) for _ in range(12)]
     assert [reading.sequence for reading in readings] == list(range(12))
-    distances = np.diff([reading.stamp_ns for reading in readings]) / 1e9
-    assert np.median(distances) == pytest.approx(0.1, rel=0.2)
+
+    def at_pace() -> bool:
+        """Whether the last turns were; before the rate of a line is known, a stall shows in their times."""
+        readings.append(next_reading(lidar))
+        distances_s = np.diff([reading.stamp_ns for reading in readings[-12:]]) / 1e9
+        return abs(float(np.median(distances_s)) - 0.1) < 0.02
+
+    eventually(at_pace, "the pace of the turns")
 
 
 def test_a_scan_that_another_program_left_running(emulator_of: Start, lidar_at: Make) -> None:
@@ -187,6 +193,18 @@ def test_the_state_for_diagnostics(emulator_of: Start, lidar_at: Make) -> None:
     assert row.values["damaged"] == "0"
 
 
+def held_up_readings(lidar: SerialLidar) -> list[Reading]:
+    """Turns of a reader that is held up now and then; none where machine or emulator were held up, too."""
+    readings = [next_reading(lidar)]
+    for held_up_s in (0.12, 0.05, 0.13, 0.9, 0.12, 0.04, 0.12):
+        begun_s = time.monotonic()
+        time.sleep(held_up_s)
+        readings += [next_reading(lidar) for _ in range(2 + round(held_up_s * 10))]
+        if time.monotonic() - begun_s > held_up_s + 0.6:
+            return []
+    return readings
+
+
 def test_a_reader_that_is_held_up_again_and_again_loses_no_turn(emulator_of: Start, lidar_at: Make) -> None:
     """On a busy machine more than half a turn may wait for the reader each time, and now and then many."""
     lidar = lidar_at(emulator_of("rplidar_c1").port, "rplidar_c1", MODELS["rplidar_c1"].baudrate)
@@ -194,13 +212,10 @@ def test_a_reader_that_is_held_up_again_and_again_loses_no_turn(emulator_of: Sta
     end_s = time.monotonic() + 0.7  # from then on the rate of the line is known
     while time.monotonic() < end_s:
         next_reading(lidar)
-    readings = [next_reading(lidar)]
-    for held_up_s in (0.12, 0.05, 0.13, 0.9, 0.12, 0.04, 0.12):
-        time.sleep(held_up_s)
-        readings += [next_reading(lidar) for _ in range(2 + round(held_up_s * 10))]
+    readings = eventually(lambda: held_up_readings(lidar), "a time in which nobody else was held up")
     assert np.mean([agrees_with_the_room(lidar, reading.data) for reading in readings]) > 0.95
     assert lidar.figures.damaged == 0
-    # every turn is there, at its time; one may be lost where the emulator itself was held up
+    # every turn is there, at its time
     turns = np.diff([reading.stamp_ns for reading in readings]) / 1e8
     assert abs(turns.sum() - len(turns)) < 1.5
     assert np.sort(np.abs(turns - 1))[:-2].max() < 0.3
