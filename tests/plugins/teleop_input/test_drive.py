@@ -205,7 +205,7 @@ def test_goals_move_only_while_everything_allows_it(history: list[dict[str, floa
     drive = make_drive(dead_man="left_bumper", enable="start")
     last: dict[str, float] | None = None
     for tick, values in enumerate(history):
-        drive.jog.observe({}, tick * PERIOD_S)
+        drive.jog.observe({"pan": 0.1, "lift": -0.2}, tick * PERIOD_S)  # where it is stays known
         give(drive, **values)
         goal = drive.command(tick * PERIOD_S)
         if goal is None:
