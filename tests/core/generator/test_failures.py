@@ -127,6 +127,18 @@ def test_a_node_that_keeps_crashing_is_given_up_and_the_run_ends_in_error(robot)
     assert report.nodes[1].state == "stopped"
 
 
+def test_a_node_that_is_not_back_when_the_run_ends_has_failed(robot):
+    report = robot.run_until(
+        lambda: "comesbackslowly restarted" in robot.noted(),
+        robot.node("ComesBackSlowly", context={"once": True}),
+        robot.node("Ticking"),
+    )
+
+    assert report.exit_code == 1
+    assert [node.state for node in report.nodes] == ["stopped", "stopped"]
+    assert "the timer is broken" in report.nodes[0].reason
+
+
 def test_the_run_ends_when_no_node_is_left(robot):
     report = robot.run(robot.node("Raises", restart="never"), duration_s=None)
 

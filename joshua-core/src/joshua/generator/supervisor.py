@@ -355,7 +355,8 @@ class Supervisor:
 
     def _report(self) -> RunReport:
         records = self._records()
-        bad = [record for record in records if record.fault or record.state in ("failed", "killed")]
+        # the reason of a failure stands until the node is active again
+        bad = any(record.fault or record.reason or record.state in ("failed", "killed") for record in records)
         if self._exit_code == EXIT_OK and bad:
             self._exit_code = EXIT_FAILED
         stop_s = None if self._stop_began_s is None else time.monotonic() - self._stop_began_s

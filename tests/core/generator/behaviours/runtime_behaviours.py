@@ -175,6 +175,15 @@ class Raises(InTimer):
         raise RuntimeError("the timer is broken")
 
 
+class ComesBackSlowly(Raises):
+    """Fails once, and is not through with its start when the run ends."""
+
+    def configure(self) -> None:
+        super().configure()
+        while self.context.spec.context.get("restarted") and not self.context.stopping:
+            time.sleep(0.01)
+
+
 class Segfaults(InTimer):
     def act(self) -> None:
         ctypes.string_at(0)
