@@ -223,6 +223,19 @@ def test_a_slow_start_is_waited_for(
     assert main(["estop"]) == 1
 
 
+def test_a_run_that_starts_beside_another_is_stopped_too(shell: Shell) -> None:
+    shell.start("desk")
+    process = shell.launch(path := shell.file("shelf"))
+    mark, end_s = shell.folder / "run" / "joshua" / "starting" / f"{process.pid}.run", time.monotonic() + 60
+    while not mark.exists():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+    result = shell.joshua("estop")
+    assert result.returncode == 0, result.stderr
+    assert f"e-stop latched: {path}" in result.stdout
+    shell.await_states(desk_arm="fault", shelf_arm="fault")
+
+
 def test_nothing_runs(shell: Shell) -> None:
     result = shell.joshua("estop")
     assert result.returncode == 1

@@ -40,10 +40,10 @@ def starting(base: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def is_any_starting(bases: Sequence[Path]) -> bool:
-    """Whether a process of this user starts a run; removes what killed ones have left."""
-    held = [_is_held(path) for base in bases for path in (base / FOLDER_NAME).glob(f"*{_SUFFIX}")]
-    return any(held)
+def started_processes(bases: Sequence[Path]) -> set[int]:
+    """Process ids of this user's runs, those that only start included; removes what killed ones have left."""
+    paths = [path for base in bases for path in (base / FOLDER_NAME).glob(f"*{_SUFFIX}")]
+    return {int(path.stem) for path in paths if _is_held(path)}
 
 
 def _is_held(path: Path) -> bool:

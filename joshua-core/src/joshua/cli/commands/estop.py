@@ -87,7 +87,10 @@ def stop(bases: list[Path], latches: UserLatches, word: str, args: argparse.Name
         )
         sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
         return ExitCode.INVALID if known else ExitCode.FAILED
-    return stop_systems(systems, latches, args.timeout)
+    code = stop_systems(systems, latches, args.timeout)
+    if not word and (late := _started_beside(bases, systems)):
+        code = stop_systems(late, latches, args.timeout) or code
+    return code
 
 
 def stop_systems(systems: list[RunningSystem], latches: UserLatches, timeout_s: float) -> int:
@@ -185,15 +188,30 @@ def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
 
 def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
     """Waits for systems that are just being started, where none runs."""
-    from joshua.generator.starting import is_any_starting
+    from joshua.generator.starting import started_processes
 
     waited_s = 0.0
     while not _systems(bases, ""):
-        if waited_s >= (STARTED_S if is_any_starting(bases) else STARTING_S):
+        if waited_s >= (STARTED_S if started_processes(bases) else STARTING_S):
             break
         time.sleep(POLL_S)
         waited_s += POLL_S
     return _systems(bases, word)
+
+
+def _started_beside(bases: list[Path], stopped: list[RunningSystem]) -> list[RunningSystem]:
+    """Waits for systems that were just being started while others were stopped."""
+    from joshua.generator.starting import started_processes
+
+    waited_s = 0.0
+    while waited_s < STARTED_S and started_processes(bases) - _process_ids(_systems(bases, "")):
+        time.sleep(POLL_S)
+        waited_s += POLL_S
+    return [item for item in _systems(bases, "") if item.info.process_id not in _process_ids(stopped)]
+
+
+def _process_ids(systems: list[RunningSystem]) -> set[int]:
+    return {item.info.process_id for item in systems}
 
 
 def _show(title: str, reports: list[EstopReport]) -> bool:
