@@ -1,8 +1,8 @@
-"""The graph over DDS in a process that never asks for it."""
+"""The graph over DDS: what a process keeps that never asks for it, and what one gets that asks often."""
 
 from __future__ import annotations
 
-import random
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +15,8 @@ pytest.importorskip("cyclonedds")
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
 
 ANY = SampleState.Any | ViewState.Any
+UINT32 = "std_msgs/msg/UInt32"
+LOOKS = 1000  # of each thread; some of them went wrong in most runs
 GONE = ANY | InstanceState.NotAliveDisposed | InstanceState.NotAliveNoWriters
 
 
@@ -27,11 +29,10 @@ def kept(watcher: Any) -> int:
 
 
 def test_what_others_announce_and_close_is_not_kept(
-    opener: Callable[[TransportSpec], Transport], eventually: Callable[..., Any]
+    dds_spec: TransportSpec, opener: Callable[[TransportSpec], Transport], eventually: Callable[..., Any]
 ) -> None:
-    spec = TransportSpec(kind="dds", domain_id=random.randrange(233))
-    watcher: Any = opener(spec)
-    other: Any = opener(spec)
+    watcher: Any = opener(dds_spec)
+    other: Any = opener(dds_spec)
     guid = other.participant.guid.bytes
     node = other.create_node("busy")
     for number in range(50):
@@ -47,3 +48,37 @@ def test_what_others_announce_and_close_is_not_kept(
     eventually(lambda: guid not in watcher.graph._others, what="a forgotten participant")
     eventually(lambda: kept(watcher) == 0, what="an empty reader")
     assert watcher.graph.owner(gid) == ""
+
+
+def test_who_publishes_and_the_graph_are_read_at_once(dds_spec, opener, eventually, caplog):
+    """The library reads QoS values through buffers that all threads share."""
+    transport = opener(dds_spec)
+    node = transport.create_node("busy")
+    topics = [f"/topic_{number}" for number in range(8)]
+    publishers = [node.create_publisher(topic, UINT32, QosProfile(depth=3)) for topic in topics]
+    subscriptions = [
+        node.create_subscription(topic, UINT32, QosProfile(), lambda _: None) for topic in topics
+    ]
+    eventually(lambda: all(item.publisher_count for item in subscriptions))
+    wrong = []
+
+    def look_up(publisher, subscription):
+        (handle,) = subscription.entity.get_matched_publications()
+        for _ in range(LOOKS):
+            subscription._gids.clear()
+            if subscription._look_up(handle) != publisher.gid:
+                wrong.append(subscription.name)
+
+    threads = [
+        threading.Thread(target=look_up, args=pair) for pair in zip(publishers, subscriptions, strict=True)
+    ]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        (seen,) = transport.nodes()
+        depths = {item.qos.depth for item in seen.endpoints if item.is_publisher}
+        if depths != {3}:
+            wrong.append(depths)
+    for thread in threads:
+        thread.join()
+    assert (wrong, caplog.text) == ([], "")

@@ -62,7 +62,8 @@ class Graph:
             XCDR1,
         )
         topic: Any = Topic(participant, discovery_info.TOPIC, self._type)
-        self._writer: Any = DataWriter(participant, topic, qos=base + Qos(Policy.History.KeepLast(1)))
+        with raw.READING_QOS:
+            self._writer: Any = DataWriter(participant, topic, qos=base + Qos(Policy.History.KeepLast(1)))
         self._reader: Any = DataReader(participant, topic, qos=base + Qos(Policy.History.KeepAll))
         self._builtin = [
             (
@@ -99,10 +100,7 @@ class Graph:
     def nodes(self) -> list[NodeInfo]:
         """All nodes with their publishers and subscriptions, sorted by name."""
         with self._lock:
-            alive, writers, readers = (
-                {sample.key.bytes: sample for sample in reader.read(_ENOUGH, condition)}
-                for reader, condition, _ in self._builtin
-            )
+            alive, writers, readers = (self._alive(kind) for kind in range(len(self._builtin)))
             self._take_announcements()
             known = {**self._others, self._guid: list(self._own.values())}
         endpoints = {
@@ -129,6 +127,12 @@ class Graph:
             announced += self._own.values()
         return next((entry.full_name for entry in announced if publisher_gid in entry.writers), "")
 
+    def _alive(self, kind: int) -> dict[bytes, Any]:
+        """What discovery knows of participants, writers or readers, by guid."""
+        reader, condition, _ = self._builtin[kind]
+        with raw.READING_QOS:
+            return {sample.key.bytes: sample for sample in reader.read(_ENOUGH, condition)}
+
     def _take_announcements(self) -> None:
         while samples := self._reader.take(_AT_ONCE):
             for sample in samples:
@@ -149,11 +153,11 @@ class Graph:
         """Takes what remains of participants and endpoints that have left, and forgets their nodes."""
         left = False
         for reader, _, gone in self._builtin:
-            while reader.take(_AT_ONCE, gone):
-                left = True
+            with raw.READING_QOS:
+                while reader.take(_AT_ONCE, gone):
+                    left = True
         if left:
-            (participants, condition, _), *_ = self._builtin
-            alive = {sample.key.bytes for sample in participants.read(_ENOUGH, condition)}
+            alive = self._alive(0)
             self._others = {guid: entries for guid, entries in self._others.items() if guid in alive}
 
     def close(self) -> None:

@@ -40,7 +40,10 @@ class DdsPublisher(Publisher):
         self._leave = leave
         self._lock = threading.Lock()
         self._closed = False
-        self.entity: Any = DataWriter(participant, topic, qos=endpoint_qos(qos, type_name, is_writer=True))
+        with raw.READING_QOS:
+            self.entity: Any = DataWriter(
+                participant, topic, qos=endpoint_qos(qos, type_name, is_writer=True)
+            )
         self.gid: bytes = self.entity.guid.bytes
 
     def publish(self, cdr: Buffer) -> None:

@@ -1,4 +1,4 @@
-"""The private part of the cyclonedds wheel, in one place: serialised payloads in and out.
+"""The private part of the cyclonedds wheel, in one place: serialised payloads in and out, and its one lock.
 
 The public writer takes only typed samples, whose serialiser costs 24 ms for a 640 × 480 image. The
 functions here belong to the minor version that the extra ``joshua-core[dds]`` pins.
@@ -7,6 +7,7 @@ functions here belong to the minor version that the extra ``joshua-core[dds]`` p
 from __future__ import annotations
 
 import ctypes
+import threading
 from typing import Any
 
 from cyclonedds._clayer import ddspy_write
@@ -14,6 +15,11 @@ from cyclonedds.core import DDSException, Entity, GuardCondition
 from cyclonedds.internal import DDS
 
 from joshua.transport.errors import TransportError
+
+#: To be held while cyclonedds turns QoS settings into Python values: by whoever reads what discovery knows of an
+#: endpoint, or makes a writer. All threads share its buffers for that, and two at once get wrong values or an
+#: exception.
+READING_QOS = threading.Lock()
 
 _ALIGNMENT = 4
 
