@@ -16,9 +16,9 @@ from cyclonedds.internal import DDS
 
 from joshua.transport.errors import TransportError
 
-#: To be held while cyclonedds turns QoS settings into Python values: by whoever reads what discovery knows of an
-#: endpoint, or makes a writer. All threads share its buffers for that, and two at once get wrong values or an
-#: exception.
+#: To be held while cyclonedds turns QoS settings into Python values: by whoever reads what discovery knows of
+#: an endpoint, or makes a writer. All threads share its buffers for that, and two at once get wrong values or
+#: an exception.
 READING_QOS = threading.Lock()
 
 _ALIGNMENT = 4
