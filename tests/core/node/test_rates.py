@@ -52,14 +52,15 @@ def test_a_publisher_as_fast_as_its_source_needs_no_limit() -> None:
     assert limit_below(10.0, 50.0) is not None
 
 
-def test_a_machine_that_stood_still_is_no_fault_of_the_device() -> None:
+def watched_meter() -> tuple[list[int], Standstills, RateMeter]:
+    """A meter that knows of standstills, and the clock of both, which the test sets."""
     now_ns = [0]
+    held = Standstills(lambda: now_ns[0])
+    return now_ns, held, RateMeter(lambda: now_ns[0], held)
 
-    def clock() -> int:
-        return now_ns[0]
 
-    held = Standstills(clock)
-    meter = RateMeter(clock, held)
+def test_a_machine_that_stood_still_is_no_fault_of_the_device() -> None:
+    now_ns, held, meter = watched_meter()
     for tick in range(100):
         now_ns[0] += 20_000_000 if tick != 50 else 500_000_000
         held.look()
@@ -75,13 +76,7 @@ def test_a_machine_that_stood_still_is_no_fault_of_the_device() -> None:
 
 
 def test_a_device_that_pauses_is_found() -> None:
-    now_ns = [0]
-
-    def clock() -> int:
-        return now_ns[0]
-
-    held = Standstills(clock)
-    meter = RateMeter(clock, held)
+    now_ns, held, meter = watched_meter()
     for tick in range(100):
         for _ in range(1 if tick != 50 else 25):
             now_ns[0] += 20_000_000

@@ -142,9 +142,8 @@ class Session:
             positions = arm.target.raw_positions()
             self._procedure.observe(time.monotonic(), positions)
         except DeviceError as error:
-            gone = not isinstance(
-                error, NoReply
-            )  # a servo alone may answer again; a port that is gone will not
+            # a servo alone may answer again; a port that is gone will not
+            gone = not isinstance(error, NoReply)
             self._procedure.lost(time.monotonic(), str(error).splitlines()[0], gone=gone)
             if gone:
                 self._show(always=True)  # however soon it is back

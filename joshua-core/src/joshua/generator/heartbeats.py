@@ -170,8 +170,6 @@ class HeartbeatWatch:
             return True  # without those waits it would have been in time
         if now.loop_ran_s - then.loop_ran_s > STARVED_RAN_S:
             return False
-        if then.ready & now.ready:
-            return (
-                True  # another thread waits all the time, which may hold the interpreter that the loop needs
-            )
+        if then.ready & now.ready:  # another thread waits, which may hold the interpreter that the loop needs
+            return True
         return now.waited_s - then.waited_s > STARVED_SHARE * (now_s - pulse.sampled_s)

@@ -41,6 +41,7 @@ from joshua.transport.names import NAMELESS
 
 _PREFIX = "rt/"
 _HUMBLE_GID_BYTES, _GID_BYTES = 24, 16
+_PARTICIPANTS, _WRITERS, _READERS = range(3)  # what discovery tells of, in the order of its readers here
 _ENOUGH = 100_000
 _AT_ONCE = 256
 _ANY = SampleState.Any | ViewState.Any
@@ -100,7 +101,7 @@ class Graph:
     def nodes(self) -> list[NodeInfo]:
         """All nodes with their publishers and subscriptions, sorted by name."""
         with self._lock:
-            alive, writers, readers = (self._alive(kind) for kind in range(len(self._builtin)))
+            alive, writers, readers = map(self._alive, (_PARTICIPANTS, _WRITERS, _READERS))
             self._take_announcements()
             known = {**self._others, self._guid: list(self._own.values())}
         endpoints = {
@@ -157,7 +158,7 @@ class Graph:
                 while reader.take(_AT_ONCE, gone):
                     left = True
         if left:
-            alive = self._alive(0)
+            alive = self._alive(_PARTICIPANTS)
             self._others = {guid: entries for guid, entries in self._others.items() if guid in alive}
 
     def close(self) -> None:
