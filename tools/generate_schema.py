@@ -1,13 +1,15 @@
 """Regenerates everything that is derived from ``proto/``; ``--check`` only says whether it is up to date.
 
 Derived are, in ``joshua-core/src/joshua/schema``: the compiled modules and their type stubs, the comments
-beside them, copies of the proto files (so that plugins can import them), and the table of ROS 2 type names.
+beside them, and the table of ROS 2 type names. The links there to the proto files, by which plugins import
+them, are checked too.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import sys
 import tempfile
@@ -18,7 +20,7 @@ PROTOS = ROOT / "proto"
 CORE = ROOT / "joshua-core" / "src"
 SCHEMA = CORE / "joshua" / "schema"
 IMPORT_PATH = "joshua/schema"
-DERIVED = ("*_pb2.py", "*_pb2.pyi", "*_pb2.comments.json", "*.proto", "data_type_names.py")
+DERIVED = ("*_pb2.py", "*_pb2.pyi", "*_pb2.comments.json", "data_type_names.py")
 _ROS_TYPE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 _NUMBER = re.compile(r"^ +(?P<name>[A-Z][A-Z0-9_]*) = (?P<number>\d+);", re.MULTILINE)
 
@@ -33,8 +35,6 @@ def generate(schema: Path) -> None:
         names = [f"{IMPORT_PATH}/{proto.name}" for proto in protos]
         for path in compile_protos(names, [f"{IMPORT_PATH}={PROTOS}"], Path(folder)):
             (schema / path.name).write_bytes(path.read_bytes())
-    for proto in protos:
-        (schema / proto.name).write_bytes(proto.read_bytes())
     comments = json.loads((schema / "data_type_pb2.comments.json").read_text(encoding="utf-8"))
     text = (PROTOS / "data_type.proto").read_text(encoding="utf-8")
     (schema / "data_type_names.py").write_text(type_name_module(text, comments), encoding="utf-8")
@@ -70,6 +70,10 @@ def replace_derived(schema: Path, wanted: dict[str, bytes]) -> None:
         (schema / name).unlink()
     for name, content in wanted.items():
         (schema / name).write_bytes(content)
+    for link in schema.glob("*.proto"):
+        link.unlink()
+    for proto in sorted(PROTOS.glob("*.proto")):
+        (schema / proto.name).symlink_to(Path(os.path.relpath(PROTOS, schema)) / proto.name)
 
 
 def stale_files() -> list[str]:
@@ -78,6 +82,11 @@ def stale_files() -> list[str]:
     faults = [f"{name} is missing" for name in wanted.keys() - present.keys()]
     faults += [f"{name} has no proto file" for name in present.keys() - wanted.keys()]
     faults += [f"{name} is stale" for name in wanted.keys() & present.keys() if wanted[name] != present[name]]
+    protos = {path.name for path in PROTOS.glob("*.proto")}
+    faults += [
+        f"{name} is no link to proto/{name}"
+        for name in protos ^ {path.name for path in SCHEMA.glob("*.proto") if path.resolve().parent == PROTOS}
+    ]
     return sorted(faults)
 
 

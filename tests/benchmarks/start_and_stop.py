@@ -64,13 +64,13 @@ def one_round() -> dict[str, float]:
 
 def child(began_s: float) -> None:
     """The command line's own way, with another clock and a report at the end."""
-    from joshua.generator import fork_server
+    from joshua.supervisor import fork_server
 
     server = fork_server.start()
-    from joshua.generator.examination import examine
-    from joshua.generator.options import SupervisorOptions
-    from joshua.generator.request import Purpose, Request
-    from joshua.generator.supervisor import Supervisor
+    from joshua.planner.pipeline import examine
+    from joshua.planner.request import Purpose, Request
+    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.supervisor import Supervisor
 
     examination = examine(
         Request(path=str(ROOT / "configs/test_mock_hardware.pbtxt"), purpose=Purpose.LAUNCH)

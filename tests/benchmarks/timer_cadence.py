@@ -17,7 +17,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "behaviours"))
 
-from joshua.generator import fork_server  # noqa: E402
+from joshua.supervisor import fork_server  # noqa: E402
 
 DEFAULT_S = 60.0
 WITHIN_S = 0.002
@@ -49,9 +49,9 @@ def main() -> None:
 
 def measure(server: fork_server.ForkServer, kind: str, case: str, duration_s: float) -> str:
     """Runs one case and returns its line."""
-    from joshua.generator.options import SupervisorOptions
-    from joshua.generator.supervisor import Supervisor
     from joshua.plan import NodeKind, NodeSpec, Plan, TopicSpec, TransportSpec
+    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.supervisor import Supervisor
 
     topics = tuple(
         TopicSpec(name=f"/camera_{side}", type_name="sensor_msgs/msg/Image", rate_hz=30.0)

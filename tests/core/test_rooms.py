@@ -15,7 +15,8 @@ SOURCE = Path(joshua.__file__).parent
 STANDS_ON: dict[str, tuple[str, ...]] = {
     "schema": (),
     "plan": ("schema",),
-    "config": ("schema", "plan"),
+    "textproto": ("schema", "plan"),
+    "config": ("textproto",),
     "plugins": ("schema", "plan"),
     "messages": ("schema", "plan"),
     "ipc": ("plan",),
@@ -24,11 +25,13 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     # The process beside an actuator, and the driver's link to it.
     "guardian": (),
     "devices": ("node", "guardian"),
+    "mock": ("devices",),
     "calibration": ("devices", "config"),
     "models": ("node",),
     "modes": ("config", "plugins"),
-    "generator": ("modes", "config", "plugins", "transport", "ipc", "guardian"),
-    "cli": ("generator", "calibration", "models"),
+    "planner": ("modes", "config", "plugins", "transport", "ipc"),
+    "supervisor": ("plan", "transport", "ipc", "guardian", "config"),
+    "cli": ("planner", "supervisor", "calibration", "models"),
     "testing": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.
     "builtin_plugin": ("plugins",),

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from joshua.devices.actuator import JointLimits, JointReading
 from joshua.devices.errors import DeviceError
-from joshua.devices.mock_actuator import MockActuator
-from joshua.devices.mock_settings import MockMotorSettings
 from joshua.messages.make import joint_state
+from joshua.mock.actuator import MockActuator
+from joshua.mock.settings import MockMotorSettings
 from joshua.schema import config_pb2
 
 

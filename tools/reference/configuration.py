@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from joshua.config.field_facts import FieldFacts, field_facts
 from joshua.schema import config_pb2
 from joshua.schema.comments import comment
 from joshua.schema.rules import FIRST_EXTENSION_NUMBER
+from joshua.textproto.field_facts import FieldFacts, field_facts
 
 from reference.markdown import EXTENSION, anchor, code, table
 

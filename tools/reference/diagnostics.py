@@ -6,7 +6,7 @@ from joshua.config.codes_fields import FIELD_CODES
 from joshua.config.codes_graph import GRAPH_CODES
 from joshua.config.codes_modes import MODE_CODES
 from joshua.config.codes_planning import PLANNING_CODES
-from joshua.config.codes_reading import READING_CODES
+from joshua.textproto.codes_reading import READING_CODES
 
 from reference.finding_examples import example_messages
 from reference.markdown import table

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.main import main
-from joshua.generator import run_bases
-from joshua.generator.run_directory import RunDirectory
-from joshua.generator.starting import starting
 from joshua.guardian.latch import LatchFolder, Subject
+from joshua.ipc import run_bases
+from joshua.supervisor.run_directory import RunDirectory
+from joshua.supervisor.starting import starting
 from joshua.testing.port import free_port
 
 CONFIGURATION = """

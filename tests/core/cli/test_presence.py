@@ -13,10 +13,10 @@ from joshua.calibration.front_end import ArmState
 from joshua.cli.calibration import hardware
 from joshua.cli.calibration.arms import Refused
 from joshua.cli.calibration.presence import Presence
-from joshua.generator.control_server import ask
-from joshua.generator.run_bases import base_directory
-from joshua.generator.run_directory import SOCKET_NAME, running_systems
+from joshua.ipc.run_bases import base_directory
 from joshua.plan import NodeKind, NodeSpec, Plan
+from joshua.supervisor.control_server import ask
+from joshua.supervisor.run_directory import SOCKET_NAME, running_systems
 
 ARM = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="b:B", implementation="c:C")
 PLAN = Plan(source="robot.pbtxt", mode="MODE_CALIBRATION", nodes=(ARM,))

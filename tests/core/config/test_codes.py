@@ -11,7 +11,7 @@ from joshua.config.codes import CODES
 from joshua.config.codes_fields import FIELD_CODES
 from joshua.config.codes_graph import GRAPH_CODES
 from joshua.config.codes_modes import MODE_CODES
-from joshua.config.codes_reading import READING_CODES
+from joshua.textproto.codes_reading import READING_CODES
 
 ROOT = Path(__file__).parents[3]
 SOURCE = ROOT / "joshua-core" / "src" / "joshua"

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from joshua.config import LoadedConfig, load
-from joshua.config.limits import MAX_FILE_BYTES
 from joshua.plan import Diagnostic
+from joshua.textproto.limits import MAX_FILE_BYTES
 
 
 def only(loaded: LoadedConfig) -> Diagnostic:

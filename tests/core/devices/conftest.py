@@ -3,8 +3,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from joshua.devices.mock_actuator import MockActuator
-from joshua.devices.mock_settings import MockMotorSettings
+from joshua.mock.actuator import MockActuator
+from joshua.mock.settings import MockMotorSettings
 from joshua.schema import config_pb2
 from stepped_time import SteppedTime
 

@@ -10,8 +10,8 @@ import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import RAMP_SPEED_RAD_S
-from joshua.devices.mock_settings import MockMotorSettings
 from joshua.messages.make import joint_state
+from joshua.mock.settings import MockMotorSettings
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plugins.targets import TargetError
 from joshua.schema import config_pb2
@@ -34,8 +34,8 @@ def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **f
             "kind": NodeKind.ACTUATOR,
             "role": role,
             "behaviour": "joshua.devices.actuator_node:ActuatorNode",
-            "implementation": "joshua.devices.mock_actuator:MockActuator",
-            "settings_type": "joshua.devices.mock_settings:MockMotorSettings",
+            "implementation": "joshua.mock.actuator:MockActuator",
+            "settings_type": "joshua.mock.settings:MockMotorSettings",
             "settings": settings.model_dump(mode="json"),
             "context": {"joints": settings.joints(), **context},
             "frame_id": "base",
@@ -341,7 +341,7 @@ def test_types_that_an_actuator_does_not_speak_are_refused(fields: dict[str, Any
             r"/arm: acme_gone\.driver:Arm cannot be imported: .*pip install --force-reinstall acme-arm",
         ),
         (
-            {"implementation": "joshua.devices.mock_camera:MockCamera"},
+            {"implementation": "joshua.mock.camera:MockCamera"},
             "is not derived from joshua.devices.actuator",
         ),
     ],

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus, diagnostic_array
-from joshua.devices.mock_settings import MockMotorSettings
 from joshua.messages import decode, encode
+from joshua.mock.settings import MockMotorSettings
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -27,8 +27,8 @@ def actuator() -> tuple[RecordingContext, ActuatorNode]:
         role="ACTION_LEADER",
         block="mock_motor_config",
         behaviour="",
-        implementation="joshua.devices.mock_actuator:MockActuator",
-        settings_type="joshua.devices.mock_settings:MockMotorSettings",
+        implementation="joshua.mock.actuator:MockActuator",
+        settings_type="joshua.mock.settings:MockMotorSettings",
         settings=settings.model_dump(mode="json"),
         publishers=(STATE,),
     )

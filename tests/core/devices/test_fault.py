@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceDisconnected, DeviceError, DeviceSilent, SafetyTripped
-from joshua.devices.mock_actuator import MockActuator
-from joshua.devices.mock_settings import MockMotorSettings
 from joshua.guardian.estop_files import EstopFiles
 from joshua.guardian.latch import LatchFolder
 from joshua.messages.make import joint_state
+from joshua.mock.actuator import MockActuator
+from joshua.mock.settings import MockMotorSettings
 from joshua.node.errors import ResumeRefusedError
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
@@ -39,8 +39,8 @@ class Node:
             kind=NodeKind.ACTUATOR,
             role=role,
             behaviour="",
-            implementation="joshua.devices.mock_actuator:MockActuator",
-            settings_type="joshua.devices.mock_settings:MockMotorSettings",
+            implementation="joshua.mock.actuator:MockActuator",
+            settings_type="joshua.mock.settings:MockMotorSettings",
             settings=settings.model_dump(mode="json"),
             context={
                 "joints": settings.joints(),

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from joshua.devices import sensor_node
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.mock_settings import MockCameraSettings
-from joshua.devices.pattern import frame_number
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.sensor_node import SensorNode
 from joshua.messages import message_class
 from joshua.messages.make import pixels
+from joshua.mock.pattern import frame_number
+from joshua.mock.settings import MockCameraSettings
 from joshua.node.errors import StopObeyed
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
@@ -279,8 +279,8 @@ def test_a_mock_camera_runs_at_its_rate_without_losing_a_frame() -> None:
         name="camera_top",
         kind=NodeKind.SENSOR,
         behaviour="",
-        implementation="joshua.devices.mock_camera:MockCamera",
-        settings_type="joshua.devices.mock_settings:MockCameraSettings",
+        implementation="joshua.mock.camera:MockCamera",
+        settings_type="joshua.mock.settings:MockCameraSettings",
         settings=MockCameraSettings.from_block(block).model_dump(mode="json"),
         frame_id="optical",
         publishers=(TopicSpec(name="/image", type_name=IMAGE, rate_hz=50.0),),

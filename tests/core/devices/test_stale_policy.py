@@ -12,9 +12,9 @@ from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceDisconnected
 from joshua.devices.goal import GoalGenerator, GoalState
 from joshua.devices.joint_command import JointCommand
-from joshua.devices.mock_settings import MockMotorSettings
 from joshua.devices.stale_policy import StalePolicy
 from joshua.messages.make import joint_state
+from joshua.mock.settings import MockMotorSettings
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -113,8 +113,8 @@ def node() -> Iterator[ActuatorNode]:
         kind=NodeKind.ACTUATOR,
         role="ACTION_FOLLOWER",
         behaviour="",
-        implementation="joshua.devices.mock_actuator:MockActuator",
-        settings_type="joshua.devices.mock_settings:MockMotorSettings",
+        implementation="joshua.mock.actuator:MockActuator",
+        settings_type="joshua.mock.settings:MockMotorSettings",
         settings=settings.model_dump(mode="json"),
         context={
             "joints": settings.joints(),

@@ -16,7 +16,9 @@ ROOT = Path(__file__).resolve().parents[3]
 def copy(tmp_path: Path) -> Path:
     """A copy of the parts of the repository that the generator reads and writes."""
     for part in ("proto", "tools", "joshua-core/src/joshua/schema"):
-        shutil.copytree(ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / part, tmp_path / part, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+        )
     shutil.copy(ROOT / "joshua-core/src/joshua/__init__.py", tmp_path / "joshua-core/src/joshua")
     return tmp_path
 
@@ -37,10 +39,11 @@ def test_a_changed_proto_makes_files_stale_until_they_are_generated(copy: Path) 
     schema = copy / "joshua-core/src/joshua/schema"
     (schema / "transport_pb2.py").unlink()
     (schema / "old_pb2.py").write_text("")
+    (schema / "transport.proto").unlink()
     done = run(copy, "--check")
     assert done.returncode == 1
     for fault in (
-        "comm.proto is stale",
+        "transport.proto is no link to proto/transport.proto",
         "comm_pb2.comments.json is stale",
         "transport_pb2.py is missing",
         "old_pb2.py has no proto file",

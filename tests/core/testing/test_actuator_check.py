@@ -52,7 +52,7 @@ from broken_actuators import (
 )
 from joshua.devices.actuator import Actuator, JointReading
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.mock_actuator import MockActuator
+from joshua.mock.actuator import MockActuator
 from joshua.schema import config_pb2
 from joshua.testing import ConformanceError, check_actuator
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from broken_actuators import first_stamp_ns
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.mock_camera import MockCamera
-from joshua.devices.mock_encoder import MockEncoder
-from joshua.devices.mock_lidar import MockLidar
-from joshua.devices.mock_settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import message_class
 from joshua.messages.make import header
+from joshua.mock.camera import MockCamera
+from joshua.mock.encoder import MockEncoder
+from joshua.mock.lidar import MockLidar
+from joshua.mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 from joshua.schema import config_pb2
 from joshua.testing import ConformanceError, check_sensor
 

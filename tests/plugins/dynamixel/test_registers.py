@@ -1,6 +1,6 @@
-from joshua.config.field_facts import field_facts
 from joshua.devices.servo.register import Register
 from joshua.schema import config_pb2
+from joshua.textproto.field_facts import field_facts
 from joshua_dynamixel import registers
 from joshua_dynamixel.models import MODELS, model_name
 from joshua_emulator.dynamixel import models as emulated_models

@@ -17,9 +17,9 @@ from joshua.calibration.arm_file import ArmFile
 from joshua.cli.simulation import take_calibrations
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua.devices.errors import DeviceError
-from joshua.generator.calibration_place import calibration_place
-from joshua.generator.examination import check_file
-from joshua.generator.request import Request
+from joshua.planner.calibration_place import calibration_place
+from joshua.planner.pipeline import check_file
+from joshua.planner.request import Request
 from joshua.testing import check_actuator, check_calibration_target
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.actuator import SimActuator

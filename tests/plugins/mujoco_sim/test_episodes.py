@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from joshua.generator.examination import examine
-from joshua.generator.request import Purpose, Request
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
 from joshua.plugins.settings import FieldError
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.episodes import EpisodeMaker

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from joshua.generator.examination import Examination, examine
-from joshua.generator.request import Purpose, Request
 from joshua.plan import Severity
+from joshua.planner.pipeline import Examination, examine
+from joshua.planner.request import Purpose, Request
 from sim_configs import simulation_file
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import av
 import pytest
-from joshua.generator.examination import examine
-from joshua.generator.request import Purpose, Request
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
 from joshua.testing.domain import reserved_domain
 from joshua.testing.port import free_port
 from joshua_mujoco_sim.render_files import RenderFile

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from google.protobuf import text_format
-from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
+from joshua.planner.simulated import NoSimulatorError, StandInError, stand_in
 from joshua.plugins import load_registry
 from joshua.plugins.stand_in import CoupledCamera
 from joshua.schema import config_pb2 as pb
@@ -59,7 +59,7 @@ def test_hub_becomes_an_arm_without_a_battery() -> None:
 
 
 def test_actuator_of_unknown_joints_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("joshua.generator.simulated.joints_of", lambda *_: [])
+    monkeypatch.setattr("joshua.planner.simulated.joints_of", lambda *_: [])
     with pytest.raises(StandInError, match="spike_hub: its block does not say which joints it has"):
         simulated("test_spike_ble.pbtxt")
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joshua.generator.environments import choose_environment
-from joshua.generator.examination import check_file, examine
-from joshua.generator.findings import Findings
-from joshua.generator.request import Purpose, Request
 from joshua.plan import Severity
+from joshua.planner.environments import choose_environment
+from joshua.planner.findings import Findings
+from joshua.planner.pipeline import check_file, examine
+from joshua.planner.request import Purpose, Request
 from joshua.plugins.environments import make_environment
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.environments import ENVIRONMENTS
@@ -157,8 +157,8 @@ def test_validation_imports_no_gymnasium(tmp_path: Path) -> None:
     path = write(tmp_path, training_file())
     code = f"""
 import sys
-from joshua.generator.examination import examine
-from joshua.generator.request import Purpose, Request
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
 assert not examine(Request({str(path)!r}, purpose=Purpose.VALIDATE)).errors
 print(sorted({{"gymnasium", "mujoco", "numpy"}} & set(sys.modules)))
 """

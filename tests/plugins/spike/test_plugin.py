@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from joshua.generator.examination import examine
-from joshua.generator.request import Request
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Request
 from joshua_spike.client import DEAD_MAN_S, OPEN_TIMEOUT_S, STATE_TIMEOUT_S
 
 CONFIGS = Path(__file__).parents[3] / "configs"

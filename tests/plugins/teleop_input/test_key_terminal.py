@@ -18,7 +18,7 @@ import pytest
 PROGRAM = """
 import sys, time
 from types import SimpleNamespace
-from joshua.generator.terminal_guard import TerminalGuard
+from joshua.supervisor.terminal_guard import TerminalGuard
 from joshua_teleop_input.key_terminal import KeyTerminal
 node = SimpleNamespace(context={'terminal': True})
 guard, terminal = TerminalGuard([node]), KeyTerminal()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from joshua.generator.examination import examine
-from joshua.generator.request import Request
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Request
 
 ROBOT = """
 general { mode: MODE_TELEOPERATE id: "bench" }

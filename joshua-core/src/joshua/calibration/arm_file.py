@@ -13,14 +13,14 @@ from google.protobuf import text_format
 from pydantic import ValidationError
 
 from joshua.config.files import decode_source, read_bytes
-from joshua.config.lexer import tokenize
 from joshua.config.loading import LoadedConfig, load
-from joshua.config.parser import Parser
-from joshua.config.problems import Problems
-from joshua.config.source import Source
-from joshua.config.syntax import Block, Field, ListValue, Scalar
 from joshua.devices.calibration import ArmCalibration
 from joshua.plan import Severity
+from joshua.textproto.lexer import tokenize
+from joshua.textproto.parser import Parser
+from joshua.textproto.problems import Problems
+from joshua.textproto.source import Source
+from joshua.textproto.syntax import Block, Field, ListValue, Scalar
 
 LOCK_TIMEOUT_S = 5.0
 

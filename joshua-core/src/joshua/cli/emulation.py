@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from contextlib import ExitStack
 
-    from joshua.generator.emulation import EmulatedRig
-    from joshua.generator.examination import Checked
+    from joshua.planner.emulation import EmulatedRig
+    from joshua.planner.pipeline import Checked
     from joshua.plugins.emulator import Coupling
 
 
@@ -30,7 +30,7 @@ def start_rig(
         physics: by node name, what moves the joints or draws the pictures of an emulated device.
     """
     from joshua.cli.report import show_findings
-    from joshua.generator.emulation import EmulatedRig, EmulationError, FaultRefusedError, parse_faults
+    from joshua.planner.emulation import EmulatedRig, EmulationError, FaultRefusedError, parse_faults
 
     try:
         faults = parse_faults(arguments.faults)

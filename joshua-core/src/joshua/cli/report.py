@@ -10,13 +10,13 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.generator.examination import Examination
-    from joshua.generator.request import Purpose, Request
+    from joshua.planner.pipeline import Examination
+    from joshua.planner.request import Purpose, Request
 
 
 def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
     """Turns the options of a command line into the request that ``examine`` takes."""
-    from joshua.generator.request import Request
+    from joshua.planner.request import Request
 
     return Request(
         path=arguments.config,

@@ -17,11 +17,11 @@ from joshua.cli.options import FAULT_ALONE
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.generator.emulation import EmulatedRig
-    from joshua.generator.examination import Checked, Examination
-    from joshua.generator.fork_server import ForkServer
     from joshua.plan import Plan, RunReport
+    from joshua.planner.emulation import EmulatedRig
+    from joshua.planner.pipeline import Checked, Examination
     from joshua.plugins.emulator import Coupling
+    from joshua.supervisor.fork_server import ForkServer
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -31,16 +31,16 @@ def run(arguments: argparse.Namespace) -> int:
         return without_effect(FAULT_ALONE)
     # First of all: the fork server must be forked before any thread or transport exists, and it loads
     # the heavy modules while this process reads the file.
-    from joshua.generator import fork_server
-    from joshua.generator.run_bases import base_directory
-    from joshua.generator.starting import starting
+    from joshua.ipc.run_bases import base_directory
+    from joshua.supervisor import fork_server
+    from joshua.supervisor.starting import starting
 
     with ExitStack() as stack:
         stack.enter_context(interruptible())
         server = fork_server.start()
         stack.callback(server.close)
         stack.enter_context(starting(base_directory(os.environ)))
-        from joshua.generator.examination import finish
+        from joshua.planner.pipeline import finish
 
         checked = check(arguments)
         if arguments.open and not is_calibration(checked) and not checked.examination.errors:
@@ -98,8 +98,8 @@ def without_effect(problem: str) -> int:
 def check(arguments: argparse.Namespace) -> Checked:
     """Loads and checks the file."""
     from joshua.cli.report import request_of
-    from joshua.generator.examination import check_file
-    from joshua.generator.request import Purpose
+    from joshua.planner.pipeline import check_file
+    from joshua.planner.request import Purpose
 
     return check_file(request_of(arguments, Purpose.LAUNCH))
 
@@ -147,9 +147,9 @@ def refuse(examination: Examination, arguments: argparse.Namespace) -> int:
 
 def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float) -> RunReport:
     """Starts the nodes and watches them until the end of the run."""
-    from joshua.generator.options import SupervisorOptions
-    from joshua.generator.supervisor import Supervisor
-    from joshua.generator.terminal import Terminal
+    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.supervisor import Supervisor
+    from joshua.supervisor.terminal import Terminal
 
     level = logging.getLevelName(arguments.log_level)
     options = SupervisorOptions(log_level=level, began_s=began_s)

@@ -13,7 +13,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from joshua.generator.examination import Checked
+    from joshua.planner.pipeline import Checked
     from joshua.plugins.emulator import Coupling
 
 
@@ -30,11 +30,11 @@ def start_simulation(
         The file and the links of emulated devices by node name; an exit code where that is refused.
     """
     from joshua.calibration.arm_file import FileRefused
-    from joshua.generator.run_bases import RunDirectoryError, short_base_directory
-    from joshua.generator.run_directory import physics_folder
-    from joshua.generator.simulated import NoSimulatorError, StandInError, stand_in
+    from joshua.ipc.run_bases import RunDirectoryError, short_base_directory
+    from joshua.planner.simulated import NoSimulatorError, StandInError, stand_in
     from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
     from joshua.plugins.stand_in import CoupledCamera
+    from joshua.supervisor.run_directory import physics_folder
 
     try:
         simulated = stand_in(checked.loaded.config, checked.registry, emulated=emulated)
@@ -77,7 +77,7 @@ def take_calibrations(checked: Checked, names: Collection[str]) -> None:
     from joshua.calibration.arm_file import ArmFile
     from joshua.config.checks.device_table import block_of
     from joshua.config.topics import node_entries
-    from joshua.generator.calibration_place import calibration_place
+    from joshua.planner.calibration_place import calibration_place
 
     config = checked.loaded.config
     path = calibration_place(emulate=False, simulate=True)(checked.loaded.path, config.general.id)

@@ -21,8 +21,8 @@ def validate(arguments: argparse.Namespace) -> int:
     if arguments.faults:
         sys.stderr.write(f"joshua: error: {NO_FAULTS if arguments.emulate else FAULT_ALONE}\n")
         return ExitCode.INVALID
-    from joshua.generator.examination import examine
-    from joshua.generator.request import Purpose
+    from joshua.planner.pipeline import examine
+    from joshua.planner.request import Purpose
 
     _skip_pydantic_plugins()
     examination = examine(request_of(arguments, Purpose.VALIDATE))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.config.code_doc import CodeDoc
+from joshua.textproto.code_doc import CodeDoc
 
 GRAPH_CODES: dict[str, CodeDoc] = {
     # Identity and devices

@@ -8,9 +8,9 @@ import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from joshua.config.limits import MAX_FILE_BYTES
-from joshua.config.problems import Problems, Span
-from joshua.config.source import Source
+from joshua.textproto.limits import MAX_FILE_BYTES
+from joshua.textproto.problems import Problems, Span
+from joshua.textproto.source import Source
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -102,7 +102,7 @@ def _is_regular(path: str, mode: int, problems: Problems, at: Span | None) -> bo
 
 
 def _missing(path: str, problems: Problems, at: Span | None) -> None:
-    from joshua.config.nearest import nearest
+    from joshua.textproto.nearest import nearest
 
     where = Path(path)
     candidates = _configurations_in(str(where.parent))

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.config.files import decode_source, read_bytes
-from joshua.config.formatting import format_source, same_content
-from joshua.config.lexer import tokenize
-from joshua.config.parser import Parser
-from joshua.config.problems import Problems
-from joshua.config.source import Source
+from joshua.textproto.formatting import format_source, same_content
+from joshua.textproto.lexer import tokenize
+from joshua.textproto.parser import Parser
+from joshua.textproto.problems import Problems
+from joshua.textproto.source import Source
 
 if TYPE_CHECKING:
     from joshua.plan import Diagnostic

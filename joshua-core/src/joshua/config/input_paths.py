@@ -10,9 +10,9 @@ from typing import Any, Protocol, TypeVar
 from google.protobuf.message import Message
 
 from joshua.config.camera_source import SourceKind, source_kind
-from joshua.config.field_facts import field_facts
 from joshua.plan import Position
 from joshua.schema import options_pb2 as rules
+from joshua.textproto.field_facts import field_facts
 
 _Block = TypeVar("_Block", bound=Message)
 

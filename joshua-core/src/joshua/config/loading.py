@@ -6,15 +6,15 @@ import os.path
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from joshua.config.binder import Binder, Merge
 from joshua.config.calibration_paths import calibration_path
 from joshua.config.files import FileId, file_id, read_source
-from joshua.config.limits import MAX_FILES
-from joshua.config.parser import parse
-from joshua.config.plugin_types import PluginTypes
-from joshua.config.positions import Positions
-from joshua.config.problems import Problems, Span
 from joshua.schema.config_pb2 import MODE_CALIBRATION, Config
+from joshua.textproto.binder import Binder, Merge
+from joshua.textproto.limits import MAX_FILES
+from joshua.textproto.parser import parse
+from joshua.textproto.plugin_types import PluginTypes
+from joshua.textproto.positions import Positions
+from joshua.textproto.problems import Problems, Span
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -91,7 +91,7 @@ class _Loading:
         self._read(self._path, None)
         is_readable = self._path in self._sources
         if overrides and is_readable:
-            from joshua.config.overrides import OPTION, Overrides
+            from joshua.textproto.overrides import OPTION, Overrides
 
             self._sources[OPTION] = Overrides(self._config, self._merge).apply(overrides)
         calibration_file = self._load_calibration(calibration) if is_readable else ""

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from joshua.config.checks import Context
 from joshua.config.checks.topics import type_text
 from joshua.config.names import topic_fault
-from joshua.config.nearest import nearest
 from joshua.modes.parts import lacks
 from joshua.plan import Diagnostic
 from joshua.schema import data_type_pb2 as types
 from joshua.schema import simulation_pb2 as sim
+from joshua.textproto.nearest import nearest
 
 _MAPPINGS = "simulation.mirror_topic_mappings"
 

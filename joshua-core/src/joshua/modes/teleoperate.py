@@ -8,11 +8,11 @@ from joshua.config.checks import Context
 from joshua.config.checks.device_table import block_of
 from joshua.config.checks.identity import title
 from joshua.config.checks.topics import unpublished
-from joshua.config.nearest import nearest_first
 from joshua.config.topics import Endpoint, NodeEntry
 from joshua.modes.parts import actions, command_sources, commands, is_model, lacks, mode_name
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.nearest import nearest_first
 
 # More suggestions than these nobody reads, and more leaders no follower has.
 _MOST_LEADERS = 50

@@ -10,9 +10,9 @@ from pathlib import Path
 from joshua.devices.preview import Preview, display_problem
 from joshua.devices.sensor import Reading
 from joshua.devices.sensor_node import SensorNode
-from joshua.generator.log_files import log_directory
 from joshua.node.behaviour import NodeContext
 from joshua.node.standstill import standstills
+from joshua.supervisor.log_files import log_directory
 
 from joshua_camera.camera import OpenCvCamera
 from joshua_camera.figures import Figures

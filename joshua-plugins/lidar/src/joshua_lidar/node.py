@@ -10,8 +10,8 @@ from joshua.devices.png import encode_png
 from joshua.devices.preview import Preview, display_problem
 from joshua.devices.sensor import Reading
 from joshua.devices.sensor_node import SensorNode
-from joshua.generator.log_files import log_directory
 from joshua.node.behaviour import NodeContext
+from joshua.supervisor.log_files import log_directory
 
 from joshua_lidar.assembly import Scan
 from joshua_lidar.drawing import terminal_view, top_view

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
-from joshua.devices.mock_motion import FileMotion, Motion, SineMotion
 from joshua.devices.stamps import StampClock
+from joshua.mock.motion import FileMotion, Motion, SineMotion
 
 from joshua_mujoco_sim.calibration_target import SimCalibrationTarget
 from joshua_mujoco_sim.model_file import ModelError

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from joshua.config.nearest import nearest_first
 from joshua.devices.diagnostics import ERROR, OK, DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.rates import RateMeter
+from joshua.textproto.nearest import nearest_first
 
 from joshua_teleop_input.drive import Drive, limits_of
 from joshua_teleop_input.gate import Gate

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from google.protobuf.message import Message
-from joshua.config.nearest import nearest_first
 from joshua.plugins.settings import BlockSettings, FieldError, FieldErrors
 from joshua.schema.data_type_names import TYPE_NAMES
+from joshua.textproto.nearest import nearest_first
 from pydantic import BaseModel, ConfigDict, model_validator
 from typing_extensions import Self
 

@@ -11,10 +11,10 @@ from google.protobuf.descriptor import FieldDescriptor
 from joshua.config import check
 from joshua.config.checks.paths import check_paths
 from joshua.config.diagnostics import render_json, render_text
-from joshua.config.positions import Positions
 from joshua.modes import check_mode
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.positions import Positions
 
 TEXTS = (
     "",

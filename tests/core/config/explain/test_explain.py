@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from joshua.config.codes import CODES
 from joshua.config.explain import Catalogue, explain, overview
-from joshua.config.plugin_types import PluginTypes
 from joshua.schema.comments import comment
 from joshua.schema.compile import compile_protos
 from joshua.schema.config_pb2 import Config
+from joshua.textproto.plugin_types import PluginTypes
 
 PROTO = """\
 syntax = "proto3";

@@ -17,16 +17,16 @@ from joshua.config.calibration_paths import journal_path
 from joshua.devices.actuator import Actuator
 from joshua.devices.calibration import ArmCalibration
 from joshua.devices.errors import DeviceError
-from joshua.generator.calibration_place import calibration_place
-from joshua.generator.examination import Checked, finish
 from joshua.node.implementation import load_implementation
 from joshua.plan import NodeKind, Plan
+from joshua.planner.calibration_place import calibration_place
+from joshua.planner.pipeline import Checked, finish
 from joshua.plugins.targets import TargetError
 
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.generator.emulation import EmulatedRig
+    from joshua.planner.emulation import EmulatedRig
 
 
 class Refused(Exception):

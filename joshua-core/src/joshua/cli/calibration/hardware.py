@@ -16,13 +16,13 @@ from joshua.cli.exit_codes import ExitCode
 from joshua.cli.report import exit_code_of, request_of, show_findings
 from joshua.cli.simulation import start_simulation
 from joshua.devices.errors import DeviceError
-from joshua.generator.examination import Checked, check_file
-from joshua.generator.request import Purpose
+from joshua.planner.pipeline import Checked, check_file
+from joshua.planner.request import Purpose
 
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.generator.emulation import EmulatedRig
+    from joshua.planner.emulation import EmulatedRig
     from joshua.plugins.emulator import Coupling
 
 

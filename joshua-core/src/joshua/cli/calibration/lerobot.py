@@ -15,9 +15,9 @@ from joshua.config.checks.device_table import block_of
 from joshua.config.topics import node_entries
 from joshua.devices.calibration import ArmCalibration
 from joshua.devices.lerobot_calibration import CalibrationError, from_lerobot, to_lerobot
-from joshua.generator.calibration_place import calibration_place
-from joshua.generator.examination import Checked, check_file
-from joshua.generator.request import Purpose
+from joshua.planner.calibration_place import calibration_place
+from joshua.planner.pipeline import Checked, check_file
+from joshua.planner.request import Purpose
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:

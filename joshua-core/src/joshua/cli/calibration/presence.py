@@ -13,12 +13,12 @@ from joshua.calibration.front_end import ArmState
 from joshua.calibration.session import Arm
 from joshua.cli.calibration.arms import Refused
 from joshua.cli.exit_codes import ExitCode
-from joshua.generator.control_server import ControlServer
-from joshua.generator.reactor import Reactor
-from joshua.generator.run_bases import RunDirectoryError, base_directory
-from joshua.generator.run_directory import NodesInUseError, RunDirectory
-from joshua.generator.status import NodeStatus, RunStatus
+from joshua.ipc.run_bases import RunDirectoryError, base_directory
 from joshua.plan import Plan
+from joshua.supervisor.control_server import ControlServer
+from joshua.supervisor.reactor import Reactor
+from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
+from joshua.supervisor.status import NodeStatus, RunStatus
 
 MODE = "MODE_CALIBRATION"
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from joshua.calibration.front_end import FrontEnd
     from joshua.calibration.page.front_end import PageFrontEnd
     from joshua.calibration.session import Arm, Session
-    from joshua.generator.emulation import EmulatedRig
-    from joshua.generator.examination import Checked
+    from joshua.planner.emulation import EmulatedRig
+    from joshua.planner.pipeline import Checked
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

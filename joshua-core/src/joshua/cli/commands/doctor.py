@@ -84,8 +84,8 @@ def _findings(arguments: argparse.Namespace, host: Host) -> Iterator[Finding]:
 def _of_configuration(arguments: argparse.Namespace) -> Iterator[Finding]:
     from joshua.cli.doctor.configuration import check_configuration
     from joshua.cli.report import request_of
-    from joshua.generator.examination import examine
-    from joshua.generator.request import Purpose
+    from joshua.planner.pipeline import examine
+    from joshua.planner.request import Purpose
 
     examination = examine(request_of(arguments, Purpose.SHOW))
     yield from check_configuration(examination, opens=not arguments.no_scan)

@@ -31,8 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Starts the emulators, prints where each is reached, and waits for Ctrl-C."""
     from joshua.cli.emulation import start_rig
     from joshua.cli.report import exit_code_of, show_findings
-    from joshua.generator.examination import check_file
-    from joshua.generator.request import Request
+    from joshua.planner.pipeline import check_file
+    from joshua.planner.request import Request
 
     checked = check_file(Request(arguments.file, arguments.overrides, emulate=True))
     if checked.examination.errors:

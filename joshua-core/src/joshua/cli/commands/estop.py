@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     the file is invalid; 4: a device has not confirmed that its torque is off.
     """
     from joshua.cli.estop.latches import UserLatches
-    from joshua.generator.run_bases import RunDirectoryError, base_directories
+    from joshua.ipc.run_bases import RunDirectoryError, base_directories
 
     word = getattr(args, "config", None) or args.system
     try:
@@ -121,9 +121,9 @@ def stop_file(bases: list[Path], latches: UserLatches, args: argparse.Namespace)
     """
     from joshua.cli.estop import offline
     from joshua.cli.report import exit_code_of, request_of, show_findings
-    from joshua.generator.examination import examine
-    from joshua.generator.request import Purpose
     from joshua.guardian.latch import Subject
+    from joshua.planner.pipeline import examine
+    from joshua.planner.request import Purpose
 
     for name, value in (("overrides", []), ("blocked_plugins", []), ("host", None), ("format", "text")):
         setattr(args, name, getattr(args, name, value))
@@ -175,7 +175,7 @@ def release(bases: list[Path], latches: UserLatches, word: str) -> int:
 def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
     """Every system of this user, those whose supervisor was killed included, or those that a word names."""
     from joshua.cli.estop.running import RunningSystem
-    from joshua.generator.run_directory import all_systems
+    from joshua.supervisor.run_directory import all_systems
 
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
     return [
@@ -188,7 +188,7 @@ def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
 
 def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
     """Waits for systems that are just being started, where none runs."""
-    from joshua.generator.starting import started_processes
+    from joshua.supervisor.starting import started_processes
 
     waited_s = 0.0
     while not _systems(bases, ""):
@@ -201,7 +201,7 @@ def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
 
 def _started_beside(bases: list[Path], stopped: list[RunningSystem]) -> list[RunningSystem]:
     """Waits for systems that were just being started while others were stopped."""
-    from joshua.generator.starting import started_processes
+    from joshua.supervisor.starting import started_processes
 
     waited_s = 0.0
     while waited_s < STARTED_S and started_processes(bases) - _process_ids(_systems(bases, "")):

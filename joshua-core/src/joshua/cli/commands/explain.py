@@ -11,7 +11,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.config.plugin_types import PluginTypes
+    from joshua.textproto.plugin_types import PluginTypes
 
 SUMMARY = "explain a block, field, value or diagnostic code"
 _WIDEST = 110
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plugin_types() -> PluginTypes:
-    from joshua.config.plugin_types import PluginTypes
     from joshua.plugins import load_registry
+    from joshua.textproto.plugin_types import PluginTypes
 
     return PluginTypes(load_registry().message_modules())

@@ -62,7 +62,7 @@ def _file(path: str, check: bool) -> ExitCode:
 
 def _filter(check: bool) -> ExitCode:
     from joshua.config.format_file import format_bytes
-    from joshua.config.limits import MAX_FILE_BYTES
+    from joshua.textproto.limits import MAX_FILE_BYTES
 
     formatted = format_bytes("<stdin>", sys.stdin.buffer.read(MAX_FILE_BYTES + 1))
     if formatted.text is None:

@@ -28,8 +28,8 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.config:
         sys.stderr.write("joshua plan: no file given: add --config PATH\n")
         return ExitCode.INVALID
-    from joshua.generator.examination import examine
-    from joshua.generator.request import Purpose
+    from joshua.planner.pipeline import examine
+    from joshua.planner.request import Purpose
 
     examination = examine(request_of(arguments, Purpose.SHOW))
     if examination.plan is None:

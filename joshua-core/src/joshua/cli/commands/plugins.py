@@ -102,7 +102,7 @@ def subject(provision: Provision) -> str:
 def listing(rows: Sequence[PluginRow]) -> str:
     """Prints plugins for people: one block of lines for each, reasons before provisions."""
     from joshua.cli.plugin_commands import commands_by_distribution
-    from joshua.generator.tables import clean, columns
+    from joshua.supervisor.tables import clean, columns
 
     commands = commands_by_distribution()
     cells = [("NAME", "VERSION", "STATUS", "PROVIDES")]

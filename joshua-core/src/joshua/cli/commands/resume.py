@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Asks the run of the node; exit code 0, 1 if nothing runs, 2 if there is no such node, 4 if refused."""
-    from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, user_systems
+    from joshua.supervisor.control_server import ask
+    from joshua.supervisor.run_directory import SOCKET_NAME, user_systems
 
     systems = user_systems(os.environ)
     if not systems:

@@ -20,10 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Asks every running system for its status and prints it; exit code 0, 1 if one does not answer."""
-    from joshua.generator.control_server import ask
-    from joshua.generator.run_bases import base_directories
-    from joshua.generator.run_directory import SOCKET_NAME, latch_folder, user_systems
     from joshua.guardian.latch import LatchFolder
+    from joshua.ipc.run_bases import base_directories
+    from joshua.supervisor.control_server import ask
+    from joshua.supervisor.run_directory import SOCKET_NAME, latch_folder, user_systems
 
     bases = base_directories(os.environ)
     latches = [latch for base in bases for latch in LatchFolder(latch_folder(base)).all()]
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _lines(answers: list[dict[str, Any]]) -> list[str]:
-    from joshua.generator.tables import clean, columns
+    from joshua.supervisor.tables import clean, columns
 
     lines = []
     for answer in answers:

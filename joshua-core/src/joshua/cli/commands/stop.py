@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Asks a system to stop and waits for its end; exit code 0, 1 if it goes on, 2 if unclear which."""
-    from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, user_systems
+    from joshua.supervisor.control_server import ask
+    from joshua.supervisor.run_directory import SOCKET_NAME, user_systems
 
     systems = user_systems(os.environ)
     wanted = {args.system, os.path.abspath(args.system)}  # noqa: PTH100 (links stay as they are)

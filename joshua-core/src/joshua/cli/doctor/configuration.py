@@ -16,8 +16,8 @@ from joshua.plan import NodeKind
 from joshua.plugins.targets import TargetError
 
 if TYPE_CHECKING:
-    from joshua.generator.examination import Examination
     from joshua.plan import NodeSpec
+    from joshua.planner.pipeline import Examination
 
 NAME = "devices"
 WARN = 1  # of diagnostic_msgs/msg/DiagnosticStatus; above it are errors

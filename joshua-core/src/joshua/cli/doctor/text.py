@@ -8,7 +8,7 @@ from typing import Any
 
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.exit_codes import ExitCode
-from joshua.generator.tables import clean
+from joshua.supervisor.tables import clean
 
 _WIDTH = max(len(level.value) for level in Level)
 

@@ -6,8 +6,8 @@ import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from joshua.generator.run_directory import latch_folder
 from joshua.guardian.latch import Latch, LatchFolder
+from joshua.supervisor.run_directory import latch_folder
 
 
 class UserLatches:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from joshua.guardian.estop_files import FOLDER_NAME, EstopFiles, EstopReport
 
 if TYPE_CHECKING:
-    from joshua.generator.run_directory import RunInfo
     from joshua.guardian.latch import Latch, LatchFolder, Subject
+    from joshua.supervisor.run_directory import RunInfo
 
 #: After this time a device whose driver and guardian have not answered is opened here.
 DIRECT_AFTER_S = 1.5
@@ -54,8 +54,8 @@ class RunningSystem:
         """Has the run's log say what happened; returns why that failed, "" where it did not."""
         import os
 
-        from joshua.generator.control_server import ask
-        from joshua.generator.run_directory import SOCKET_NAME
+        from joshua.supervisor.control_server import ask
+        from joshua.supervisor.run_directory import SOCKET_NAME
 
         request = {"request": "estop", "released": released, "process_id": os.getpid()}
         try:

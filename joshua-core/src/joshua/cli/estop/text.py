@@ -11,7 +11,7 @@ _BY = {"driver": "its driver", "guardian": "its guardian", "command": "this comm
 
 def lines(reports: Sequence[EstopReport]) -> list[str]:
     """One line for each actuator: whether its torque is off, who has seen to it, and how that is known."""
-    from joshua.generator.tables import clean, columns
+    from joshua.supervisor.tables import clean, columns
 
     rows = [("  ACTUATOR", "TORQUE", "")]
     rows += [(f"  {report.node}", _torque(report), _how(report)) for report in reports]

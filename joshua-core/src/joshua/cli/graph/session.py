@@ -186,8 +186,8 @@ def _require_connection(transport: Transport, wait_s: float) -> None:
 
 def _spec_of_file(path: str) -> TransportSpec:
     from joshua.config import load
-    from joshua.generator.findings import Findings
-    from joshua.generator.transport_choice import transport_spec
+    from joshua.planner.findings import Findings
+    from joshua.planner.transport_choice import transport_spec
 
     loaded = load(path)
     findings = Findings(loaded, launch=True)

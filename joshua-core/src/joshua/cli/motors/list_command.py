@@ -10,7 +10,7 @@ from joshua.cli.exit_codes import ExitCode
 from joshua.cli.ports.bus_plugins import installed_bus_tools, short_name
 from joshua.cli.ports.survey import Families, PortSurvey, chosen_ports, survey
 from joshua.cli.ports.text import NOTHING, as_json, remarks
-from joshua.generator.tables import clean, columns
+from joshua.supervisor.tables import clean, columns
 
 if TYPE_CHECKING:
     import argparse

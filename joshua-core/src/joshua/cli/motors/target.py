@@ -14,7 +14,7 @@ from joshua.devices.usb_ports import Endpoint
 
 if TYPE_CHECKING:
     from joshua.devices.bus_tools import BusTools
-    from joshua.generator.devices import Wanted
+    from joshua.planner.devices import Wanted
 
 #: A slip such as 1-60000000 is refused at once; which of fewer ids there are, the motors say.
 MOST_IDS = 1000
@@ -123,7 +123,7 @@ def _from_file(arguments: argparse.Namespace, families: Mapping[str, type[BusToo
 def _buses(path: str, families: Mapping[str, type[BusTools]]) -> list[Wanted]:
     from joshua.config import load
     from joshua.config.diagnostics import render_text
-    from joshua.generator.devices import wanted_nodes
+    from joshua.planner.devices import wanted_nodes
     from joshua.plugins import load_registry
 
     loaded = load(path, message_types=load_registry().message_modules())

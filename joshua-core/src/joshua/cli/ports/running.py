@@ -11,8 +11,8 @@ def node_that_holds(processes: Iterable[int]) -> str:
     wanted = set(processes)
     if not wanted:
         return ""
-    from joshua.generator.control_server import ask
-    from joshua.generator.run_directory import SOCKET_NAME, user_systems
+    from joshua.supervisor.control_server import ask
+    from joshua.supervisor.run_directory import SOCKET_NAME, user_systems
 
     for path, info in user_systems(os.environ):
         try:

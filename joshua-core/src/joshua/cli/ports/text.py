@@ -8,7 +8,7 @@ from typing import Any
 
 from joshua.cli.ports.survey import Families, PortSurvey
 from joshua.devices.bus_tools import FoundMotor
-from joshua.generator.tables import clean
+from joshua.supervisor.tables import clean
 
 NOTHING = """no USB serial adapter was found
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from joshua.config.lexer import tokenize
-from joshua.config.parser import Parser
-from joshua.config.problems import Problems
-from joshua.config.source import Source
+from joshua.textproto.lexer import tokenize
+from joshua.textproto.parser import Parser
+from joshua.textproto.problems import Problems
+from joshua.textproto.source import Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from joshua.config.positions import Entry, Positions
+    from joshua.textproto.positions import Entry, Positions
 
 
 class EditError(Exception):

@@ -42,7 +42,7 @@ def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root
 
 def node_ports(loaded: LoadedConfig) -> Iterator[NodePort]:
     """The nodes of a file that have a serial link."""
-    from joshua.generator.devices import wanted_nodes
+    from joshua.planner.devices import wanted_nodes
 
     for want in wanted_nodes(loaded.config, devices=True, models=False):
         comm: Any = getattr(want.block, "comm", None)

@@ -8,8 +8,8 @@ from itertools import islice
 from typing import Any
 
 from joshua.config.checks.context import Context, Loaded
-from joshua.config.limits import MAX_PROBLEMS
 from joshua.plan import Diagnostic, Severity
+from joshua.textproto.limits import MAX_PROBLEMS
 
 __all__ = ["Context", "Loaded", "at_most", "check", "settle"]
 

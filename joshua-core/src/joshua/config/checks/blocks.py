@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from google.protobuf.message import DecodeError, Message
 
-from joshua.config.field_facts import FieldFacts, field_facts
+from joshua.textproto.field_facts import FieldFacts, field_facts
 
 _ANY = "google.protobuf.Any"
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of
-from joshua.config.nearest import nearest_first
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
 from joshua.schema import calibration_pb2 as calibration_pb
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.nearest import nearest_first
 
 
 def check(context: Context) -> Iterator[Diagnostic]:

@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Any, Protocol
 
 from joshua.config.checks.blocks import Block, all_blocks
-from joshua.config.field_facts import number_text
 from joshua.config.names import NameFault, topic_fault
 from joshua.config.topics import Endpoint, NodeEntry, endpoints, node_entries
 from joshua.plan import Diagnostic, Position, Related, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.textproto.field_facts import number_text
 
 
 class Positions(Protocol):

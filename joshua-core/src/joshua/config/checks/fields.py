@@ -10,9 +10,9 @@ from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import LINKS, block_of, messages_of
 from joshua.config.checks.topics import type_text
-from joshua.config.field_facts import FieldFacts, field_facts, number_text
-from joshua.config.nearest import nearest_first
 from joshua.plan import Diagnostic
+from joshua.textproto.field_facts import FieldFacts, field_facts, number_text
+from joshua.textproto.nearest import nearest_first
 
 
 def check(context: Context) -> Iterator[Diagnostic]:

@@ -9,11 +9,11 @@ from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import LINKS, block_of, fitting_blocks, fitting_types
 from joshua.config.checks.identity import title
-from joshua.config.field_facts import FieldFacts, field_facts
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
 from joshua.schema import comm_pb2
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.field_facts import FieldFacts, field_facts
 
 
 def check(context: Context) -> Iterator[Diagnostic]:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
-from joshua.config.field_facts import FieldFacts, number_text
 from joshua.plan import Diagnostic
+from joshua.textproto.field_facts import FieldFacts, number_text
 
 
 def check(context: Context) -> Iterator[Diagnostic]:

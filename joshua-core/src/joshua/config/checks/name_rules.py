@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
-from joshua.config.field_facts import FieldFacts
 from joshua.config.names import (
     NameFault,
     frame_fault,
@@ -19,6 +18,7 @@ from joshua.config.names import (
 )
 from joshua.plan import Diagnostic
 from joshua.schema import options_pb2 as rules
+from joshua.textproto.field_facts import FieldFacts
 
 _FAULTS: dict[int, tuple[str, Callable[[str], NameFault | None]]] = {
     rules.KIND_TOPIC: ("topic-name-invalid", topic_fault),

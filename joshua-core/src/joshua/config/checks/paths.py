@@ -10,11 +10,11 @@ from pathlib import Path
 from joshua.config.camera_source import SourceKind, source_kind
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context, Loaded
-from joshua.config.field_facts import FieldFacts
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import options_pb2 as rules
 from joshua.schema import simulation_pb2, transport_pb2
+from joshua.textproto.field_facts import FieldFacts
 
 # A hub id is «owner/name»; what starts with a dot, a slash or ~ is always a path.
 _HUB_ID = r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*"

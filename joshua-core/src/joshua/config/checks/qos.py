@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.config.field_facts import number_text
 from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic, QosProfile, Related
+from joshua.textproto.field_facts import number_text
 
 _MOST_PROFILES = 20
 
@@ -128,6 +128,7 @@ def _request(context: Context, item: Endpoint) -> tuple[Related, ...]:
 
 def _deadline(context: Context) -> Iterator[Diagnostic]:
     """A deadline shorter than the publisher's own period is missed with every message."""
+    said: set[tuple[str, str]] = set()  # a topic that a node publishes twice, which is an error of its own
     for item in context.endpoints:
         if not item.is_publisher:
             continue
@@ -135,6 +136,9 @@ def _deadline(context: Context) -> Iterator[Diagnostic]:
         if not (rate > 0 and deadline > 0 and deadline * rate < 1):
             continue
         path = f"{item.qos_path}.deadline_s"
+        if (path, item.topic) in said:
+            continue
+        said.add((path, item.topic))
         yield context.warning(
             "deadline-below-period",
             f"{title(item.entry)} publishes {item.topic} every {number_text(1 / rate)} s, "

@@ -9,11 +9,11 @@ from typing import Any
 from joshua.config.checks.bus_load import PROTOCOLS, bus_cycle, rate_text
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of
-from joshua.config.field_facts import field_facts, number_text
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.textproto.field_facts import field_facts, number_text
 
 _PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
 

@@ -12,10 +12,10 @@ from joshua.config.camera_source import device_identity
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.config.field_facts import FieldFacts, field_facts
 from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
 from joshua.schema import options_pb2 as rules
+from joshua.textproto.field_facts import FieldFacts, field_facts
 
 
 class _Kind(NamedTuple):

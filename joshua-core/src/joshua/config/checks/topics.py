@@ -7,11 +7,11 @@ from itertools import islice
 
 from joshua.config.checks.context import Context, is_command
 from joshua.config.checks.identity import title
-from joshua.config.nearest import nearest
 from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.textproto.nearest import nearest
 
 # Every ROS 2 node has these without a publisher in any file.
 _SYSTEM_TOPICS = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/joint_states")

@@ -13,9 +13,9 @@ from joshua.config.checks.endpoint_text import (
     is_loopback,
     parse_endpoint,
 )
-from joshua.config.nearest import nearest
 from joshua.plan import Diagnostic
 from joshua.schema import transport_pb2 as pb
+from joshua.textproto.nearest import nearest
 
 _ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
 _DDS_FIELDS = ("network_interface", "peers")

@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import Any
 
 from joshua.config.codes import CODES
-from joshua.config.field_table import ANY
-from joshua.config.nearest import nearest
-from joshua.config.plugin_types import PluginTypes
 from joshua.schema.config_pb2 import Config
+from joshua.textproto.field_table import ANY
+from joshua.textproto.nearest import nearest
+from joshua.textproto.plugin_types import PluginTypes
 
 _MOST_SUGGESTIONS = 6
 _PART = 400

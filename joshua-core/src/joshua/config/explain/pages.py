@@ -7,11 +7,11 @@ from typing import Any
 
 from joshua.config.codes import CODES
 from joshua.config.explain.catalogue import Catalogue, Place
-from joshua.config.field_facts import field_facts
-from joshua.config.field_table import ANY, Kind, field_table
 from joshua.schema import options_pb2
 from joshua.schema.comments import comment
 from joshua.schema.extensions import is_extension
+from joshua.textproto.field_facts import field_facts
+from joshua.textproto.field_table import ANY, Kind, field_table
 
 _LABEL = 10
 _MOST_USERS = 4

@@ -1,1 +1,0 @@
-"""Config to Plan, and the supervisor that runs a plan."""

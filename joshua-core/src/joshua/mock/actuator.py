@@ -1,0 +1,181 @@
+"""Virtual motors: first-order motion towards the goal, within the limits, on the machine's own clock."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.devices.pacing import NS_PER_S
+from joshua.devices.stamps import StampClock
+from joshua.devices.units import rad_to_ticks, ticks_to_rad
+from joshua.mock.motion import FileMotion, Motion, SineMotion
+from joshua.mock.settings import MockMotorSettings
+
+# No-load speed of a small serial bus servo at 12 V.
+VELOCITY_MAX_RAD_S = 4.7
+
+
+class MockActuator(Actuator):
+    """A group of virtual motors of 4096 ticks a turn, zero in the middle.
+
+    With torque a joint follows its goal as a first-order system: its speed is the remaining way divided by
+    the time constant, at most ``VELOCITY_MAX_RAD_S``. Without torque it stays where it is, or follows the
+    configured motion of its own, as an arm does that a person moves. Readings are whole ticks. Effort
+    is the fraction of stall torque that drives the motion: 0 at rest, ±1 at full speed.
+
+    Args:
+        settings: the motors.
+        context: further facts of the plan; not used.
+    """
+
+    settings: MockMotorSettings
+
+    def __init__(self, settings: MockMotorSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        joints = settings.joint_ranges
+        self._names = tuple(joint.name for joint in joints)
+        self._limits = JointLimits(
+            position_min_rad=np.array([joint.min_rad for joint in joints]),
+            position_max_rad=np.array([joint.max_rad for joint in joints]),
+            velocity_max_rad_s=np.full(len(joints), VELOCITY_MAX_RAD_S),
+        )
+        self._connected = False
+        self._energised = False
+        self._stamps = StampClock()
+        self._motion: Motion | None = None
+        self._start_ns = self._simulated_ns = 0
+        self._position = np.zeros(len(joints))
+        self._goal = np.zeros(len(joints))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints: the calibration's, else ``joint_1`` and so on."""
+        return self._names
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits from block and calibration."""
+        return self._limits
+
+    @property
+    def connected(self) -> bool:
+        """Whether ``connect`` has been called."""
+        return self._connected
+
+    def connect(self) -> None:
+        """Places the joints in the middle of their range. Raises DeviceError for a bad motion file."""
+        if self._connected:
+            raise DeviceError("MockActuator.connect: the device is open already")
+        limits = self._limits
+        middle = (limits.position_min_rad + limits.position_max_rad) / 2
+        self._motion = self._make_motion()
+        self._position, self._goal = middle, middle.copy()
+        self._start_ns = self._simulated_ns = time.monotonic_ns()
+        self._energised = False
+        self._connected = True
+
+    def read(self) -> JointReading:
+        """Reads all joints: whole ticks, in radians; see the class for velocity and effort."""
+        self.require_connected("read")
+        velocity = self._advance()
+        stamp_ns = self._stamps.now_ns()
+        position = np.array([ticks_to_rad(rad_to_ticks(value)) for value in self._position])
+        effort = velocity / VELOCITY_MAX_RAD_S if self._energised else np.zeros_like(velocity)
+        return JointReading(stamp_ns, self._within(position), velocity, effort)
+
+    def enable(self) -> None:
+        """Gives torque to all joints, where they are."""
+        self.require_connected("enable")
+        self._advance()
+        self._goal = self._position.copy()
+        self._energised = True
+
+    def write(self, goal_rad: FloatArray) -> FloatArray:
+        """Commands positions in radians, shape (N,); returns the goal after the clamp, in whole ticks.
+
+        Raises ValueError for a wrong shape or a value that is not finite, DeviceError without torque.
+        """
+        self.require_connected("write")
+        goal = self.checked_goal(goal_rad)
+        if not self._energised:
+            raise DeviceError("MockActuator.write: the joints have no torque: call enable first")
+        self._advance()
+        self._goal = self._within(goal)
+        return self._goal.copy()
+
+    def hold(self) -> None:
+        """Stops where the joints are, torque as it is."""
+        self.require_connected("hold")
+        self._advance()
+        self._goal = self._position.copy()
+
+    def release(self) -> None:
+        """Takes torque off; does nothing on a closed device."""
+        if self._connected:
+            self._advance()
+        self._energised = False
+
+    def read_torque(self) -> dict[str, bool]:
+        """Whether the joints have torque."""
+        return dict.fromkeys(self._names, self._energised)
+
+    def disconnect(self) -> None:
+        """Ends the simulation; a second call does nothing."""
+        self._connected = self._energised = False
+        self._motion = None
+
+    def _make_motion(self) -> Motion | None:
+        settings = self.settings
+        if settings.motion == "sine":
+            return SineMotion(self._limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
+        if settings.motion == "file":
+            return FileMotion(settings.motion_file, self._names)
+        return None
+
+    def _within(self, position: FloatArray) -> FloatArray:
+        return np.clip(position, self._limits.position_min_rad, self._limits.position_max_rad)
+
+    def _advance(self) -> FloatArray:
+        """Moves the joints to where they are now; returns their velocity, shape (N,)."""
+        now_ns = time.monotonic_ns()
+        elapsed_s = (now_ns - self._simulated_ns) / NS_PER_S
+        self._simulated_ns = now_ns
+        if self._energised:
+            self._position = follow(self._position, self._goal, elapsed_s, self.settings.time_constant_s)
+            return _speed(self._goal - self._position, self.settings.time_constant_s)
+        if self._motion is None:
+            return np.zeros_like(self._position)
+        position, velocity = self._motion.at((now_ns - self._start_ns) / NS_PER_S)
+        self._position = self._within(position)
+        return np.where(self._position == position, velocity, 0.0)
+
+
+def _speed(way_rad: FloatArray, time_constant_s: float) -> FloatArray:
+    return np.clip(way_rad / time_constant_s, -VELOCITY_MAX_RAD_S, VELOCITY_MAX_RAD_S)
+
+
+def follow(
+    start_rad: FloatArray, goal_rad: FloatArray, elapsed_s: float, time_constant_s: float
+) -> FloatArray:
+    """Exact solution of the speed-limited first-order motion, whatever the step.
+
+    Far from the goal a joint moves at full speed; from the distance at which the first-order speed is no
+    longer above it, the remaining way decays exponentially.
+
+    Args:
+        start_rad: positions at the start, shape (N,).
+        goal_rad: goals, shape (N,).
+        elapsed_s: time since the start.
+        time_constant_s: of the exponential part.
+
+    Returns:
+        The positions at the end, shape (N,).
+    """
+    way = np.abs(goal_rad - start_rad)
+    threshold = VELOCITY_MAX_RAD_S * time_constant_s
+    full_speed_s = np.clip((way - threshold) / VELOCITY_MAX_RAD_S, 0.0, elapsed_s)
+    left = (way - VELOCITY_MAX_RAD_S * full_speed_s) * np.exp(-(elapsed_s - full_speed_s) / time_constant_s)
+    return goal_rad - np.sign(goal_rad - start_rad) * left

@@ -1,0 +1,102 @@
+"""A virtual camera: a moving test pattern that carries its frame number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.pacing import FreeRunningClock
+from joshua.devices.png import encode_png
+from joshua.devices.sensor import Reading, Sensor
+from joshua.messages import message_class
+from joshua.messages.make import header, image
+from joshua.mock.pattern import MovingPattern, frame_number
+from joshua.mock.settings import MockCameraSettings
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+
+class MockCamera(Sensor):
+    """A virtual camera.
+
+    ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files. Its
+    CameraInfo is that of a pinhole without distortion, whose focal length is the width of the picture.
+
+    Args:
+        settings: size and rate.
+        context: further facts of the plan; not used.
+    """
+
+    settings: MockCameraSettings
+
+    def __init__(self, settings: MockCameraSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self._clock: FreeRunningClock | None = None
+        self._pattern: MovingPattern | None = None
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """Raw and compressed pictures, and the camera's geometry."""
+        return (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the camera runs."""
+        return self._clock is not None
+
+    def connect(self) -> None:
+        """Starts the camera."""
+        if self.connected:
+            raise DeviceError("MockCamera.connect: the device is open already")
+        self._pattern = MovingPattern(self.settings.width, self.settings.height)
+        self._clock = FreeRunningClock(self.settings.fps)
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next frame; None when none came in time."""
+        self.require_connected("read")
+        clock, pattern = self._clock, self._pattern
+        assert clock is not None
+        assert pattern is not None
+        tick = clock.wait(timeout_s)
+        if tick is None:
+            return None
+        return Reading(tick.stamp_ns, tick.sequence, pattern.draw(tick.sequence))
+
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
+        if type_name == CAMERA_INFO:
+            return self._camera_info(reading, frame_id)
+        if type_name == COMPRESSED_IMAGE:
+            data = np.frombuffer(encode_png(reading.data), np.uint8)
+            return message_class(COMPRESSED_IMAGE)(header(frame_id, reading.stamp_ns), "rgb8; png", data)
+        return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
+
+    def _camera_info(self, reading: Reading, frame_id: str) -> Any:
+        width, height = self.settings.width, self.settings.height
+        camera = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1]], np.float64)
+        return message_class(CAMERA_INFO)(
+            header=header(frame_id, reading.stamp_ns),
+            height=height,
+            width=width,
+            distortion_model="plumb_bob",
+            d=np.zeros(5),
+            k=camera.reshape(-1),
+            r=np.eye(3).reshape(-1),
+            p=np.hstack((camera, np.zeros((3, 1)))).reshape(-1),
+            binning_x=0,
+            binning_y=0,
+            roi=message_class("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False),
+        )
+
+    def implausible(self, reading: Reading) -> str:
+        """Says when the number in the picture is not the frame's."""
+        shown = frame_number(reading.data)
+        return "" if shown == reading.sequence else f"frame {reading.sequence} shows the number {shown}"
+
+    def disconnect(self) -> None:
+        """Stops the camera; a second call does nothing."""
+        self._clock = self._pattern = None

@@ -1,0 +1,93 @@
+"""A virtual rotary encoder that turns at a constant speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from joshua.devices.errors import DeviceError
+from joshua.devices.pacing import NS_PER_S, FreeRunningClock
+from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.units import ticks_to_rad
+from joshua.messages.make import joint_state
+from joshua.mock.settings import MockEncoderSettings
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+@dataclass(frozen=True)
+class EncoderReading:
+    """State of a rotary encoder since it was opened.
+
+    Attributes:
+        ticks: whole counts, over several turns.
+        position_rad: the same in radians.
+        velocity_rad_s: speed of the shaft.
+    """
+
+    ticks: int
+    position_rad: float
+    velocity_rad_s: float
+
+
+class MockEncoder(Sensor):
+    """A virtual rotary encoder; ``Reading.data`` is an ``EncoderReading``.
+
+    Args:
+        settings: resolution, speed and rate.
+        context: further facts of the plan; ``joint_name`` names the joint in JointState messages.
+    """
+
+    settings: MockEncoderSettings
+
+    def __init__(self, settings: MockEncoderSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self._clock: FreeRunningClock | None = None
+        self._first_ns: int | None = None
+
+    @property
+    def data_types(self) -> tuple[str, ...]:
+        """The state of one joint."""
+        return (JOINT_STATE,)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the encoder counts."""
+        return self._clock is not None
+
+    def connect(self) -> None:
+        """Starts to count from 0."""
+        if self.connected:
+            raise DeviceError("MockEncoder.connect: the device is open already")
+        self._first_ns = None
+        self._clock = FreeRunningClock(self.settings.sample_rate_hz)
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next sample; None when none came in time."""
+        self.require_connected("read")
+        assert self._clock is not None
+        tick = self._clock.wait(timeout_s)
+        if tick is None:
+            return None
+        if self._first_ns is None:
+            self._first_ns = tick.stamp_ns
+        settings = self.settings
+        speed = -settings.speed_rad_s if settings.inverted else settings.speed_rad_s
+        turned_rad = speed * (tick.stamp_ns - self._first_ns) / NS_PER_S
+        ticks = math.floor(turned_rad * settings.resolution / math.tau)
+        position = ticks_to_rad(ticks, ticks_per_turn=settings.resolution, zero_ticks=0)
+        return Reading(tick.stamp_ns, tick.sequence, EncoderReading(ticks, position, speed))
+
+    def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
+        """Makes a JointState of one joint."""
+        del type_name  # there is only one
+        data: EncoderReading = reading.data
+        name = self.plan_context.get("joint_name", "joint_1")
+        return joint_state(
+            [name], [data.position_rad], [data.velocity_rad_s], frame_id=frame_id, at_ns=reading.stamp_ns
+        )
+
+    def disconnect(self) -> None:
+        """Stops counting; a second call does nothing."""
+        self._clock = None

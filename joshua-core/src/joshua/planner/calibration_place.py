@@ -1,0 +1,66 @@
+"""Where the calibration of a run is kept, and whether one was interrupted while it was written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.config.calibration_paths import calibration_path, journal_path
+from joshua.config.topics import node_entries
+from joshua.plan import Diagnostic, Severity
+from joshua.schema import config_pb2 as pb
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+
+Place = Callable[[str, str], str]
+
+
+def calibration_place(emulate: bool, simulate: bool = False) -> Place:
+    """The rule that names the calibration file: beside the configuration, or with the arms that stand in."""
+    if emulate:
+        return _emulated
+    return _simulated if simulate else calibration_path
+
+
+def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Diagnostic]:
+    """Arms whose servos and file may disagree; they are not to be driven. A calibration run recovers them.
+
+    Simulated arms keep nothing that could disagree, and are not asked for.
+    """
+    config = loaded.config
+    path = calibration_place(emulate)(loaded.path, config.general.id)
+    if not path or config.general.mode == pb.MODE_CALIBRATION:
+        return []
+    names = [e.node.node_name for e in node_entries(config) if isinstance(e.owner, pb.SingleAction)]
+    return [
+        Diagnostic(
+            "calibration-interrupted",
+            Severity.ERROR,
+            f"A calibration of {name} was interrupted while it was written, so servos and file may disagree",
+            field_path="calibration",
+            found=journal_path(path, name),
+            remedy=f"Run joshua calibrate --recover --config {loaded.path}"
+            + (" --emulate" if emulate else "")
+            + ", which puts the old calibration back",
+        )
+        for name in names
+        if name and Path(journal_path(path, name)).exists()
+    ]
+
+
+def _emulated(config_path: str, robot_id: str) -> str:
+    del config_path  # a real arm's file stands there
+    return _kept(robot_id, "emulated")
+
+
+def _simulated(config_path: str, robot_id: str) -> str:
+    del config_path  # as above
+    return _kept(robot_id, "simulated")
+
+
+def _kept(robot_id: str, kind: str) -> str:
+    from joshua.planner.emulation import state_folder
+
+    return calibration_path(str(state_folder(robot_id, kind) / "robot.pbtxt"), robot_id)

@@ -1,0 +1,161 @@
+"""The node specs of devices and models, with what each must know of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from joshua.config.topics import Endpoint, endpoints
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.planner.devices import Wanted
+from joshua.planner.findings import Findings
+from joshua.planner.resolution import Resolved
+from joshua.planner.safety import safety_context
+from joshua.planner.services import PHYSICS_BLOCKS, PHYSICS_GROUP
+from joshua.plugins import Provision, ProvisionKind, Registry
+from joshua.plugins.targets import behaviour_of
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2, data_types
+
+RESTART = {
+    pb.RESTART_DEFAULT: "on-failure",
+    pb.RESTART_ON_FAILURE: "on-failure",
+    pb.RESTART_NEVER: "never",
+    pb.RESTART_STOP_RUN: "stop-run",
+}
+
+
+class NodePlanner:
+    """Makes the node specs of one configuration.
+
+    Args:
+        joints: joints of each actuator by field path of its node block.
+        source: the configuration file, at whose folder relative paths start.
+    """
+
+    def __init__(
+        self,
+        config: pb.Config,
+        registry: Registry,
+        joints: Mapping[str, list[dict[str, Any]]],
+        findings: Findings,
+        source: str,
+    ) -> None:
+        self._source = source
+        self._registry = registry
+        self._joints = joints
+        self._findings = findings
+        self._without_native: dict[str, list[Wanted]] = {}
+        self._endpoints = endpoints(config)
+        self._testing = config.general.mode == pb.MODE_TEST
+
+    def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
+        """Makes the specs of all resolved nodes."""
+        specs = [self._spec(resolved) for resolved in nodes]
+        for plugin, wants in self._without_native.items():
+            self._findings.native_missing(wants, plugin)
+        return specs
+
+    def _spec(self, resolved: Resolved) -> NodeSpec:
+        want, provision = resolved.want, resolved.provision
+        node = want.entry.node
+        plugin = self._registry.owner(provision).distribution
+        native = node.node_type == pb.CPP and bool(provision.native)
+        if node.node_type == pb.CPP and not native:
+            self._without_native.setdefault(plugin, []).append(want)
+        settings = resolved.settings
+        return NodeSpec(
+            name=node.node_name,
+            namespace=want.entry.namespace,
+            frame_id=node.frame_id or node.node_name,
+            node_id=node.node_id,
+            kind=NodeKind(want.kind.value),
+            role=want.enum_value,
+            block=want.block_name,
+            plugin=plugin,
+            behaviour=behaviour_of(provision),
+            implementation=provision.native if native else provision.implementation,
+            settings_type=provision.settings,
+            settings=settings.model_dump(mode="json") if settings is not None else {},
+            context=resolved.context
+            | self._shared_context(want)
+            | safety_context(want, provision)
+            | _times(provision)
+            | ({"terminal": True} if provision.terminal else {}),
+            backend="native" if native else "python",
+            publishers=tuple(self._topics(want, publishers=True)),
+            subscriptions=tuple(self._topics(want, publishers=False)),
+            process_group=node.process_group or (PHYSICS_GROUP if want.block_name in PHYSICS_BLOCKS else ""),
+            interpreter=self._interpreter(want),
+            host=node.host,
+            restart=RESTART.get(node.restart, "on-failure"),
+        )
+
+    def _interpreter(self, want: Wanted) -> str:
+        """The interpreter of a node; a relative path starts at the file that names it, as in the checks."""
+        if not want.entry.node.python:
+            return ""
+        from joshua.config.input_paths import with_absolute_paths
+
+        positions = self._findings.positions
+        return with_absolute_paths(want.entry.node, want.entry.path, positions, self._source).python
+
+    def _own(self, want: Wanted, *, publishers: bool) -> list[Endpoint]:
+        return [
+            endpoint
+            for endpoint in self._endpoints
+            if endpoint.entry.path == want.entry.path and endpoint.is_publisher is publishers
+        ]
+
+    def _topics(self, want: Wanted, *, publishers: bool) -> Iterable[TopicSpec]:
+        for endpoint in self._own(want, publishers=publishers):
+            yield TopicSpec(
+                name=endpoint.topic,
+                type_name=data_types.type_name(endpoint.block.data_type),
+                qos=endpoint.qos,
+                rate_hz=endpoint.block.publish_rate_hz if publishers else 0.0,
+            )
+
+    def _shared_context(self, want: Wanted) -> dict[str, Any]:
+        """What a node must know of others: its own joints and its leader's, or those that it commands."""
+        if want.kind is ProvisionKind.ACTUATOR:
+            joints = {"joints": self._joints[want.entry.path]}
+            return joints | self._commanders(want) | ({"testing": True} if self._testing else {})
+        if want.kind is ProvisionKind.SENSOR:  # it was resolved with the joints that it reaches
+            return {"testing": True} if self._testing else {}
+        commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
+        return {"joints": commanded} if commanded else {}
+
+    def _commanders(self, want: Wanted) -> dict[str, Any]:
+        """Of those who publish what an actuator hears: its leader, and who may take over."""
+        heard = {endpoint.topic for endpoint in self._own(want, publishers=False)}
+        facts: dict[str, Any] = {}
+        for other in self._endpoints:
+            if not other.is_publisher or other.topic not in heard or other.entry.path == want.entry.path:
+                continue
+            owner = other.entry.owner
+            commander: dict[str, Any] = {"node": other.entry.full_name, "topic": other.topic}
+            leads = isinstance(owner, pb.SingleAction) and owner.action_type == pb.ACTION_LEADER
+            if leads and other.block.data_type == data_type_pb2.JOINT_STATE:
+                commander["joints"] = self._joints.get(other.entry.path, [])
+            if other.block.override:
+                facts.setdefault("take_over", []).append(commander)
+            elif "joints" in commander:
+                facts.setdefault("leader", commander)
+        return facts
+
+    def _commanded(self, want: Wanted) -> list[str]:
+        spoken = {endpoint.topic for endpoint in self._own(want, publishers=True)}
+        return [
+            endpoint.entry.path
+            for endpoint in self._endpoints
+            if not endpoint.is_publisher
+            and endpoint.topic in spoken
+            and isinstance(endpoint.entry.owner, pb.SingleAction)
+        ]
+
+
+def _times(provision: Provision) -> dict[str, float]:
+    """What the supervisor grants a device of this kind beyond the usual."""
+    times = {"hang_after_s": provision.hang_after_s, "ready_timeout_s": provision.ready_timeout_s}
+    return {name: value for name, value in times.items() if value}

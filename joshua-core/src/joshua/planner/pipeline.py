@@ -1,0 +1,98 @@
+"""From a path to a checked plan: everything left of «supervise», without touching a device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from joshua.plan import Diagnostic, Severity
+from joshua.planner.request import Purpose, Request
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+    from joshua.plan import Plan
+    from joshua.plugins import Registry
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What is known about a configuration.
+
+    Attributes:
+        diagnostics: every finding; sources: file name to text, for rendering.
+        plan: the plan, where one was asked for and no finding is an error.
+    """
+
+    diagnostics: Sequence[Diagnostic]
+    sources: Mapping[str, str]
+    plan: Plan | None = None
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        """The findings that keep the file from running."""
+        return [item for item in self.diagnostics if item.severity is Severity.ERROR]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A configuration whose text has been read and checked, on its way to a plan."""
+
+    request: Request
+    registry: Registry
+    loaded: LoadedConfig
+    diagnostics: Sequence[Diagnostic]
+
+    @property
+    def examination(self) -> Examination:
+        """What is known so far."""
+        return Examination(self.diagnostics, self.loaded.sources)
+
+
+def examine(request: Request) -> Examination:
+    """Loads, checks and plans a configuration; reports every problem at once and never raises for one."""
+    return finish(check_file(request))
+
+
+def check_file(request: Request) -> Checked:
+    """Loads a configuration and checks everything that its text decides."""
+    from joshua.config import check, load
+    from joshua.config.checks.paths import check_paths
+    from joshua.modes import check_mode
+    from joshua.planner.calibration_place import calibration_place, interrupted_calibrations
+    from joshua.plugins import load_registry
+
+    registry = load_registry(blocked=tuple(request.blocked_plugins))
+    loaded = load(
+        request.path,
+        overrides=request.overrides,
+        message_types=registry.message_modules(),
+        calibration=calibration_place(request.emulate),
+    )
+    diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded)]
+    diagnostics += check_paths(
+        loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged
+    )
+    if request.launch and (request.emulate or not request.simulate):
+        diagnostics += interrupted_calibrations(loaded, emulate=request.emulate)
+    return Checked(request, registry, loaded, diagnostics)
+
+
+def finish(checked: Checked) -> Examination:
+    """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
+    from joshua.planner.echoes import one_of_each
+    from joshua.planner.planning import Planning
+
+    request = checked.request
+    planning = Planning(checked.loaded, checked.registry, request)
+    planning.resolve()
+    findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
+    examination = Examination(findings, checked.loaded.sources)
+    if examination.errors or request.purpose is Purpose.VALIDATE:
+        return examination
+    plan = planning.plan()
+    findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
+    examination = replace(examination, diagnostics=findings)
+    if plan is None or examination.errors:
+        return examination
+    return replace(examination, plan=plan.model_copy(update={"findings": tuple(examination.diagnostics)}))

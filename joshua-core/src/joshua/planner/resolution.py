@@ -1,0 +1,193 @@
+"""From the blocks of a file to installed implementations and checked settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from joshua.config.checks.device_table import fitting_blocks
+from joshua.config.topics import endpoints
+from joshua.plan import Diagnostic, Severity
+from joshua.planner.devices import Wanted, joints_of
+from joshua.planner.findings import Findings
+from joshua.planner.safety import check_safety
+from joshua.planner.services import PHYSICS_BLOCKS
+from joshua.plugins import Provision, ProvisionKind, Registry
+from joshua.schema import calibration_pb2, data_type_pb2, data_types
+from joshua.schema import config_pb2 as pb
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """One wanted node with its implementation.
+
+    Attributes:
+        settings: the checked settings model; None where the provision has none.
+        context: further facts for the driver, such as its calibration.
+    """
+
+    want: Wanted
+    provision: Provision
+    settings: Any
+    context: dict[str, Any]
+
+
+class Resolver:
+    """Finds the implementation of each wanted node and makes its settings; problems become findings.
+
+    Args:
+        source: the configuration file, at whose folder relative paths start.
+        waivers: what the user allows every actuator: ``allow_uncalibrated``, ``dry_run``.
+
+    Attributes:
+        joints: joints of each actuator by field path of its node block, known without a connection.
+    """
+
+    def __init__(
+        self,
+        config: pb.Config,
+        registry: Registry,
+        findings: Findings,
+        source: str,
+        waivers: Mapping[str, bool],
+    ) -> None:
+        self._registry = registry
+        self._waivers = {name: True for name, allowed in waivers.items() if allowed}
+        self._findings = findings
+        self._source = source
+        self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
+        self.joints: dict[str, list[dict[str, Any]]] = {}
+        self._endpoints = endpoints(config)
+        self._final_names: set[str] = set()
+
+    def resolve(self, wanted: list[Wanted], physics: Mapping[str, Any]) -> list[Resolved]:
+        """Resolves all nodes whose plugin is installed; the others become findings.
+
+        Args:
+            physics: what simulated devices must know of the simulation; empty where there is none.
+        """
+        resolved = []
+        missing: dict[tuple[ProvisionKind, str], list[Wanted]] = {}
+        for want in wanted:
+            provision = self._provision(want)
+            if provision is None and _is_complete(want):
+                key = (want.kind, want.block_name or want.enum_value)
+                missing.setdefault(key, []).append(want)
+            calibration = self._calibrations.get(want.entry.node.node_name)
+            context = self._context(want, calibration)
+            if want.block_name in PHYSICS_BLOCKS:
+                context |= physics
+            settings = None
+            if provision is not None:
+                settings, problems = self._settings(want, provision, context)
+                self._findings.items += problems
+                self._unfit_types(want, provision)
+                resolved.append(Resolved(want, provision, settings, context))
+            if want.kind is ProvisionKind.ACTUATOR:
+                joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
+                # Without calibration an arm's joints have names that nobody will use, unless that is waived.
+                virtual = provision is not None and provision.virtual
+                if calibration is not None or virtual or "allow_uncalibrated" in self._waivers:
+                    self._final_names.add(want.entry.path)
+                if provision is not None:
+                    check_safety(want, provision, joints, self._findings)
+        for wants in missing.values():
+            self._findings.plugin_missing(wants, self._registry)
+        return resolved
+
+    def _context(self, want: Wanted, calibration: calibration_pb2.ArmCalibration | None) -> dict[str, Any]:
+        context: dict[str, Any] = {"calibration": calibration_values(calibration)} if calibration else {}
+        if want.kind is ProvisionKind.ACTUATOR:
+            return context | self._waivers
+        joints = self._reached_joints(want) if want.kind is ProvisionKind.SENSOR else []
+        return context | ({"joints": joints} if joints else {})
+
+    def _reached_joints(self, want: Wanted) -> list[dict[str, Any]]:
+        """The joints that a sensor's commands reach; empty unless the names of all of them are final."""
+        topics = {
+            item.topic for item in self._endpoints if item.is_publisher and item.entry.path == want.entry.path
+        }
+        reached = [
+            item.entry
+            for item in self._endpoints
+            if not item.is_publisher
+            and item.topic in topics
+            and isinstance(item.entry.owner, pb.SingleAction)
+        ]
+        if not all(entry.path in self._final_names for entry in reached):
+            return []
+        return [joint for entry in reached for joint in self.joints[entry.path]]
+
+    def _provision(self, want: Wanted) -> Provision | None:
+        if not _is_complete(want):
+            return None
+        return self._registry.find(want.kind, want.block_name, want.enum_value)
+
+    def _settings(
+        self, want: Wanted, provision: Provision, context: dict[str, Any]
+    ) -> tuple[Any, list[Diagnostic]]:
+        if want.block is None or not provision.settings:
+            return None, []
+        # Imported here, because it needs pydantic, which a file without such a block need not wait for.
+        from joshua.config.input_paths import with_absolute_paths
+        from joshua.plugins.settings import make_settings
+
+        return make_settings(
+            provision,
+            with_absolute_paths(want.block, want.block_path, self._findings.positions, self._source),
+            node=want.entry.node,
+            context=context | {"launch": self._findings.launch},
+            field_path=want.block_path,
+            positions=self._findings.positions,
+        )
+
+    def _unfit_types(self, want: Wanted, provision: Provision) -> None:
+        """Topics of a third party's device that it cannot serve; the checks know the types of the others."""
+        if "." not in want.block_name or not provision.data_types:
+            return
+        offered = tuple(data_types.number(name) for name in provision.data_types)
+        allowed = tuple(data_types.enum_names(number)[0] for number in offered)
+        for index, publisher in enumerate(want.entry.node.publishers):
+            number = publisher.data_type
+            if number in offered or number not in data_type_pb2.DataType.values() or not number:
+                continue  # absent and unknown numbers are findings of the checks
+            found = data_types.enum_names(number)[0]
+            self._findings.add(
+                "data-type-unfit",
+                Severity.ERROR,
+                f"{want.entry.node.node_name} ({want.block_name}) cannot publish {found}",
+                f"{want.entry.path}.publishers[{index}].data_type",
+                found=found,
+                allowed=allowed,
+                remedy=f"write data_type: {allowed[0]}",
+            )
+
+
+def _is_complete(want: Wanted) -> bool:
+    """Whether block and type are there and go together; the checks report what is absent or does not."""
+    if want.enum_value.endswith("_UNSPECIFIED"):
+        return False
+    if want.kind is ProvisionKind.MODEL:
+        return True
+    is_third_party = "." in want.block_name
+    return is_third_party or want.block_name in fitting_blocks(want.entry.owner)
+
+
+def calibration_values(calibration: calibration_pb2.ArmCalibration) -> dict[str, Any]:
+    """Turns a calibration block into the plain values that a driver's context carries."""
+    return {
+        "device_identity": calibration.device_identity,
+        "calibrated_at": calibration.calibrated_at,
+        "motors": [
+            {
+                "id": motor.id,
+                "joint_name": motor.joint_name,
+                "homing_offset": motor.homing_offset,
+                "range_min": motor.range_min,
+                "range_max": motor.range_max,
+                "inverted": motor.inverted,
+            }
+            for motor in calibration.motors
+        ],
+    }

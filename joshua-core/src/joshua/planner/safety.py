@@ -1,0 +1,94 @@
+"""What the plan says about the safe state of an actuator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from joshua.plan import Severity
+from joshua.planner.devices import Wanted
+from joshua.planner.findings import Findings
+from joshua.plugins import Provision
+from joshua.schema import config_pb2 as pb
+
+PARK_TIMEOUT_S = 5.0
+ON_STALE_AFTER_S = 5.0
+
+#: Beyond the time for parking: the guardian's own, its report, and the closing of the device.
+STOP_MARGIN_S = 6.0
+
+
+def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
+    """Safe state of an actuator, the action of its guardian and of an e-stop; empty for other nodes."""
+    action = want.entry.owner
+    if not isinstance(action, pb.SingleAction):
+        return {}
+    is_leader = action.action_type == pb.ACTION_LEADER
+    state = action.safe_state or (pb.RELEASE if is_leader else pb.HOLD)
+    name = pb.SafeState.Name(state) if state in pb.SafeState.values() else "HOLD"
+    context: dict[str, Any] = {"safe_state": name}
+    if provision.safe_stop:
+        context["estop_action"] = provision.safe_stop
+    timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
+    if not is_leader and action.on_stale in (pb.RELEASE, pb.PARK_THEN_RELEASE):
+        context["on_stale"] = {
+            "action": pb.SafeState.Name(action.on_stale),
+            "after_s": (
+                float(action.on_stale_after_s) if action.HasField("on_stale_after_s") else ON_STALE_AFTER_S
+            ),
+            "pose_rad": list(action.park_pose_rad),
+            "timeout_s": timeout_s,
+        }
+    if is_leader or not provision.safe_stop:
+        return context
+    context["safe_stop"] = {
+        "implementation": provision.safe_stop,
+        "state": name,
+        "park_pose_rad": list(action.park_pose_rad),
+        "timeout_s": timeout_s,
+    }
+    # Not only for parking: a guardian that looks for a device which is gone takes its time, too.
+    context["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
+    return context
+
+
+def check_safety(
+    want: Wanted, provision: Provision, joints: list[dict[str, Any]], findings: Findings
+) -> None:
+    """Finds a park pose that does not fit the joints, and a device that cannot park."""
+    action = want.entry.owner
+    if not isinstance(action, pb.SingleAction):
+        return
+    path = want.entry.owner_path
+    has_guardian = bool(provision.safe_stop) and action.action_type != pb.ACTION_LEADER
+    parks_when_stale = action.on_stale == pb.PARK_THEN_RELEASE
+    if action.HasField("park_timeout_s") and not (has_guardian or parks_when_stale):
+        findings.add(
+            "field-unused",
+            Severity.NOTE,
+            f"park_timeout_s has no effect: {want.entry.node.node_name} has no guardian that it could bound",
+            f"{path}.park_timeout_s",
+            remedy="remove it",
+        )
+    parks = action.safe_state == pb.PARK_THEN_RELEASE
+    if parks and not provision.safe_stop:
+        findings.add(
+            "safe-state-unfit",
+            Severity.ERROR,
+            f"{want.entry.node.node_name}: the plugin of {want.block_name or want.enum_value} cannot park",
+            f"{path}.safe_state",
+            found="PARK_THEN_RELEASE",
+            allowed=("HOLD", "RELEASE"),
+            remedy="write safe_state: HOLD or safe_state: RELEASE",
+        )
+    elif (parks or parks_when_stale) and action.park_pose_rad and len(action.park_pose_rad) != len(joints):
+        names = ", ".join(joint["name"] for joint in joints)
+        findings.add(
+            "park-pose-unfit",
+            Severity.ERROR,
+            f"{want.entry.node.node_name}: the park pose has {len(action.park_pose_rad)} angles, "
+            f"and the actuator has {len(joints)} joints: {names}",
+            f"{path}.park_pose_rad",
+            found=str(len(action.park_pose_rad)),
+            allowed=(str(len(joints)),),
+            remedy="write one angle for each joint, in radians and in this order",
+        )

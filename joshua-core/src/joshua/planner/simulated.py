@@ -1,0 +1,111 @@
+"""``--sim``: actuators and cameras of a file become part of the simulation, which the file need not name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from joshua.modes.share import mode_share
+from joshua.planner.devices import Wanted, joints_of, wanted_nodes
+from joshua.planner.resolution import calibration_values
+from joshua.plugins import ProvisionKind, Registry
+from joshua.plugins.stand_in import CoupledArm, CoupledCamera, RealDevice, StandInError
+from joshua.plugins.targets import TargetError, load_target
+from joshua.schema import config_pb2 as pb
+
+__all__ = ["NoSimulatorError", "Simulated", "StandInError", "stand_in"]
+
+#: Block of a real camera; other sensors have no place in the simulation.
+_CAMERA = "camera_config"
+
+
+class NoSimulatorError(StandInError):
+    """No simulator is installed."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What became part of the simulation.
+
+    Attributes:
+        names: nodes whose devices are simulated; coupled: those that are emulated, and whose joints the
+            simulation moves or whose pictures it draws, by node name.
+    """
+
+    names: tuple[str, ...]
+    coupled: Mapping[str, CoupledArm | CoupledCamera]
+
+
+def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -> Simulated:
+    """Puts simulated devices in place of the real ones.
+
+    Args:
+        config: the loaded file, which is changed.
+        registry: installed plugins.
+        emulated: devices are emulated, and the simulation only moves their joints and draws their pictures.
+
+    Raises:
+        StandInError: no simulator is installed, or it cannot stand for a device.
+    """
+    provision = registry.find(ProvisionKind.SIMULATOR, "simulation", "OFFSCREEN")
+    if provision is None or not provision.stand_in:
+        raise NoSimulatorError("--sim needs a simulator: pip install joshua-mujoco-sim")
+    devices = [_device(config, registry, want) for want in _replaceable(config, registry, emulated=emulated)]
+    if not devices:
+        raise StandInError(
+            "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
+            + (", and whose emulator can be part of the simulation" if emulated else "")
+        )
+    try:
+        coupled = load_target(provision.stand_in)(config, devices, emulated)
+    except TargetError as error:
+        raise StandInError(f"the simulator is broken: {error}") from error
+    names = coupled if emulated else [device.node_name for device in devices]
+    return Simulated(tuple(names), coupled)
+
+
+def _replaceable(config: pb.Config, registry: Registry, *, emulated: bool) -> list[Wanted]:
+    share = mode_share(config)
+    found = []
+    for want in wanted_nodes(config, devices=share.devices, models=False):
+        provision = registry.find(want.kind, want.block_name, want.enum_value)
+        is_virtual = provision is not None and provision.virtual
+        fits = want.kind is ProvisionKind.ACTUATOR or want.block_name == _CAMERA
+        if want.block_name and fits and not is_virtual and (not emulated or _couples(registry, want)):
+            found.append(want)
+    return found
+
+
+def _couples(registry: Registry, want: Wanted) -> bool:
+    """Whether a device's emulator can be part of the simulation; else it stays as without one."""
+    provision = registry.find(ProvisionKind.EMULATOR, want.block_name)
+    try:
+        return provision is not None and bool(load_target(provision.implementation).couples)
+    except TargetError:
+        return False  # named when the emulators start
+
+
+def _device(config: pb.Config, registry: Registry, want: Wanted) -> RealDevice:
+    name = want.entry.node.node_name
+    block = want.block_path.rpartition(".")[2]
+    joints = _joint_names(config, registry, want) if want.kind is ProvisionKind.ACTUATOR else ()
+    return RealDevice(name, want.enum_value, want.entry.owner, block, joints)
+
+
+def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[str, ...]:
+    name = want.entry.node.node_name
+    calibration = next((arm for arm in config.calibration.arms if arm.node_name == name), None)
+    provision = registry.find(want.kind, want.block_name, want.enum_value)
+    settings = None
+    if provision is not None and want.block is not None:
+        from joshua.plugins.settings import make_settings  # needs pydantic
+
+        context = {"calibration": calibration_values(calibration)} if calibration is not None else {}
+        settings, _ = make_settings(provision, want.block, node=want.entry.node, context=context)
+    names = tuple(joint["name"] for joint in joints_of(settings, want.block, calibration))
+    if not names:
+        raise StandInError(
+            f"{name}: its block does not say which joints it has, so the simulation cannot stand for it: "
+            "leave it out of the file, or run without --sim"
+        )
+    return names

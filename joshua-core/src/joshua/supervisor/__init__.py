@@ -1,0 +1,1 @@
+"""Carries out a plan: spawns the nodes as child processes, watches, restarts and stops them."""

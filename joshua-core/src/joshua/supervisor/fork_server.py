@@ -1,0 +1,204 @@
+"""The supervisor's end of the fork server: a small process that loads heavy modules once and forks children.
+
+Start it before anything heavy is imported and before any thread or transport exists.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
+
+if TYPE_CHECKING:
+    import subprocess
+
+#: How long the server may take to end after its socket was closed; it kills children before.
+CLOSE_TIMEOUT_S = 2.0
+
+#: Signals that the supervisor answers for all of them.
+IGNORED_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@dataclass(frozen=True)
+class ForkServerEvent:
+    """What the server reports.
+
+    Attributes:
+        event: ``preloaded``, ``started``, ``exited`` or ``refused``.
+        request: number of the request that ``started`` or ``refused`` answers.
+        process_id: of the child.
+        status: wait status of ``exited``, as ``os.waitpid`` returns it.
+        text: reason of ``refused``; modules that are missing, for ``preloaded``.
+        threads: threads of the server after ``preloaded``; 1 is what a fork needs.
+    """
+
+    event: str
+    request: int = 0
+    process_id: int = 0
+    status: int = 0
+    text: str = ""
+    threads: int = 0
+
+
+class ForkServer:
+    """Asks the server for children and hears of their ends; never blocks except in ``close``.
+
+    Use ``start`` to make one.
+    """
+
+    def __init__(self, sock: socket.socket, process_id: int, process: subprocess.Popen[bytes] | None) -> None:
+        self.process_id = process_id
+        self._frames = FrameSocket(sock)
+        self._process = process
+        self._requests = 0
+        self._reaped = False
+
+    def fileno(self) -> int:
+        """Descriptor for a selector."""
+        return self._frames.fileno()
+
+    def fork(self, title: str, descriptors: tuple[int, int, int]) -> int:
+        """Asks for a forked child.
+
+        Args:
+            title: name of the process.
+            descriptors: control socket, standard output and standard error of the child.
+
+        Returns:
+            number of the request.
+
+        Raises:
+            EndOfStreamError: the server is gone.
+        """
+        return self._ask({"operation": "fork", "title": title}, descriptors)
+
+    def execute(
+        self, arguments: Sequence[str], environment: Mapping[str, str], descriptors: tuple[int, int, int]
+    ) -> int:
+        """Asks for a child that runs another program; the control socket becomes its descriptor 3.
+
+        Returns and raises as ``fork``.
+        """
+        request: dict[str, object] = {"operation": "execute", "arguments": list(arguments)}
+        return self._ask({**request, "environment": dict(environment)}, descriptors)
+
+    def signal(self, process_id: int, number: int) -> None:
+        """Sends a signal to a child that has not been reaped. Raises EndOfStreamError."""
+        self._ask({"operation": "signal", "process_id": process_id, "number": number}, ())
+
+    def receive(self) -> list[ForkServerEvent]:
+        """Reads what the server has reported. Raises EndOfStreamError when it is gone."""
+        try:
+            return [ForkServerEvent(**json.loads(payload)) for payload in self._frames.receive()]
+        except (FrameError, ValueError, TypeError) as error:
+            raise EndOfStreamError(f"the fork server sent nonsense: {error}") from error
+
+    def close(self) -> None:
+        """Has the server kill its children and end, and waits for it; a second call does nothing."""
+        self._frames.close()
+        if self._reaped:
+            return
+        if not self._requests:  # it has no children, and may be loading modules for a while yet
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.process_id, signal.SIGKILL)
+        deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
+        while not self._reap():
+            if time.monotonic() > deadline_s:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(self.process_id, 9)
+                deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
+            time.sleep(0.002)
+
+    def _ask(self, request: dict[str, object], descriptors: tuple[int, ...]) -> int:
+        self._requests += 1
+        payload = json.dumps({"request": self._requests, "descriptors": len(descriptors), **request})
+        if not self._frames.send(payload.encode(), descriptors):
+            # The server is busy loading: requests are small, and it reads them before long.
+            select.select([], [self._frames.fileno()], [], 1.0)
+            self._frames.flush()
+        return self._requests
+
+    def _reap(self) -> bool:
+        if not self._reaped:
+            if self._process is not None:
+                self._reaped = self._process.poll() is not None
+            else:
+                try:
+                    self._reaped = os.waitpid(self.process_id, os.WNOHANG)[0] != 0
+                except ChildProcessError:
+                    self._reaped = True
+        return self._reaped
+
+
+def start(*, preload: bool = True) -> ForkServer:
+    """Starts the server and returns at once; it loads modules while the caller goes on.
+
+    A caller without threads is forked, which costs a few milliseconds; one with threads could hand
+    locks over that nobody releases, so the server then runs in a fresh interpreter.
+
+    Args:
+        preload: have the server import the heavy modules.
+    """
+    ours, theirs = socket.socketpair()
+    # The server ignores these signals; until it does so, they wait.
+    former = signal.pthread_sigmask(signal.SIG_BLOCK, IGNORED_SIGNALS)
+    try:
+        if not _single_threaded():
+            process = _execute_server(theirs, preload)
+            return ForkServer(ours, process.pid, process)
+        parent_id = os.getpid()
+        process_id = os.fork()
+        if process_id == 0:
+            _serve_forked(ours, theirs, parent_id, preload)
+        return ForkServer(ours, process_id, None)
+    finally:
+        theirs.close()
+        signal.pthread_sigmask(signal.SIG_SETMASK, former)
+
+
+def _single_threaded() -> bool:
+    try:
+        return len(os.listdir("/proc/self/task")) == 1  # noqa: PTH208 (nothing heavier than os is loaded)
+    except OSError:
+        import threading
+
+        return threading.active_count() == 1
+
+
+def _serve_forked(ours: socket.socket, theirs: socket.socket, parent_id: int, preload: bool) -> None:
+    """Turns the fork into the server; never returns."""
+    code = 70
+    try:
+        ours.close()
+        from joshua.supervisor.fork_server_process import serve
+
+        code = serve(theirs, parent_id, preload=preload)
+    except BaseException as error:  # noqa: BLE001 (the process ends here, whatever it was)
+        os.write(2, f"the fork server failed: {error!r}\n".encode())
+    finally:
+        os._exit(code)
+
+
+def _execute_server(theirs: socket.socket, preload: bool) -> subprocess.Popen[bytes]:
+    import subprocess  # the fork, which is the usual way, has no use for it
+
+    arguments = ["--descriptor", str(theirs.fileno()), "--parent", str(os.getpid())]
+    if not preload:
+        arguments.append("--no-preload")
+    for entry in sys.path:
+        arguments += ["--path", entry]
+    return subprocess.Popen(
+        [sys.executable, "-m", "joshua.supervisor.fork_server_process", *arguments],
+        pass_fds=[theirs.fileno()],
+        stdin=subprocess.DEVNULL,
+    )

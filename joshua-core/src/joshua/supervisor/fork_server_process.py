@@ -1,0 +1,286 @@
+"""The fork server itself: single-threaded, loads heavy modules, forks children, reaps them."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import gc
+import importlib
+import json
+import os
+import selectors
+import signal
+import socket
+import sys
+import time
+import traceback
+from typing import Any, NoReturn
+
+from joshua.ipc.frames import EndOfStreamError, FrameSocket
+from joshua.ipc.process_attributes import set_parent_death_signal, set_title
+from joshua.supervisor.fork_server import IGNORED_SIGNALS
+
+#: What a child runs.
+NODE_PROGRAM = "joshua.node.main"
+
+#: What children need; a module that is missing is left to the node that asks for it.
+PRELOADED = (
+    NODE_PROGRAM,
+    "numpy",
+    "joshua.messages",
+    "zenoh",
+    "zenoh.ext",
+    "joshua.transport.zenoh.transport",
+    "joshua.devices.actuator_node",
+    "joshua.devices.sensor_node",
+    "joshua.mock.actuator",
+    "joshua.mock.camera",
+    "joshua.models.inference_node",
+)
+
+#: Message types whose codecs are made ready; the frequent ones have fast paths that need none.
+PRELOADED_TYPES = ("rcl_interfaces/msg/Log", "diagnostic_msgs/msg/DiagnosticArray")
+
+#: Math libraries start threads when they are loaded, and a process with threads cannot fork safely.
+LOAD_SETTINGS = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    # The models of the core want no plugins of pydantic, and looking for them takes long.
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",
+}
+
+#: How long children may take to end by themselves when the supervisor is gone.
+ORPHAN_GRACE_S = 0.7
+
+#: The control socket of every child.
+CONTROL_DESCRIPTOR = 3
+
+_FIRST_FREE = 32
+_LAST_DESCRIPTOR = 1024
+
+
+class Server:
+    """Serves requests until the supervisor closes the socket or dies."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._frames = FrameSocket(sock)
+        self._children: set[int] = set()
+        self._wake_receiver, self._wake_sender = socket.socketpair()
+        self._wake_receiver.setblocking(False)
+        self._wake_sender.setblocking(False)
+
+    def run(self) -> int:
+        """Serves until the end; returns the exit code."""
+        signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
+        signal.set_wakeup_fd(self._wake_sender.fileno(), warn_on_full_buffer=False)
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._frames.fileno(), selectors.EVENT_READ, self._serve_requests)
+            selector.register(self._wake_receiver.fileno(), selectors.EVENT_READ, self._reap)
+            try:
+                while True:
+                    for key, _events in selector.select():
+                        key.data()
+            except EndOfStreamError:
+                self._end_children()
+        return 0
+
+    def close(self) -> None:
+        """Closes the sockets; a second call does nothing."""
+        signal.set_wakeup_fd(-1)
+        for item in (self._frames, self._wake_receiver, self._wake_sender):
+            item.close()
+
+    def report(self, **event: Any) -> None:
+        """Tells the supervisor."""
+        self._frames.send(json.dumps(event).encode())
+
+    def _serve_requests(self) -> None:
+        for payload in self._frames.receive():
+            request = json.loads(payload)
+            descriptors = self._frames.take_descriptors(request["descriptors"])
+            if request["operation"] == "signal":
+                self._signal(request["process_id"], request["number"])
+            else:
+                self._start_child(request, descriptors)
+
+    def _start_child(self, request: dict[str, Any], descriptors: list[int]) -> None:
+        server_id = os.getpid()
+        # A signal for the child waits until the child can answer it; ignored here, it would be lost.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        try:
+            process_id = os.fork()
+        except OSError as error:
+            text = f"the system refuses another process: {error}"
+            self.report(event="refused", request=request["request"], text=text)
+        else:
+            if process_id == 0:
+                self._become_child(request, descriptors, server_id)
+            self._children.add(process_id)
+            self.report(event="started", request=request["request"], process_id=process_id)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        for descriptor in descriptors:
+            os.close(descriptor)
+
+    def _become_child(self, request: dict[str, Any], descriptors: list[int], server_id: int) -> NoReturn:
+        try:
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            # Asked to stop by the kernel when the server dies; a server that died before shows here.
+            set_parent_death_signal(signal.SIGTERM)
+            if os.getppid() != server_id:
+                os._exit(1)
+            _redirect(descriptors)
+            if request["operation"] == "execute":
+                _execute(request["arguments"], request["environment"])
+            set_title(request["title"])
+            _run_node_process()
+        except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
+            _show_crash()
+        finally:
+            os._exit(70)
+
+    def _signal(self, process_id: int, number: int) -> None:
+        if process_id in self._children:  # not reaped yet, so the number is still this child's
+            os.kill(process_id, number)
+
+    def _reap(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            self._wake_receiver.recv(4096)
+        while self._children:
+            try:
+                process_id, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return
+            if process_id == 0:
+                return
+            self._children.discard(process_id)
+            self.report(event="exited", process_id=process_id, status=status)
+
+    def _end_children(self) -> None:
+        """Lets children that noticed the end of the supervisor finish, then kills what is left."""
+        deadline_s = time.monotonic() + ORPHAN_GRACE_S
+        while self._children:
+            with contextlib.suppress(EndOfStreamError):
+                self._reap()
+            if time.monotonic() > deadline_s:
+                for process_id in self._children:
+                    os.kill(process_id, signal.SIGKILL)
+            time.sleep(0.01)
+
+
+def serve(sock: socket.socket, parent_id: int, *, preload: bool) -> int:
+    """Runs the server in this process; returns its exit code."""
+    set_title("joshua-fork")
+    for number in IGNORED_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)  # the supervisor decides what they mean
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED_SIGNALS)
+    # While modules load the socket is not watched, and there are no children to take care of yet.
+    set_parent_death_signal(signal.SIGKILL)
+    if os.getppid() != parent_id:
+        return 1
+    server = Server(sock)
+    missing = load_modules() if preload else []
+    set_parent_death_signal(0)
+    try:
+        server.report(event="preloaded", text=", ".join(missing), threads=_threads())
+        return server.run()
+    except EndOfStreamError:
+        return 0  # the supervisor ended while modules were loading
+    finally:
+        server.close()
+
+
+def load_modules() -> list[str]:
+    """Imports what children need; returns the modules that are missing."""
+    kept = {name: os.environ.get(name) for name in LOAD_SETTINGS}
+    os.environ.update(LOAD_SETTINGS)
+    gc.disable()
+    missing = []
+    try:
+        for name in PRELOADED:
+            try:
+                importlib.import_module(name)
+            except ImportError:
+                missing.append(name)
+        if NODE_PROGRAM not in missing:
+            sys.modules[NODE_PROGRAM].prepare()
+        if "joshua.messages" not in missing:
+            sys.modules["joshua.messages"].preload(PRELOADED_TYPES)
+    finally:
+        gc.enable()
+        for name, value in kept.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+    # Children share these objects; a collection in a child would copy every page that it walks.
+    gc.freeze()
+    return missing
+
+
+def _threads() -> int:
+    try:
+        return len(os.listdir("/proc/self/task"))  # noqa: PTH208 (one name for each thread is all it needs)
+    except OSError:
+        return 1
+
+
+def _redirect(descriptors: list[int]) -> None:
+    """Gives the child its standard streams and control socket, and closes everything else."""
+    # Copies beyond the numbers that are about to be overwritten.
+    control, output, error = (fcntl.fcntl(item, fcntl.F_DUPFD, _FIRST_FREE) for item in descriptors)
+    null = os.open(os.devnull, os.O_RDONLY)
+    for source, target in ((null, 0), (output, 1), (error, 2), (control, CONTROL_DESCRIPTOR)):
+        os.dup2(source, target, inheritable=True)
+    os.closerange(CONTROL_DESCRIPTOR + 1, _LAST_DESCRIPTOR)
+
+
+def _execute(arguments: list[str], environment: dict[str, str]) -> NoReturn:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    os.execve(arguments[0], arguments, environment)  # noqa: S606
+
+
+def _run_node_process() -> None:
+    # Named, not imported: the supervisor's room knows the node's only as a program.
+    program = importlib.import_module(NODE_PROGRAM)
+    # The streams of the server may be those of a test runner; lines leave when they are complete.
+    sys.stdout = open(1, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
+    sys.stderr = open(2, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
+    if "numpy.random" in sys.modules:
+        sys.modules["numpy.random"].seed()  # each child draws other numbers
+    code = program.EXIT_INTERNAL
+    try:
+        code = program.run_forked(CONTROL_DESCRIPTOR)
+    except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
+        _show_crash()
+    finally:
+        program.finish(code)
+
+
+def _show_crash() -> None:
+    """Writes the traceback past ``sys.stderr``, which may be an object of the process that was forked."""
+    with contextlib.suppress(OSError):
+        os.write(2, traceback.format_exc().encode("utf-8", "backslashreplace"))
+
+
+def main() -> None:
+    """Runs the server in a fresh interpreter."""
+    import argparse  # the forked server has no use for it
+
+    parser = argparse.ArgumentParser(description="Started by the Node Generator; of no use by hand.")
+    parser.add_argument("--descriptor", type=int, required=True, help="inherited socket of the supervisor")
+    parser.add_argument("--parent", type=int, required=True, help="process id of the supervisor")
+    parser.add_argument("--no-preload", action="store_true", help="import no heavy modules")
+    parser.add_argument("--path", action="append", default=[], help="entry of the module search path")
+    arguments = parser.parse_args()
+    sys.path[:] = arguments.path
+    sock = socket.socket(fileno=arguments.descriptor)
+    os.set_inheritable(arguments.descriptor, False)
+    os._exit(serve(sock, arguments.parent, preload=not arguments.no_preload))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+"""The log of a run as a JSON-lines file: rotated by size, and never a reason to stop a node."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from joshua.ipc.state_home import state_home
+from joshua.supervisor.background_writer import BackgroundWriter
+
+#: A file that has grown to this size is renamed, and a new one begun.
+MAX_FILE_BYTES = 10 * 1024 * 1024
+
+#: Renamed files that are kept of one run.
+KEPT_ROTATIONS = 3
+
+#: What the log of a run is called: robot, date, time and process. Nothing else is ever removed.
+_NAME = re.compile(r".+-\d{8}-\d{6}-\d+\.jsonl")
+
+#: Runs whose logs are kept.
+KEPT_RUNS = 20
+
+#: Pause before the next attempt after a write has failed.
+RETRY_S = 10.0
+
+CLOSE_TIMEOUT_S = 1.0
+
+
+def log_directory(environment: Mapping[str, str]) -> Path:
+    """Where logs go: ``JOSHUA_LOG_DIR``, else ``log`` among what this user's programs keep."""
+    if environment.get("JOSHUA_LOG_DIR"):
+        return Path(environment["JOSHUA_LOG_DIR"])
+    return state_home(environment) / "log"
+
+
+class LogFile:
+    """One run's log file.
+
+    Args:
+        path: the file; its folder is made when the first line is written.
+        warn: called once, on the writer's thread, when the file cannot be written.
+        max_file_bytes: size at which the file is rotated.
+    """
+
+    def __init__(self, path: Path, warn: Callable[[str], None], max_file_bytes: int = MAX_FILE_BYTES) -> None:
+        self.path = path
+        self._warn = warn
+        self._warned = False
+        self._max_file_bytes = max_file_bytes
+        self._descriptor = -1
+        self._size = 0
+        self._lost = 0
+        self._retry_s = 0.0
+        self._writer = BackgroundWriter[str](self._write, "log-file")
+
+    def put(self, line: str) -> None:
+        """Queues one line without its line end; never blocks."""
+        self._writer.put(line)
+
+    def close(self) -> None:
+        """Writes what waits and closes the file; gives up after a second."""
+        if self._writer.close(CLOSE_TIMEOUT_S) and self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _write(self, lines: list[str]) -> None:
+        if time.monotonic() < self._retry_s:
+            self._lost += len(lines)
+            return
+        try:
+            for line in lines:
+                self._write_line(line)
+        except OSError as error:
+            self._fail(error, len(lines))
+
+    def _write_line(self, line: str) -> None:
+        data = line.encode("utf-8", "backslashreplace") + b"\n"
+        if self._descriptor >= 0 and self._size + len(data) > self._max_file_bytes:
+            self._rotate()
+        if self._descriptor < 0:
+            self._open()
+        if self._lost:
+            lost = f'{{"level": "WARNING", "text": "{self._lost} lines could not be written here"}}\n'
+            data = b"\n" + lost.encode() + data
+        written = os.write(self._descriptor, data)
+        self._size += written
+        if written < len(data):
+            raise OSError(f"only {written} of {len(data)} bytes were written")
+        self._lost = 0
+
+    def _open(self) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
+        self._descriptor = os.open(self.path, flags, 0o644)
+        self._size = os.fstat(self._descriptor).st_size
+
+    def _rotate(self) -> None:
+        os.close(self._descriptor)
+        self._descriptor = -1
+        for number in range(KEPT_ROTATIONS - 1, 0, -1):
+            older = self._rotated(number)
+            if older.exists():
+                older.replace(self._rotated(number + 1))
+        self.path.replace(self._rotated(1))
+
+    def _rotated(self, number: int) -> Path:
+        return self.path.with_name(f"{self.path.name}.{number}")
+
+    def _fail(self, error: OSError, lines: int) -> None:
+        self._lost += lines
+        self._retry_s = time.monotonic() + RETRY_S
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+        if not self._warned:
+            self._warned = True
+            self._warn(
+                f"the log file {self.path} cannot be written: {error.strerror or error}; the run goes on "
+                "without it. Free space there, or set JOSHUA_LOG_DIR to another folder"
+            )
+
+
+def new_log(folder: Path, robot: str) -> Path:
+    """The log of a run that starts now."""
+    return folder / f"{robot or 'robot'}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jsonl"
+
+
+def remove_old_logs(folder: Path, keep: int = KEPT_RUNS) -> None:
+    """Removes the logs of all but the newest runs; whatever cannot be removed stays."""
+    try:
+        ours = [path for path in folder.glob("*.jsonl") if _NAME.fullmatch(path.name)]
+        logs = sorted(ours, key=lambda path: path.stat().st_mtime, reverse=True)
+        for log in logs[keep:]:
+            for path in folder.glob(f"{glob.escape(log.stem)}[.-]*"):  # rotations, and pictures of a test
+                path.unlink()
+    except OSError:
+        return  # another run cleans up at the same time, or the folder is not ours to change

@@ -1,0 +1,386 @@
+"""One process of the plan, over all its restarts: messages in, state out."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import time
+from typing import Any
+
+from joshua.ipc import messages as ipc
+from joshua.plan import NodeKind, NodeSpec, TransportSpec
+from joshua.supervisor.child import Child
+from joshua.supervisor.heartbeats import HeartbeatWatch, ProcessorTime, processor_time
+from joshua.supervisor.ladder import HANG_TIMES, Rung, StopLadder
+from joshua.supervisor.launcher import Launcher, describe_status
+from joshua.supervisor.logbook import Logbook
+from joshua.supervisor.node_record import NodeRecord
+from joshua.supervisor.options import SupervisorOptions, ladder_times, ready_timeout_s
+from joshua.supervisor.process_owner import ProcessOwner
+from joshua.supervisor.reactor import Reactor, ReactorTimer
+from joshua.supervisor.restart import RestartPolicy, strictest
+from joshua.supervisor.stack_dump import StackDump
+from joshua.supervisor.status import LogEntry
+
+#: How long a hung process may take to write the stacks of its threads.
+DUMP_TIMEOUT_S = 0.3
+
+EXIT_NODE_FAILED = 1
+EXIT_NOT_INSTALLED = 3
+
+
+class ManagedProcess:
+    """Starts, watches and stops the process of one or several nodes.
+
+    Args:
+        specs: its nodes.
+        transport: how they talk.
+        options: of the supervisor.
+        tools: reactor, launcher and logbook of the run.
+        owner: the supervisor.
+    """
+
+    def __init__(
+        self,
+        specs: tuple[NodeSpec, ...],
+        transport: TransportSpec,
+        options: SupervisorOptions,
+        tools: tuple[Reactor, Launcher, Logbook],
+        owner: ProcessOwner,
+    ) -> None:
+        self.specs = specs
+        self.records = {spec.full_name: NodeRecord(spec) for spec in specs}
+        self.policy = RestartPolicy(strictest([spec.restart for spec in specs]), options.restart)
+        self.watch = HeartbeatWatch(self._usage)
+        self.restart_timer: ReactorTimer | None = None
+        self.stop_reason = ""
+        self.run_context: dict[str, Any] = {}
+        self._transport = transport
+        self._options = options
+        self._reactor, self._launcher, self._logbook = tools
+        self._owner = owner
+        self._child: Child | None = None
+        self._ladder = self._new_ladder()
+        self._deadline: ReactorTimer | None = None
+        self._restarted = False
+        self._urgent = False
+        self._kill_reason = "it did not stop in time"
+        self._dump: StackDump | None = None
+
+    @property
+    def names(self) -> str:
+        """The nodes, for messages."""
+        return ", ".join(self.records)
+
+    @property
+    def alive(self) -> bool:
+        """Whether a process exists or is being started."""
+        return self._child is not None and not self._child.ended
+
+    @property
+    def configured(self) -> bool:
+        """Whether every node is configured, or further."""
+        return all(record.state in ("configured", "ready") for record in self.records.values())
+
+    @property
+    def ready(self) -> bool:
+        """Whether every node is active."""
+        return all(record.state == "ready" for record in self.records.values())
+
+    def spawn(self) -> None:
+        """Asks for the process; ``start`` tells it what to run."""
+        self.restart_timer = None
+        self._urgent, self._dump = False, None
+        for record in self.records.values():
+            record.begin()
+        self._ladder = self._new_ladder()
+        title = self.specs[0].process_group or self.specs[0].name
+        interpreter = self.specs[0].interpreter
+        if interpreter and not os.access(interpreter, os.X_OK):
+            text = f"its interpreter {interpreter} is missing or cannot be run; correct Node.python"
+            self._fail_all(text, EXIT_NOT_INSTALLED)
+            self._reactor.call_later(0, lambda: self._owner.on_process_ended(self, failed=True))
+            return
+        self._child = Child(self._reactor, self._launcher, title, interpreter, self)
+
+    def start(self) -> None:
+        """Tells the process which nodes to run."""
+        added = {**self.run_context, **({"restarted": True} if self._restarted else {})}
+        specs = tuple(
+            spec.model_copy(update={"context": {**spec.context, **added}})
+            if spec.kind is NodeKind.ACTUATOR or self._restarted
+            else spec
+            for spec in self.specs
+        )
+        message = ipc.Start(
+            nodes=specs,
+            transport=self._transport,
+            log_level=self._options.log_level,
+            heartbeat_s=self._options.heartbeat_s,
+        )
+        self._send(message)
+        self._set_deadline()
+
+    def activate(self) -> None:
+        """Lets the nodes move and publish."""
+        self._send(ipc.Activate())
+        self._set_deadline()
+
+    def resume(self, node: str) -> None:
+        """Asks a node to end its fault."""
+        self._send(ipc.Resume(node=node))
+
+    def stop(self, reason: str) -> None:
+        """Begins the stop ladder; a process that waits for its restart just stays down."""
+        self.stop_reason = self.stop_reason or reason
+        if self.restart_timer is not None:
+            self.restart_timer.cancel()
+            self.restart_timer = None
+            for record in self.records.values():
+                record.state = "failed"
+        if self.alive:
+            self._cancel_deadline()
+            self._ladder.begin()
+
+    def kill(self) -> None:
+        """Kills the process at once, on the user's word."""
+        if self.alive:
+            self._kill_reason = "killed by the second signal"
+            self._ladder.kill()
+
+    def restart_later(self, delay_s: float) -> None:
+        """Starts the process again after a delay."""
+        self._restarted = True
+        for record in self.records.values():
+            record.state = "restarting"
+            record.restarts += 1
+        self.restart_timer = self._reactor.call_later(delay_s, self._restart)
+
+    def check_heartbeats(self) -> None:
+        """Ends the process if one of its nodes hangs; ask every ``CHECK_PERIOD_S``."""
+        if not self.watch.active or self._ladder.begun or self._dump is not None or self._child is None:
+            return
+        hang = self.watch.hung(self._reactor.now_s())
+        if hang is None:
+            return
+        node, evidence = hang
+        self._logbook.write(logging.ERROR, f"it hangs: {evidence}", node)
+        self._dump = StackDump()
+        self._child.signal(signal.SIGUSR2)  # answered with the stacks of its threads
+        self.records[node].fail(f"it hung: {evidence}", EXIT_NODE_FAILED)
+        self._urgent = True
+        self._reactor.call_later(DUMP_TIMEOUT_S, self._end_hang)
+
+    # What the child says.
+
+    def on_running(self, process_id: int) -> None:
+        """The process exists."""
+        for record in self.records.values():
+            record.process_id = process_id
+
+    def on_message(self, message: ipc.ToSupervisor) -> None:
+        """Takes a message of the process."""
+        if isinstance(message, ipc.Hello):
+            self._on_hello(message)
+            return
+        name = message.report.full_name if isinstance(message, ipc.Report) else message.node
+        record = self.records.get(name)
+        if record is None:
+            self._logbook.write(logging.WARNING, f"{self.names}: a message about an unknown node {name!r}")
+            return
+        if isinstance(message, ipc.Heartbeat):
+            self.watch.hear(message)
+        elif isinstance(message, ipc.Log):
+            self._on_log(message)
+        elif isinstance(message, ipc.Topics):
+            record.count(message)
+        elif isinstance(message, ipc.Step):
+            self._on_step(record, message.step)
+        elif isinstance(message, ipc.Waiting):
+            record.waiting = message.text
+        elif isinstance(message, ipc.Shown):
+            record.shown = message.text
+            self._owner.on_shown()
+        elif isinstance(message, ipc.FirstMessage):
+            self._owner.on_first_message(message.stamp_ns)
+        elif isinstance(message, ipc.NodeWarning):
+            record.warnings.append(message.text)
+            self._logbook.write(logging.WARNING, message.text, name)
+        elif isinstance(message, ipc.Failure):
+            self._on_failure(record, message)
+        elif isinstance(message, ipc.Fault):
+            record.fault = message.text
+            self._owner.on_fault(name, message.text)
+        elif isinstance(message, ipc.Resumed):
+            self._owner.on_resumed(message)
+        elif isinstance(message, ipc.StopRun):
+            self._owner.on_stop_run(name, message.reason)
+        else:
+            record.report = message.report
+
+    def on_output(self, stream: str, line: str) -> None:
+        """A line of the process's standard output or error."""
+        level = logging.INFO if stream == "stdout" else logging.WARNING
+        if self._dump is not None and stream == "stderr":
+            known = bool(self._dump.place)
+            if self._dump.take(line):
+                level = logging.DEBUG
+            if self._dump.place and not known:
+                self._logbook.write(logging.ERROR, f"it stands in {self._dump.place}", self.names)
+                self._end_hang()
+        self._logbook.add(LogEntry(time.time_ns(), self.specs[0].full_name, level, line, stream=stream))
+
+    def on_output_dropped(self, lines: int) -> None:
+        """The flood limit has dropped lines."""
+        text = f"{lines} lines of its output dropped: too many in a second"
+        self._logbook.write(logging.WARNING, text, self.specs[0].full_name)
+
+    def on_end(self, status: int | None, refusal: str) -> None:
+        """The process has ended."""
+        self._cancel_deadline()
+        self._ladder.ended()
+        self.watch.end()
+        asked = bool(self.stop_reason)
+        killed = self._ladder.rung is Rung.KILL
+        for record in self.records.values():
+            record.step = ""
+            if record.state == "failed":
+                if self._dump is not None and self._dump.place and record.reason.startswith("it hung"):
+                    record.reason += f", in {self._dump.place}"
+                continue
+            if asked and killed:
+                record.state, record.reason = "killed", self._kill_reason
+            elif asked and record.report is not None:
+                record.state = "stopped"
+            elif asked and record.state in ("starting", "stopping") and status == 0:
+                record.state = "stopped"  # it was asked before it had begun
+            else:
+                record.fail(refusal or self._why(status), self._exit_code_of_end(refusal))
+                self._logbook.write(logging.ERROR, record.reason, record.spec.full_name)
+        failed = any(record.state in ("failed", "killed") for record in self.records.values())
+        self._owner.on_process_ended(self, failed=failed)
+
+    # Parts.
+
+    def _on_hello(self, message: ipc.Hello) -> None:
+        if message.protocol != ipc.PROTOCOL_VERSION:
+            text = (
+                f"its environment has joshua-core {message.version}, which speaks another protocol "
+                f"({message.protocol}, expected {ipc.PROTOCOL_VERSION}): install the same version there"
+            )
+            self._fail_all(text, EXIT_NOT_INSTALLED)
+            self._ladder.kill()
+
+    def _on_step(self, record: NodeRecord, step: str) -> None:
+        record.step = step
+        name = record.spec.full_name
+        self._logbook.write(logging.DEBUG, f"step: {step}", name)
+        if step == "configured":
+            record.state = "configured"
+            if self.configured:
+                self._cancel_deadline()
+                self._owner.on_process_configured(self)
+        elif step == "active":
+            resumed, record.state, record.reason = record.state == "resuming", "ready", ""
+            self.watch.begin(record.spec, self._reactor.now_s())
+            if self.ready:
+                self._cancel_deadline()
+                if not resumed:
+                    self._owner.on_process_ready(self)
+        elif step == "activate" and record.state == "ready":  # it resumes, which may take its time
+            record.state = "resuming"
+            self.watch.drop(name)
+            self._set_deadline()
+        elif step == "deactivate":
+            self.watch.end()
+            if record.state != "failed":
+                record.state = "stopping"
+            if not self._ladder.begun:
+                # It stops by itself, after a failure: from here on it has the ladder's times.
+                self._ladder.begin()
+
+    def _end_hang(self) -> None:
+        """Stops a hung process, once it has said where it hangs or should have."""
+        if self._dump is not None and self.alive:
+            self._ladder.begin(HANG_TIMES)
+
+    def _on_log(self, log: ipc.Log) -> None:
+        entry = LogEntry(log.time_ns, log.node, log.level, log.text, log.logger, "log", log.file, log.line)
+        self._logbook.add(entry)
+
+    def _on_failure(self, record: NodeRecord, failure: ipc.Failure) -> None:
+        record.fail(failure.text, failure.exit_code)
+        name = record.spec.full_name
+        # A hang is known already; what follows is how it was ended.
+        level = logging.ERROR if self._dump is None else logging.DEBUG
+        self._logbook.write(level, f"failed in step {failure.step}: {failure.text}", name)
+        if failure.traceback:
+            level = logging.ERROR if failure.unexpected else logging.DEBUG
+            self._logbook.write(level, failure.traceback.rstrip(), name)
+
+    def _send(self, message: ipc.Message) -> None:
+        if self._child is not None:
+            self._child.send(message)
+
+    def _usage(self, thread_id: int) -> ProcessorTime | None:
+        return None if self._child is None else processor_time(self._child.process_id, thread_id)
+
+    def _restart(self) -> None:
+        self._logbook.write(logging.WARNING, f"{self.names}: starting again")
+        self.spawn()
+        self.start()
+
+    def _new_ladder(self) -> StopLadder:
+        return StopLadder(self._reactor, ladder_times(self.specs, self._options.ladder), self._climb)
+
+    def _climb(self, rung: Rung, elapsed_s: float) -> None:
+        if self._child is None:
+            return
+        if rung is Rung.REQUEST:
+            reason = self.stop_reason or "a node of this process failed"
+            self._child.send(ipc.Stop(reason=reason, urgent=self._urgent))
+            return
+        number = signal.SIGTERM if rung is Rung.TERMINATE else signal.SIGKILL
+        doing = "; ".join(f"{name} is {record.doing}" for name, record in self.records.items())
+        self._logbook.write(
+            logging.WARNING, f"{rung.value} after {elapsed_s:.1f} s: {doing}", self.specs[0].full_name
+        )
+        self._child.signal(number)
+
+    def _set_deadline(self) -> None:
+        self._cancel_deadline()
+        limit_s = max(ready_timeout_s(spec) for spec in self.specs)
+        self._deadline = self._reactor.call_later(limit_s, lambda: self._too_late(limit_s))
+
+    def _cancel_deadline(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def _too_late(self, limit_s: float) -> None:
+        for name, record in self.records.items():
+            if record.state in ("starting", "configured", "resuming"):
+                text = f"not ready after {limit_s:g} s: it is still {record.doing}"
+                self._logbook.write(logging.ERROR, text, name)
+                record.fail(text, EXIT_NODE_FAILED)
+        self._urgent = True
+        self._ladder.begin(HANG_TIMES)
+
+    def _fail_all(self, text: str, exit_code: int) -> None:
+        for name, record in self.records.items():
+            record.fail(text, exit_code)
+            self._logbook.write(logging.ERROR, text, name)
+
+    def _why(self, status: int | None) -> str:
+        text = f"its process {describe_status(status)}"
+        errors = list(self._child.last_errors) if self._child is not None else []
+        if self.specs[0].interpreter and any("No module named" in line for line in errors):
+            interpreter = self.specs[0].interpreter
+            return f"{text}: {errors[-1]}; install what is missing: {interpreter} -m pip install joshua-core"
+        return f"{text}; it last wrote: {errors[-1]}" if errors else text
+
+    def _exit_code_of_end(self, refusal: str) -> int:
+        errors = self._child.last_errors if self._child is not None else ()
+        missing = self.specs[0].interpreter and any("No module named" in line for line in errors)
+        return EXIT_NOT_INSTALLED if missing and not refusal else EXIT_NODE_FAILED

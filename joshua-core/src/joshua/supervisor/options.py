@@ -1,0 +1,65 @@
+"""Settings of the supervisor, each with its documented default."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from joshua.ipc.run_bases import base_directory
+from joshua.plan import NodeKind, NodeSpec
+from joshua.supervisor.ladder import LadderTimes
+from joshua.supervisor.log_files import log_directory
+from joshua.supervisor.restart import RestartLimits
+
+#: Time that a node may take for one half of its start (to configured, to active), by kind.
+READY_TIMEOUT_S: dict[NodeKind, float] = {
+    NodeKind.ACTUATOR: 20.0,
+    NodeKind.SENSOR: 20.0,
+    NodeKind.SERVICE: 120.0,
+    NodeKind.MODEL: 300.0,
+}
+
+
+@dataclass(frozen=True)
+class SupervisorOptions:
+    """How a run is supervised.
+
+    Attributes:
+        log_level: least level that nodes report, as in ``logging``.
+        duration_s: length of the run from its readiness; None takes the plan's.
+        heartbeat_s: distance of two heartbeats.
+        status_period_s: distance of two live status reports.
+        ladder: times of the stop ladder; ``stop_timeout_s`` of a node's context overrides the first.
+        restart: numbers of the restart policy.
+        run_base: folder of the run directories; log_directory: folder of the log files.
+        began_s: monotonic time from which the start-up is counted; None takes the call of ``run``.
+        handle_signals: whether SIGINT, SIGTERM and SIGHUP stop the run (main thread only).
+    """
+
+    log_level: int = 20
+    duration_s: float | None = None
+    heartbeat_s: float = 0.05
+    status_period_s: float = 1.0
+    ladder: LadderTimes = field(default_factory=LadderTimes)
+    restart: RestartLimits = field(default_factory=RestartLimits)
+    run_base: Path = field(default_factory=lambda: base_directory(os.environ))
+    log_directory: Path = field(default_factory=lambda: log_directory(os.environ))
+    began_s: float | None = None
+    handle_signals: bool = True
+
+
+def ready_timeout_s(spec: NodeSpec) -> float:
+    """Time for the start of a node: ``ready_timeout_s`` of its context, else the one of its kind."""
+    return _positive(spec, "ready_timeout_s") or READY_TIMEOUT_S[spec.kind]
+
+
+def ladder_times(specs: tuple[NodeSpec, ...], default: LadderTimes) -> LadderTimes:
+    """Ladder of a process: a node that parks first, for example, asks for more time."""
+    wanted = [seconds for spec in specs if (seconds := _positive(spec, "stop_timeout_s"))]
+    return LadderTimes(max([default.request_s, *wanted]), default.terminate_s)
+
+
+def _positive(spec: NodeSpec, key: str) -> float | None:
+    value = spec.context.get(key)
+    return float(value) if isinstance(value, (int, float)) and value > 0 else None

@@ -1,0 +1,65 @@
+"""Where a run is found by commands of other terminals: its directory and its control socket."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+from joshua.ipc.run_bases import RunDirectoryError
+from joshua.supervisor.control_server import ControlServer, Handler
+from joshua.supervisor.logbook import Logbook
+from joshua.supervisor.reactor import Reactor
+from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
+
+
+class RunPlace:
+    """Keeps a run within reach: what somebody removes of its place is made anew.
+
+    Args:
+        reactor: the supervisor's loop; logbook: of the run.
+        directory: of the run; this object closes it.
+        handlers: of the requests on the control socket.
+    """
+
+    def __init__(
+        self, reactor: Reactor, logbook: Logbook, directory: RunDirectory, handlers: Mapping[str, Handler]
+    ) -> None:
+        self._reactor = reactor
+        self._logbook = logbook
+        self._directory = directory
+        self._handlers = handlers
+        self._server: ControlServer | None = None
+        self._lost = False
+        self._serve()
+
+    def look(self) -> None:
+        """Makes the place anew if it is gone; costs two looks at the disk."""
+        try:
+            if not self._directory.restore():
+                return
+        except (NodesInUseError, RunDirectoryError) as error:
+            if not self._lost:
+                self._lost = True
+                text = f"its directory was removed, so joshua estop and stop do not find this run: {error}"
+                self._logbook.write(logging.ERROR, text)
+            return
+        self._lost = False
+        self._serve()
+        self._logbook.write(logging.WARNING, "the directory of this run was removed, and is made anew")
+
+    def close(self) -> None:
+        """Removes the directory; a second call does nothing."""
+        if self._server is not None:
+            self._server.close()
+        self._directory.close()
+
+    def _serve(self) -> None:
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+        self._directory.point_to_log(self._logbook.path)
+        try:
+            self._server = ControlServer(self._reactor, self._directory.socket_path, self._handlers)
+        except OSError as error:
+            text = f"no control socket, so no `joshua status`: {error}"
+            self._logbook.write(logging.WARNING, text)

@@ -1,0 +1,399 @@
+"""The supervisor: starts the processes of a plan, watches them, and stops them. Written stop-first."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import time
+import traceback
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+from joshua.ipc import messages as ipc
+from joshua.ipc.run_bases import RunDirectoryError
+from joshua.plan import NodeKind, Plan, RunReport
+from joshua.supervisor.fork_server import ForkServer
+from joshua.supervisor.heartbeats import CHECK_PERIOD_S, HELD_UP_S
+from joshua.supervisor.launcher import Launcher
+from joshua.supervisor.log_files import new_log
+from joshua.supervisor.logbook import Logbook
+from joshua.supervisor.managed_process import ManagedProcess
+from joshua.supervisor.node_record import NodeRecord
+from joshua.supervisor.options import SupervisorOptions
+from joshua.supervisor.process_groups import process_groups
+from joshua.supervisor.reactor import Reactor
+from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
+from joshua.supervisor.run_place import RunPlace
+from joshua.supervisor.run_requests import RunRequests
+from joshua.supervisor.run_view import run_status, start_table
+from joshua.supervisor.status import RunEvent, RunStatus
+from joshua.supervisor.stop_signals import StopSignals
+from joshua.supervisor.terminal_guard import TerminalGuard
+from joshua.supervisor.ui import SilentInterface, UserInterface
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_NOT_INSTALLED = 3
+EXIT_HARDWARE = 4
+EXIT_INTERRUPTED = 130
+
+#: After a failure at the start the other nodes may go on for this long, so that one run shows every
+#: absent device and not only the first.
+START_SETTLE_S = 0.5
+
+#: Defects of the supervisor's own after which it lets the fork server end the nodes.
+MAX_DEFECTS = 10
+
+
+class Phase(Enum):
+    """Where a run stands."""
+
+    STARTING = "starting"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    ENDED = "ended"
+
+
+class Supervisor:
+    """Runs one plan. It owns processes, never devices.
+
+    Args:
+        plan: what to run.
+        fork_server: started before any thread or transport existed; stays the caller's to close.
+        options: settings.
+        ui: who watches.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        fork_server: ForkServer,
+        options: SupervisorOptions | None = None,
+        ui: UserInterface | None = None,
+    ) -> None:
+        self._plan = plan
+        self._fork_server = fork_server
+        self._options = options or SupervisorOptions()
+        self._ui = ui or SilentInterface()
+        self._reactor = Reactor()
+        self._processes: list[ManagedProcess] = []
+        self._phase = Phase.STARTING
+        self._reason = ""
+        self._exit_code = EXIT_OK
+        self._interrupted = False
+        self._began_s = 0.0
+        self._ready_s: float | None = None
+        self._first_message_s: float | None = None
+        self._stop_began_s: float | None = None
+        self._router: Any = None
+        self._activated = False
+        self._settling = False
+        self._defects = 0
+        self._checked_s = 0.0
+        self._run_context: dict[str, Any] = {}
+
+    def run(self) -> RunReport:
+        """Runs the plan to its end; returns what the run was like. Call it once."""
+        self._began_s = self._options.began_s or time.monotonic()
+        log = new_log(self._options.log_directory, self._plan.robot_id)
+        self._logbook = Logbook(self._reactor, self._ui, log)
+        self._logbook.capture()
+        self._requests = RunRequests(self, self._logbook)
+        signals = StopSignals(self._reactor, self._on_signal)
+        closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
+        try:
+            if self._options.handle_signals:
+                signals.install()
+            if self._open_run_directory(closers):
+                self._start(closers)
+                while self._phase is not Phase.ENDED:
+                    self._turn()
+            report = self._report()
+            self._logbook.interface.call(lambda ui: ui.on_finish(report))
+            return report
+        finally:
+            while closers:
+                closers.pop()()
+
+    def _turn(self) -> None:
+        """Lets the loop turn once; a defect of this program stops the nodes in good order all the same."""
+        try:
+            self._reactor.turn()
+        except Exception as error:
+            self._defects += 1
+            if self._defects > MAX_DEFECTS:
+                raise
+            self._logbook.write(logging.ERROR, traceback.format_exc().rstrip())
+            self._stop(f"the supervisor failed: {type(error).__name__}: {error}", EXIT_FAILED)
+
+    # Start.
+
+    def _open_run_directory(self, closers: list[Callable[[], None]]) -> bool:
+        plan = self._plan
+        nodes = [spec.full_name for spec in plan.nodes]
+        try:
+            source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
+            directory = RunDirectory.create(
+                self._options.run_base,
+                source,
+                plan.transport.domain_id,
+                nodes,
+                robot=plan.robot_id,
+                actuators=[spec.full_name for spec in plan.nodes if spec.kind is NodeKind.ACTUATOR],
+            )
+        except (NodesInUseError, RunDirectoryError) as error:
+            self._exit_code = EXIT_HARDWARE if isinstance(error, NodesInUseError) else EXIT_FAILED
+            self._reason = str(error)
+            self._logbook.write(logging.ERROR, self._reason)
+            return False
+        self._place = RunPlace(self._reactor, self._logbook, directory, self._requests.handlers())
+        closers.append(self._place.close)
+        self._run_context = directory.context(self._logbook.path)
+        return True
+
+    def _start(self, closers: list[Callable[[], None]]) -> None:
+        plan, options = self._plan, self._options
+        launcher = Launcher(self._reactor, self._fork_server, self._on_fork_server_lost)
+        self._terminal_guard = TerminalGuard(plan.nodes)
+        closers += [launcher.close, self._terminal_guard.close]
+        tools = (self._reactor, launcher, self._logbook)
+        groups = process_groups(plan.nodes)
+        self._processes = [ManagedProcess(specs, plan.transport, options, tools, self) for specs in groups]
+        count = "1 node" if len(plan.nodes) == 1 else f"{len(plan.nodes)} nodes"
+        self._logbook.write(logging.INFO, f"starting {count} of {plan.source}")
+        if not self._processes:
+            self._stop("the plan has no nodes for this machine", EXIT_FAILED)
+            return
+        # The processes come up while this one opens the router; they join it when they are told to start.
+        for process in self._processes:
+            process.run_context = self._run_context
+            process.spawn()
+        if not self._open_router(closers):
+            return
+        for process in self._processes:
+            process.start()
+        self._checked_s = self._reactor.now_s()
+        self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
+        self._reactor.call_later(options.status_period_s, self._show_status)
+
+    def _open_router(self, closers: list[Callable[[], None]]) -> bool:
+        from joshua.transport import TransportError, TransportMissingError
+        from joshua.transport.router import host_or_join
+
+        try:
+            self._router = host_or_join(self._plan.transport)
+        except TransportError as error:
+            missing = isinstance(error, TransportMissingError)
+            self._stop(str(error), EXIT_NOT_INSTALLED if missing else EXIT_FAILED)
+            return False
+        except Exception as error:  # noqa: BLE001 (whatever the middleware raises, the nodes must stop)
+            self._stop(f"the transport cannot be opened: {type(error).__name__}: {error}", EXIT_FAILED)
+            return False
+        if self._router is not None:
+            closers.append(self._router.close)
+        return True
+
+    def on_process_configured(self, process: ManagedProcess) -> None:
+        """Lets the nodes move: all together at the start, a restarted one by itself."""
+        if self._phase is Phase.RUNNING:
+            process.activate()
+        elif self._phase is Phase.STARTING and all(item.configured for item in self._processes):
+            self._activated = True
+            for item in self._processes:
+                item.activate()
+        self._settle()
+
+    def on_process_ready(self, process: ManagedProcess) -> None:
+        """Shows the start-up table when the last process is ready."""
+        self._event("ready", process.names, "ready")
+        self._requests.ready(process)
+        if self._phase is Phase.RUNNING:
+            self._logbook.write(logging.INFO, f"{process.names}: ready again")
+        elif self._phase is Phase.STARTING and all(item.ready for item in self._processes):
+            self._phase = Phase.RUNNING
+            self._ready_s = time.monotonic() - self._began_s
+            self._show_table(self._ready_s)
+            duration_s = self._options.duration_s or self._plan.duration_s
+            if duration_s is not None:
+                text = f"the duration of {duration_s:g} s is over"
+                self._reactor.call_later(duration_s, lambda: self._stop(text, EXIT_OK))
+
+    def on_first_message(self, stamp_ns: int) -> None:
+        """Notes when the first message arrived."""
+        if self._first_message_s is None:
+            self._first_message_s = stamp_ns / 1e9 - self._began_s
+
+    # Failures.
+
+    def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
+        """Ends the run, restarts the process, or lets it stay down, by the phase and its policy."""
+        self._requests.ended(process)
+        self._terminal_guard.ended(process.specs)
+        if self._phase is Phase.STOPPING:
+            self._finish_if_stopped()
+            return
+        reasons = "; ".join(f"{name}: {record.reason}" for name, record in process.records.items())
+        self._event("failed", process.names, reasons)
+        if self._phase is Phase.STARTING:
+            self._settle()
+        elif process.policy.stops_run:
+            self._stop(f"{reasons} (its restart policy stops the run)", EXIT_FAILED)
+        else:
+            self._restart_or_give_up(process)
+
+    def _settle(self) -> None:
+        """After a failure at the start: stops once every other process has come to its end or its place."""
+        if self._phase is not Phase.STARTING or not any(self._failed(item) for item in self._processes):
+            return
+        if self._activated or all(item.configured or not item.alive for item in self._processes):
+            self._stop_failed_start()
+        elif not self._settling:
+            self._settling = True
+            self._reactor.call_later(START_SETTLE_S, self._stop_failed_start)
+
+    def _stop_failed_start(self) -> None:
+        failed = [record for record in self._records() if record.state == "failed"]
+        if self._phase is Phase.STARTING and failed:
+            names: dict[str, list[str]] = {}
+            for record in failed:
+                names.setdefault(record.reason.rstrip("."), []).append(record.spec.full_name)
+            reasons = "; ".join(f"{', '.join(group)}: {reason}" for reason, group in names.items())
+            self._stop(f"the start failed: {reasons}", failed[0].exit_code)
+
+    def _restart_or_give_up(self, process: ManagedProcess) -> None:
+        decision = process.policy.failed(self._reactor.now_s())
+        if decision.delay_s is not None:
+            text = f"starts again in {decision.delay_s:g} s"
+            process.restart_later(decision.delay_s)
+            self._event("restarting", process.names, text)
+            self._logbook.write(logging.WARNING, f"{process.names}: {text}")
+            return
+        text = f"stays down: {decision.reason}"
+        self._event("given-up", process.names, text)
+        self._logbook.write(logging.ERROR, f"{process.names}: {text}")
+        if not any(item.alive or item.restart_timer for item in self._processes):
+            self._stop("no node is left", EXIT_FAILED)
+
+    def _failed(self, process: ManagedProcess) -> bool:
+        return not process.alive and any(record.state == "failed" for record in process.records.values())
+
+    def _on_fork_server_lost(self, reason: str) -> None:
+        self._logbook.write(logging.ERROR, f"the fork server has died: {reason}")
+        self._stop("the fork server has died, so that no node could start again", EXIT_FAILED)
+
+    def _check_heartbeats(self) -> None:
+        now_s = self._reactor.now_s()
+        late_s = now_s - self._checked_s - CHECK_PERIOD_S
+        self._checked_s = now_s
+        for process in self._processes:
+            if late_s > HELD_UP_S:
+                process.watch.excuse(late_s, now_s)
+            process.check_heartbeats()
+        if self._phase is not Phase.ENDED:
+            self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
+
+    def revive(self, process: ManagedProcess) -> None:
+        """Starts a process again that stays down, because somebody has looked at its device."""
+        process.policy.forget()
+        process.restart_later(0.0)
+
+    def on_fault(self, node: str, text: str) -> None:
+        """Notes that a device does nothing until it is resumed."""
+        self._event("fault", node, text)
+
+    def on_resumed(self, message: ipc.Resumed) -> None:
+        """Passes the answer on."""
+        self._requests.resumed(message)
+
+    # Stop.
+
+    def on_stop_run(self, node: str, reason: str) -> None:
+        """Ends the run in good order because a node's work is done."""
+        self._stop(f"{node}: {reason}", EXIT_OK)
+
+    def _on_signal(self, number: int) -> None:
+        name = signal.Signals(number).name
+        if self._phase is Phase.STOPPING:
+            self._logbook.write(logging.WARNING, f"{name} again: killing what is left")
+            for process in self._processes:
+                process.kill()
+            return
+        code = EXIT_OK if self._phase is Phase.RUNNING else EXIT_INTERRUPTED
+        self._stop(f"stopped by {name}", code, interrupted=True)
+
+    def stop_soon(self, reason: str) -> None:
+        """Ends the run on the user's word, after what is written now has left."""
+        self._reactor.call_later(0, lambda: self._stop(reason, EXIT_OK, interrupted=True))
+
+    def process_of(self, node: str) -> ManagedProcess | None:
+        """The process of a node."""
+        return next((process for process in self._processes if node in process.records), None)
+
+    def _stop(self, reason: str, exit_code: int, *, interrupted: bool = False) -> None:
+        if self._phase in (Phase.STOPPING, Phase.ENDED):
+            return
+        self._phase = Phase.STOPPING
+        self._reason, self._exit_code, self._interrupted = reason, exit_code, interrupted
+        self._stop_began_s = time.monotonic()
+        in_order = exit_code in (EXIT_OK, EXIT_INTERRUPTED)
+        self._logbook.write(logging.INFO if in_order else logging.ERROR, f"stopping: {reason}")
+        self._event("stopping", "", reason)
+        for process in self._processes:
+            process.stop(reason)
+        self._finish_if_stopped()
+
+    def _finish_if_stopped(self) -> None:
+        if not any(process.alive for process in self._processes):
+            self._phase = Phase.ENDED
+
+    # Show.
+
+    def _records(self) -> list[NodeRecord]:
+        return [record for process in self._processes for record in process.records.values()]
+
+    def _report(self) -> RunReport:
+        records = self._records()
+        # the reason of a failure stands until the node is active again
+        bad = any(record.fault or record.reason or record.state in ("failed", "killed") for record in records)
+        if self._exit_code == EXIT_OK and bad:
+            self._exit_code = EXIT_FAILED
+        stop_s = None if self._stop_began_s is None else time.monotonic() - self._stop_began_s
+        return RunReport(
+            exit_code=self._exit_code,
+            reason=self._reason,
+            interrupted=self._interrupted,
+            judged=self._plan.mode == "MODE_TEST" and self._ready_s is not None,
+            nodes=tuple(record.final_report() for record in records),
+            ready_s=self._ready_s,
+            first_message_s=self._first_message_s,
+            stop_s=stop_s,
+            log=str(self._logbook.path),
+        )
+
+    def _show_table(self, ready_s: float) -> None:
+        notes = [f"log: {self._logbook.path}"]
+        if self._router is not None:
+            notes.append(str(self._router.description))
+        table = start_table(self._plan, self._records(), ready_s, notes)
+        self._logbook.interface.call(lambda ui: ui.on_table(table))
+        self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
+
+    def status(self) -> RunStatus:
+        """The run just now."""
+        elapsed_s = time.monotonic() - self._began_s
+        return run_status(self._plan, self._records(), self._phase.value, elapsed_s)
+
+    def _show_status(self) -> None:
+        if self._phase is not Phase.ENDED:
+            self._place.look()
+            self.on_shown()
+            self._reactor.call_later(self._options.status_period_s, self._show_status)
+
+    def on_shown(self) -> None:
+        """Shows the status now: a node has something to tell people."""
+        self._logbook.interface.call(lambda ui: ui.on_status(self.status()))
+
+    def _event(self, kind: str, node: str, text: str) -> None:
+        self._logbook.interface.call(lambda ui: ui.on_event(RunEvent(kind, node, text)))

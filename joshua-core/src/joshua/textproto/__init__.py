@@ -1,0 +1,1 @@
+"""The protobuf text format with positions: lexer, parser, binder, overrides, formatter."""

@@ -1,0 +1,134 @@
+"""Turns the words of a text into values, by the rules of ``google.protobuf.text_format``."""
+
+from __future__ import annotations
+
+import re
+
+from joshua.textproto.limits import MAX_NUMBER_CHARACTERS
+
+_OCTAL = re.compile(r"(-?)0(\d+)$")
+_OCTAL_FLOAT = re.compile(r"-?0[0-9]+")
+_INFINITY = re.compile(r"-?inf(?:inity)?f?$", re.IGNORECASE)
+_NAN = re.compile(r"nanf?$", re.IGNORECASE)
+_TRUE = frozenset(("true", "t", "1", "True"))
+_FALSE = frozenset(("false", "f", "0", "False"))
+_ESCAPE = re.compile(
+    r"\\(?:(?P<letter>[abfnrtv\\'\"])|(?P<octal>[0-7]{1,3})|x(?P<hex>[0-9a-fA-F]{1,2})"
+    r"|u(?P<short>[0-9a-fA-F]{4})|U(?P<long>[0-9a-fA-F]{8})|(?P<bad>.|\Z))"
+)
+_LETTERS = {
+    "a": b"\a", "b": b"\b", "f": b"\f", "n": b"\n", "r": b"\r", "t": b"\t", "v": b"\v",
+    "\\": b"\\", "'": b"'", '"': b'"',
+}  # fmt: skip
+
+
+class BadEscapeError(ValueError):
+    """An escape sequence that the text format does not know.
+
+    Attributes:
+        offset, length: where it stands in the literal.
+    """
+
+    def __init__(self, message: str, offset: int, length: int) -> None:
+        super().__init__(message)
+        self.offset = offset
+        self.length = length
+
+
+def integer(text: str) -> int | None:
+    """Reads a decimal, hexadecimal or octal integer; None where the text is none."""
+    if len(text) > MAX_NUMBER_CHARACTERS:
+        return None
+    octal = _OCTAL.match(text)
+    if octal is not None:
+        text = f"{octal[1]}0o{octal[2]}"
+    return plain_integer(text)
+
+
+def plain_integer(text: str) -> int | None:
+    """Reads an integer as enum numbers are written: a leading zero does not make it octal."""
+    if len(text) > MAX_NUMBER_CHARACTERS:
+        return None
+    try:
+        return int(text, 0)
+    except ValueError:
+        return None
+
+
+def number(text: str) -> float | None:
+    """Reads a floating-point number, ``inf`` or ``nan``; None where the text is none."""
+    if _OCTAL_FLOAT.match(text):
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    if _INFINITY.match(text):
+        return float("-inf") if text.startswith("-") else float("inf")
+    if _NAN.match(text):
+        return float("nan")
+    try:
+        return float(text.rstrip("fF"))
+    except ValueError:
+        return None
+
+
+def boolean(text: str) -> bool | None:
+    """Reads a truth value; None where the text is none."""
+    if text in _TRUE:
+        return True
+    return False if text in _FALSE else None
+
+
+def string_bytes(literal: str) -> bytes:
+    """Reads a quoted literal, its quotes included.
+
+    Raises:
+        BadEscapeError: at the first escape that the text format does not know.
+    """
+    body = literal[1:-1]
+    if "\\" not in body:
+        return encoded(body)
+    result = bytearray()
+    at = 0
+    for match in _ESCAPE.finditer(body):
+        result += encoded(body[at : match.start()])
+        result += _unescape(match)
+        at = match.end()
+    result += encoded(body[at:])
+    return bytes(result)
+
+
+def encoded(text: str) -> bytes:
+    """Bytes of a text; those of a command line that are no text stay what they were."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # half of a character, which no command line holds
+        return text.encode("utf-8", "surrogatepass")
+
+
+def _unescape(match: re.Match[str]) -> bytes:
+    kind = match.lastgroup
+    text = match[kind] if kind is not None else ""
+    if kind == "letter":
+        return _LETTERS[text]
+    if kind == "hex":
+        return bytes((int(text, 16),))
+    if kind == "octal" and int(text, 8) <= 255:
+        return bytes((int(text, 8),))
+    if kind == "short" or kind == "long":
+        code = int(text, 16)
+        # A backslash written this way is read as one character by some of protobuf's readers and as
+        # the start of an escape by others.
+        if code <= 0x10FFFF and not 0xD800 <= code <= 0xDFFF and chr(code) != "\\":
+            return chr(code).encode()
+    shown = match[0]
+    reasons = {
+        "octal": f"{shown} is no byte: the largest is \\377",
+        "short": f"{shown} is half of a character: write the character itself or \\U and eight digits",
+        "long": f"{shown} is no Unicode character",
+    }
+    reason = reasons.get(kind or "", f"{shown} is no escape of the text format")
+    if kind in ("short", "long") and int(text, 16) == ord("\\"):
+        reason = f"{shown} is read in two ways by protobuf's readers: write a backslash as \\\\"
+    raise BadEscapeError(reason, match.start() + 1, len(shown))

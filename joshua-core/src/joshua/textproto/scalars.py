@@ -1,0 +1,241 @@
+"""Scalars of the syntax tree to values of fields, with an error that names the type where they do not fit."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from joshua.textproto import literals
+from joshua.textproto.field_table import Kind
+from joshua.textproto.nearest import nearest, nearest_first
+from joshua.textproto.problems import Span, shortened
+from joshua.textproto.syntax import Scalar, ScalarKind
+
+if TYPE_CHECKING:
+    from joshua.textproto.field_table import FieldInfo
+    from joshua.textproto.problems import Problems
+    from joshua.textproto.source import Source
+    from joshua.textproto.syntax import Value
+
+
+_NUMBER_WITH_UNIT = r"[-+]?[0-9]+(\.[0-9]+)?[^0-9.eE\s][^0-9\s]*"
+
+
+class ScalarReader:
+    """Reads the scalars of one text; what does not fit goes to ``problems``."""
+
+    def __init__(self, source: Source, problems: Problems) -> None:
+        self._source = source
+        self._problems = problems
+
+    def read(self, info: FieldInfo, value: Value, path: str) -> Any:
+        """Returns the value for a field; None where it does not fit, which is reported."""
+        if not isinstance(value, Scalar):
+            found = "a list" if self._text(value).startswith("[") else "a block"
+            many = " for each entry" if info.is_repeated else ""
+            self._wrong_type(info, value, path, f"{info.name} takes a {info.type_text}{many}, not {found}.")
+            return None
+        if value.kind is ScalarKind.BROKEN:
+            return None
+        if info.kind is Kind.STRING or info.kind is Kind.BYTES:
+            return self._string(info, value, path)
+        if value.kind is ScalarKind.STRING:
+            self._quoted(info, value, path)
+            return None
+        text = value.texts[0]
+        if info.kind is Kind.ENUM:
+            return self._enum(info, value, text, path)
+        if info.kind is Kind.BOOL:
+            truth = literals.boolean(text)
+            if truth is None:
+                self._wrong_type(
+                    info,
+                    value,
+                    path,
+                    f"{info.name} takes true or false.",
+                    nearest_first(text, ("true", "false")),
+                )
+            return truth
+        if info.kind is Kind.FLOAT:
+            number = literals.number(text)
+            if number is None:
+                self._wrong_type(info, value, path, f"{info.name} takes a number.")
+            return number
+        return self._integer(info, value, text, path)
+
+    def _integer(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
+        number = literals.integer(text)
+        if number is None:
+            self._not_an_integer(info, value, text, path)
+            return None
+        if not info.smallest <= number <= info.largest:
+            limits = _limits_of(info)
+            self._problems.error(
+                "number-out-of-range",
+                f"{info.name} takes whole numbers from {limits}.",
+                self._span(value),
+                path=path,
+                found=text,
+                allowed=(limits,),
+            )
+            return None
+        return number
+
+    def _not_an_integer(self, info: FieldInfo, value: Scalar, text: str, path: str) -> None:
+        number = literals.number(text)
+        allowed: tuple[str, ...] = ()
+        if number is not None and info.smallest <= number <= info.largest:
+            low = int(number // 1)
+            allowed = (str(low),) if low == number else (str(low), str(low + 1))
+        self._wrong_type(info, value, path, f"{info.name} takes a whole number.", allowed)
+
+    def _enum(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
+        number = literals.plain_integer(text)
+        if number is not None:
+            if number in info.enum.values_by_number:
+                return number
+            names = [f"{item.name} ({item.number})" for item in info.enum.values]
+            self._problems.error(
+                "unknown-enum-number",
+                f"{info.enum.name} has no value of number {number}.",
+                self._span(value),
+                path=path,
+                found=text,
+                allowed=names,
+            )
+            return None
+        found = info.enum.values_by_name.get(text)
+        if found is not None:
+            return int(found.number)
+        self._problems.error(
+            "unknown-enum-value",
+            f"{info.enum.name} has no value {shortened(text)}.",
+            self._span(value),
+            path=path,
+            found=text,
+            allowed=nearest_first(text, _names(info.enum)),
+            remedy="".join(f"Did you mean {name}?" for name in nearest(text, _names(info.enum), most=1)),
+        )
+        return None
+
+    def _quoted(self, info: FieldInfo, value: Scalar, path: str) -> None:
+        """Reports a string where a field takes none, and what it says without quotes."""
+        text = "".join(literal[1:-1] for literal in value.texts)
+        allowed = [info.type_text]
+        remedy = ""
+        if info.kind is Kind.ENUM:
+            bare = _enum_name_of(info, text)
+            allowed = nearest_first(bare, _names(info.enum))
+            if bare.isascii() and bare in info.enum.values_by_name:
+                remedy = f"Write {bare} without quotes."
+                allowed = [bare]
+        elif literals.number(text) is not None or literals.boolean(text) is not None:
+            remedy = f"Write {text} without quotes."
+        self._wrong_type(
+            info, value, path, f"{info.name} takes a {info.type_text}, not a string.", allowed, remedy
+        )
+
+    def _string(self, info: FieldInfo, value: Scalar, path: str) -> str | bytes | None:
+        if value.kind is ScalarKind.RAW:
+            data = literals.encoded(value.texts[0])
+        elif value.kind is ScalarKind.STRING:
+            pieces = [
+                self._piece(literal, start, path)
+                for literal, (start, _) in zip(value.texts, value.parts, strict=True)
+            ]
+            if None in pieces:
+                return None
+            data = b"".join(piece for piece in pieces if piece is not None)
+        else:
+            quoted = f'"{shortened(value.texts[0])}"'
+            self._wrong_type(
+                info, value, path, f"{info.name} takes a {info.type_text}.", (quoted,), f"Write {quoted}."
+            )
+            return None
+        if info.kind is Kind.BYTES:
+            return data
+        try:
+            return data.decode()
+        except UnicodeDecodeError as fault:
+            self._problems.error(
+                "not-utf8-string",
+                f"The byte 0x{data[fault.start]:02x} of this string is not UTF-8 text.",
+                self._span(value),
+                path=path,
+                found=self._text(value),
+            )
+            return None
+
+    def _piece(self, literal: str, start: int, path: str) -> bytes | None:
+        try:
+            return literals.string_bytes(literal)
+        except literals.BadEscapeError as fault:
+            at = Span(self._source, start + fault.offset, start + fault.offset + fault.length)
+            self._problems.error("bad-escape", f"{fault}.", at, path=path, found=str(fault).split(" ", 1)[0])
+            return None
+
+    def _wrong_type(
+        self,
+        info: FieldInfo,
+        value: Value,
+        path: str,
+        message: str,
+        allowed: list[str] | tuple[str, ...] = (),
+        remedy: str = "",
+    ) -> None:
+        self._problems.error(
+            "wrong-type",
+            message,
+            self._span(value),
+            path=path,
+            found=self._text(value),
+            allowed=allowed or (info.type_text,),
+            remedy=remedy or _number_remedy(info, self._text(value)),
+        )
+
+    def _span(self, value: Value) -> Span:
+        return Span(self._source, value.start, value.end)
+
+    def _text(self, value: Value) -> str:
+        return shortened(self._source.text[value.start : value.end].partition("\n")[0])
+
+
+def _limits_of(info: FieldInfo) -> str:
+    """The range of an integer field in words: that of its rule, as far as the type allows it."""
+    from joshua.textproto.field_facts import facts_of, number_text
+
+    facts = facts_of(info.descriptor)
+    smallest = info.smallest if facts.minimum is None else facts.minimum
+    largest = info.largest if facts.maximum is None else facts.maximum
+    return f"{number_text(smallest)} to {number_text(largest)}"
+
+
+def _number_remedy(info: FieldInfo, text: str) -> str:
+    """How a number is written for this field, where it takes one; "" for others."""
+    if info.kind is not Kind.INTEGER and info.kind is not Kind.FLOAT:
+        return ""
+    from joshua.textproto.field_facts import facts_of
+
+    facts = facts_of(info.descriptor)
+    if facts.unit and re.fullmatch(_NUMBER_WITH_UNIT, text):
+        return f"Write the number alone; the unit of {info.name} is {facts.unit}."
+    sample = facts.example or facts.default
+    what = f"a list of {info.type_text}s" if info.is_repeated else f"a {info.type_text}"
+    return f"Write {what}, such as {sample}." if sample else ""
+
+
+def _names(enum: Any) -> list[str]:
+    """The names that a user may choose; the one that means «not chosen» is none of them."""
+    return [item.name for item in enum.values if not item.name.endswith("_UNSPECIFIED")]
+
+
+def _enum_name_of(info: FieldInfo, text: str) -> str:
+    """The enum name that a quoted text means: itself, or that of a ROS 2 type name."""
+    if info.enum.full_name == "joshua.DataType" and "/" in text:
+        from joshua.schema import data_types
+
+        package, _, short = text.partition("/")
+        name = text if short.startswith("msg/") else f"{package}/msg/{short}"
+        if name in data_types.type_names():
+            return data_types.enum_names(data_types.number(name))[0]
+    return text

@@ -1,0 +1,123 @@
+"""What the plan says about safe states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from joshua.planner.pipeline import Examination, examine
+from joshua.planner.request import Request
+
+FILE = """
+general {{ mode: MODE_TEST name: "rig" id: "rig-1" }}
+robot {{ actions {{
+  node {{
+    node_name: "arm" node_id: 1
+    publishers {{ data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }}
+    {subscription}
+  }}
+  action_type: {role}
+  {block}
+  {more}
+}} }}
+"""
+SERVOS = """sts3215_config {
+    comm { serial { port: "/dev/ttyACM0" baudrate: 1000000 } } motor_ids: [1, 2] position_max: 4095
+  }"""
+MOCK = "mock_motor_config { num_motors: 2 position_max: 4095 }"
+PARK = "safe_state: PARK_THEN_RELEASE"
+
+
+SUBSCRIPTION = 'subscriptions { data_type: JOINT_STATE topic_name: "/commands" }'
+
+
+def planned(
+    folder: Path,
+    more: str,
+    *,
+    block: str = SERVOS,
+    role: str = "ACTION_FOLLOWER",
+    commanded: bool = False,
+) -> Examination:
+    path = folder / "robot.pbtxt"
+    subscription = SUBSCRIPTION if commanded else ""
+    path.write_text(FILE.format(role=role, block=block, more=more, subscription=subscription))
+    return examine(Request(str(path)))
+
+
+def context(examination: Examination) -> dict[str, Any]:
+    assert examination.plan is not None, examination.diagnostics
+    (node,) = examination.plan.nodes
+    return node.context
+
+
+def finding(examination: Examination, code: str) -> Any:
+    (item,) = [item for item in examination.diagnostics if item.code == code]
+    return item
+
+
+def test_an_arm_is_held_by_default(tmp_path: Path) -> None:
+    stop = context(planned(tmp_path, ""))["safe_stop"]
+    assert stop == {
+        "implementation": "joshua_sts3215.safe_stop:stop",
+        "state": "HOLD",
+        "park_pose_rad": [],
+        "timeout_s": 5.0,
+    }
+
+
+def test_parking_asks_the_stop_for_more_time(tmp_path: Path) -> None:
+    values = context(planned(tmp_path, f"{PARK} park_pose_rad: [0.5, -0.5] park_timeout_s: 8"))
+    assert values["safe_stop"]["park_pose_rad"] == [0.5, -0.5]
+    assert values["stop_timeout_s"] > 8
+
+
+def test_a_leader_is_released_and_has_no_guardian(tmp_path: Path) -> None:
+    values = context(planned(tmp_path, "", role="ACTION_LEADER"))
+    assert values["safe_state"] == "RELEASE"
+    assert "safe_stop" not in values
+
+
+def test_virtual_motors_have_no_guardian(tmp_path: Path) -> None:
+    examination = planned(tmp_path, "safe_state: RELEASE park_timeout_s: 3", block=MOCK)
+    assert context(examination)["safe_state"] == "RELEASE"
+    assert "safe_stop" not in context(examination)
+    assert "arm has no guardian that it could bound" in finding(examination, "field-unused").message
+
+
+def test_virtual_motors_cannot_park(tmp_path: Path) -> None:
+    item = finding(planned(tmp_path, f"{PARK} park_pose_rad: [0, 0]", block=MOCK), "safe-state-unfit")
+    assert item.message == "arm: the plugin of mock_motor_config cannot park."
+    assert item.allowed == ("HOLD", "RELEASE")
+    assert item.position is not None
+
+
+def test_a_park_pose_has_one_angle_for_each_joint(tmp_path: Path) -> None:
+    item = finding(planned(tmp_path, f"{PARK} park_pose_rad: [0, 0, 0]"), "park-pose-unfit")
+    assert "has 3 angles, and the actuator has 2 joints: joint_1, joint_2" in item.message
+    assert item.allowed == ("2",)
+
+
+def test_a_policy_for_commands_that_stay_away_reaches_the_node(tmp_path: Path) -> None:
+    assert "on_stale" not in context(planned(tmp_path, "on_stale: HOLD"))
+    more = "on_stale: PARK_THEN_RELEASE on_stale_after_s: 1.5 park_pose_rad: [0.5, -0.5]"
+    assert context(planned(tmp_path, more, block=MOCK))["on_stale"] == {
+        "action": "PARK_THEN_RELEASE",
+        "after_s": 1.5,
+        "pose_rad": [0.5, -0.5],
+        "timeout_s": 5.0,
+    }
+    item = finding(planned(tmp_path, "on_stale: PARK_THEN_RELEASE park_pose_rad: [0]"), "park-pose-unfit")
+    assert "has 1 angles" in item.message
+
+
+def test_settings_about_commands_that_have_no_effect_are_named(tmp_path: Path) -> None:
+    for role in ("ACTION_LEADER", "ACTION_FOLLOWER"):  # neither has a subscription
+        item = finding(planned(tmp_path, "on_stale: RELEASE", role=role), "field-unused")
+        assert item.message == "on_stale has no effect: arm follows no commands."
+    holds = finding(planned(tmp_path, "on_stale_after_s: 3", commanded=True), "field-unused")
+    assert holds.message == "on_stale_after_s has no effect: joints that hold go on holding."
+    assert "on_stale: RELEASE" in holds.remedy
+    parks = planned(tmp_path, "on_stale: PARK_THEN_RELEASE", commanded=True)
+    missing = finding(parks, "park-pose-missing")
+    assert missing.field_path.endswith(".on_stale")

@@ -1,0 +1,59 @@
+"""The stop ladder."""
+
+from __future__ import annotations
+
+import time
+
+from joshua.supervisor.ladder import LadderTimes, Rung, StopLadder
+from joshua.supervisor.reactor import Reactor
+
+
+def climb(times, until, act=lambda ladder, rung: None):
+    reactor, taken = Reactor(), []
+    ladder = StopLadder(reactor, times, lambda rung, elapsed_s: (taken.append(rung), act(ladder, rung)))
+    ladder.begin()
+    ladder.begin()
+    reactor.call_later(10.0, lambda: None)
+    deadline = time.monotonic() + 10.0
+    while taken[-1] is not until and time.monotonic() < deadline:
+        reactor.turn()
+    reactor.close()
+    return taken
+
+
+def test_the_rungs_follow_each_other_up_to_the_kill():
+    assert climb(LadderTimes(0.01, 0.01), Rung.KILL) == [Rung.REQUEST, Rung.TERMINATE, Rung.KILL]
+
+
+def test_a_process_that_ends_is_not_signalled():
+    reactor, taken = Reactor(), []
+    ladder = StopLadder(reactor, LadderTimes(0.01, 0.01), lambda rung, elapsed_s: taken.append(rung))
+    ladder.begin()
+    ladder.ended()
+    reactor.call_later(0.05, lambda: taken.append("later"))
+    while taken[-1] != "later":
+        reactor.turn()
+    assert taken == [Rung.REQUEST, "later"]
+    reactor.close()
+
+
+def test_a_kill_jumps_to_the_last_rung_once():
+    reactor, taken = Reactor(), []
+    ladder = StopLadder(reactor, LadderTimes(5.0, 5.0), lambda rung, elapsed_s: taken.append(rung))
+    ladder.kill()
+    ladder.kill()
+    assert taken == [Rung.KILL]
+    assert ladder.begun
+    reactor.close()
+
+
+def test_the_elapsed_time_is_told():
+    elapsed = []
+    reactor = Reactor()
+    ladder = StopLadder(reactor, LadderTimes(0.05, 0.05), lambda rung, seconds: elapsed.append(seconds))
+    ladder.begin()
+    while len(elapsed) < 3:
+        reactor.turn()
+    assert elapsed[0] < elapsed[1] < elapsed[2]
+    assert elapsed[1] >= 0.05
+    reactor.close()
