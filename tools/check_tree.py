@@ -1,4 +1,4 @@
-"""Checks what must never be committed: machine paths, registry hosts, and oversized source files.
+"""Checks what must never be committed: machine paths, registry hosts, oversized files, misnamed fragments.
 
 Prints one line for each finding and exits with 1 when there is any.
 """
@@ -19,6 +19,11 @@ MACHINE_PATH = re.compile(
 )
 REGISTRY_HOST = re.compile(r"py[p]i\.org|python[h]osted|registry\.npm[j]s|deb\.deb[i]an|anaconda\.[o]rg")
 PINNED_ADDRESS = re.compile(r"://|--hash|--index-url|--extra-index-url|--find-links")
+
+# The types are those of [tool.towncrier] in pyproject.toml; towncrier itself passes over any other name.
+FRAGMENT = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*\.(added|changed|fixed|removed)\.md")
+FRAGMENTS_FOLDER = Path("changes")
+NOT_FRAGMENTS = frozenset(("README.md", "_template.md"))
 
 # One idea per file: beyond this many lines a hand-written module holds more than one.
 MAX_SOURCE_LINES = 400
@@ -58,6 +63,11 @@ def examine(path: Path) -> Iterator[str]:
             yield f"{name}:{number}: host of a package registry: {match.group()}"
         if path.name == "constraints.txt" and (match := PINNED_ADDRESS.search(line)):
             yield f"{name}:{number}: a constraint is a name and a version only, found {match.group()}"
+    if name.parent == FRAGMENTS_FOLDER and path.name not in NOT_FRAGMENTS:
+        if not FRAGMENT.fullmatch(path.name):
+            yield f"{name}: a fragment is named <slug>.<added|changed|fixed|removed>.md, as bus-scan.added.md"
+        elif not any(line.strip() for line in lines):
+            yield f"{name}: the fragment is empty: say what changes for a user"
     if path.suffix == ".py" and not path.stem.endswith("_pb2") and len(lines) > MAX_SOURCE_LINES:
         yield f"{name}: {len(lines)} lines, at most {MAX_SOURCE_LINES}: split it by idea"
 

@@ -1,4 +1,4 @@
-"""Generates the reference pages of the documentation from the schema and the program itself.
+"""Generates the reference pages of the documentation from the schema, the program itself and the changes.
 
 The pages land in ``docs/reference/`` and are not committed: they always fit the tree they are built from.
 """
@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from reference.changelog import changelog_page
 from reference.command_line import command_line_page
 from reference.configuration import configuration_page
 from reference.data_types import data_types_page
@@ -23,6 +24,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "diagnostics.md": diagnostics_page,
     "command-line.md": command_line_page,
     "presets.md": presets_page,
+    "changelog.md": changelog_page,
 }
 
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import check_tree
+import nox.project
 import pytest
 
 # Put together, so that this file passes the check itself.
@@ -16,6 +17,7 @@ def _root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def findings(tmp_path: Path, name: str, text: str) -> list[str]:
     path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
     path.write_text(text)
     return list(check_tree.examine(path))
 
@@ -45,6 +47,32 @@ def test_a_long_module_is_found_but_generated_code_is_not(tmp_path: Path):
     text = "pass\n" * 401
     assert findings(tmp_path, "long.py", text) == ["long.py: 401 lines, at most 400: split it by idea"]
     assert findings(tmp_path, "long_pb2.py", text) == []
+
+
+@pytest.mark.parametrize("name", ["bus-scan.added.md", "x.removed.md", "README.md", "_template.md"])
+def test_a_fragment_of_the_changelog_may_stand(tmp_path: Path, name: str):
+    assert findings(tmp_path, f"changes/{name}", "A bus can be scanned.\n") == []
+
+
+@pytest.mark.parametrize(
+    "name", ["bus-scan.md", "bus_scan.added.md", "bus-scan.feature.md", "12.added.txt", "a.py"]
+)
+def test_a_misnamed_fragment_is_found(tmp_path: Path, name: str):
+    (finding,) = findings(tmp_path, f"changes/{name}", "A bus can be scanned.\n")
+    assert "a fragment is named <slug>.<added|changed|fixed|removed>.md" in finding
+
+
+def test_an_empty_fragment_is_found(tmp_path: Path):
+    assert findings(tmp_path, "changes/x.added.md", "\n") == [
+        "changes/x.added.md: the fragment is empty: say what changes for a user"
+    ]
+
+
+def test_the_types_of_fragments_are_those_that_towncrier_knows():
+    settings = nox.project.load_toml(Path(__file__).resolve().parents[2] / "pyproject.toml")
+    for kind in settings["tool"]["towncrier"]["type"]:
+        assert check_tree.FRAGMENT.fullmatch(f"x.{kind['directory']}.md")
+    assert check_tree.FRAGMENT.pattern.count("|") + 1 == len(settings["tool"]["towncrier"]["type"])
 
 
 def test_a_file_that_is_not_text_is_passed_over(tmp_path: Path):

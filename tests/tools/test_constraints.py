@@ -31,7 +31,10 @@ def requirements(manifest: Path) -> list[Requirement]:
         *project.get("optional-dependencies", {}).values(),
         *content.get("dependency-groups", {}).values(),
     ]
-    texts = [*project.get("dependencies", ()), *(text for group in groups for text in group)]
+    texts = [
+        *project.get("dependencies", ()),
+        *(text for group in groups for text in group if isinstance(text, str)),
+    ]
     return [Requirement(text) for text in texts]
 
 

@@ -6,7 +6,8 @@ import pytest
 from joshua.cli.table import COMMANDS
 from joshua.config.codes import CODES
 from joshua.schema import config_pb2, data_type_pb2
-from reference import configuration
+from reference import changelog, configuration
+from reference.changelog import changelog_page
 from reference.command_line import command_line_page
 from reference.configuration import configuration_page, enums_of, reachable
 from reference.data_types import data_types_page
@@ -108,3 +109,18 @@ def test_cells_keep_their_text_as_it_is():
 
 def test_a_column_without_content_is_left_out():
     assert table(("A", "B", "C"), [("1", "", "2")]) == ["| A | C |", "|---|---|", "| 1 | 2 |", ""]
+
+
+def test_the_changelog_page_shows_what_is_unreleased_before_the_past(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(changelog, "unreleased", lambda: "## Unreleased\n\n### Added\n\n- A thing.\n")
+    page = changelog_page()
+    assert page.startswith("# Changelog\n")
+    assert page.index("- A thing.") < page.index("## Development up to November 2026")
+
+
+def test_each_fragment_is_in_the_draft_under_its_kind():
+    draft = changelog.unreleased()
+    for fragment in (changelog.ROOT / "changes").glob("*.*.md"):
+        first = fragment.read_text(encoding="utf-8").split()[:3]
+        assert " ".join(first) in " ".join(draft.split()), fragment.name
+        assert f"### {fragment.name.split('.')[1].capitalize()}\n" in draft
