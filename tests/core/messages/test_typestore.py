@@ -6,13 +6,16 @@ import pytest
 from joshua.messages import (
     MessageError,
     dds_type_name,
+    decode,
     distro,
+    encode,
     known_types,
     message_class,
     ros_type_name,
     select_distro,
     type_hash,
 )
+from joshua.messages.fields import build
 
 
 @pytest.fixture(autouse=True)
@@ -70,3 +73,26 @@ def test_later_distributions_share_the_definitions_of_jazzy():
 
 def test_the_data_types_are_all_known():
     assert len(known_types()) > 106
+
+
+# From the type descriptions that ROS 2 Jazzy installs (share/<package>/msg/<Type>.json); char is uint8 there.
+JAZZY_HASHES = {
+    "std_msgs/msg/Byte": "RIHS01_41e1a3345f73fe93ede006da826a6ee274af23dd4653976ff249b0f44e3e798f",
+    "std_msgs/msg/Char": "RIHS01_3ad2d04dd29ba19d04b16659afa3ccaedd691914b02a64e82e252f2fa6a586a9",
+    "rmw_dds_common/msg/ParticipantEntitiesInfo": "RIHS01_"
+    "91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e",
+}
+
+
+@pytest.mark.parametrize("name", JAZZY_HASHES)
+def test_octets_are_hashed_as_ros_2_hashes_them(name):
+    select_distro("jazzy")
+    assert type_hash(name) == JAZZY_HASHES[name]
+
+
+@pytest.mark.parametrize("name", ["std_msgs/msg/Byte", "std_msgs/msg/Char"])
+def test_octets_are_unsigned(name):
+    message = build(name, {"data": 200})
+    assert message.data == 200
+    assert bytes(encode(message))[4] == 200
+    assert decode(name, encode(message)).data == 200

@@ -7,12 +7,15 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from joshua.messages import type_hash
 from joshua.plan import QosProfile, TransportSpec
 from joshua.transport import Transport
 
 pytest.importorskip("cyclonedds")
 
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
+from joshua.transport.dds.qos import read_type_hash
 
 ANY = SampleState.Any | ViewState.Any
 UINT32 = "std_msgs/msg/UInt32"
@@ -82,3 +85,21 @@ def test_who_publishes_and_the_graph_are_read_at_once(dds_spec, opener, eventual
     for thread in threads:
         thread.join()
     assert (wrong, caplog.text) == ([], "")
+
+
+def test_the_endpoints_of_the_graph_tell_their_type_hash(dds_spec, opener, eventually):
+    """rmw_cyclonedds warns of each endpoint without one."""
+    shown, watcher = opener(dds_spec), opener(dds_spec)
+    mine = shown.participant.guid
+    for kind in (BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription):
+        reader = BuiltinDataReader(watcher.participant, kind)
+
+        def graph_endpoints(reader: Any = reader) -> list[str]:
+            samples = reader.read(1000)
+            return [
+                read_type_hash(sample.qos)
+                for sample in samples
+                if sample.topic_name == "ros_discovery_info" and sample.participant_key == mine
+            ]
+
+        assert eventually(graph_endpoints) == [type_hash("rmw_dds_common/msg/ParticipantEntitiesInfo")]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from joshua.messages.errors import MessageError
-from joshua.messages.typestore import distro, message_class, require_type, typestore
+from joshua.messages.typestore import definitions, distro, message_class, require_type
 
 PLACEHOLDER = "structure_needs_at_least_one_member"
 """The member that the wire form of a message without fields has."""
@@ -22,8 +22,7 @@ _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 _DTYPES: dict[str, Any] = {
     "bool": np.bool_,
-    # the message classes hold ROS 2's octets as signed numbers
-    "byte": np.int8,
+    "byte": np.uint8,
     "char": np.uint8,
     **{name: np.dtype(name) for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32")},
     **{name: np.dtype(name) for name in ("int64", "uint64", "float32", "float64")},
@@ -77,7 +76,7 @@ def _fields(full_name: str, _distro: str) -> tuple[Field, ...]:
     shapes = {Nodetype.ARRAY: "array", Nodetype.SEQUENCE: "sequence"}
     result = []
     desc: Any
-    for wire_name, desc in typestore().fielddefs[full_name][1]:
+    for wire_name, desc in definitions().fielddefs[full_name][1]:
         shape, length = "one", 0
         inner: Any = desc
         if desc[0] in shapes:
@@ -236,8 +235,6 @@ def _one(field: Field, value: Any, path: str) -> Any:
         if field.base == "float32" and math.isfinite(number) and abs(number) > _LARGEST_FLOAT32:
             raise _misfit(path, value, "a number within the range of float32")
         return number
-    if field.base == "byte" and isinstance(value, (int, np.integer)) and 127 < int(value) < 256:
-        return int(value) - 256
     limits = np.iinfo(_DTYPES[field.base])
     if not isinstance(value, (int, np.integer)) or not limits.min <= int(value) <= limits.max:
         raise _misfit(path, value, f"a whole number from {limits.min} to {limits.max} ({field.base})")

@@ -35,21 +35,37 @@ def select_distro(name: str) -> None:
     _selected = name.strip().lower() or "jazzy"
 
 
-@lru_cache(maxsize=2)
-def _load(humble: bool) -> Typestore:
+@lru_cache(maxsize=4)
+def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
+    """Loads definitions in which the fields of the types ``octets`` are uint8."""
     # rosbags and numpy cost about 0.1 s, so that nothing imports them before a message is needed
     from rosbags.typesys import Stores, get_typestore
 
-    return get_typestore(Stores.ROS2_HUMBLE if humble else Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS2_HUMBLE if humble else Stores.ROS2_JAZZY)
+
+    def renamed(described: Any) -> Any:
+        kind, rest = described
+        if isinstance(rest[0], tuple):  # an array or a sequence of something
+            return kind, (renamed(rest[0]), *rest[1:])
+        return (kind, ("uint8", *rest[1:])) if rest[0] in octets else described
+
+    for name, (constants, members) in store.fielddefs.items() if octets else ():
+        store.fielddefs[name] = constants, [(member, renamed(described)) for member, described in members]
+    return store
 
 
-def typestore() -> Typestore:
-    """The definitions in force.
+def definitions() -> Typestore:
+    """The definitions in force, as ROS 2 writes them.
 
     Humble has its own; those of every later distribution agree with Jazzy's for all types of the
     DataType enum.
     """
     return _load(distro() == "humble")
+
+
+def typestore() -> Typestore:
+    """The definitions in force for encoding: ``byte`` and ``char`` are unsigned octets."""
+    return _load(distro() == "humble", ("byte", "char"))
 
 
 def known_types() -> list[str]:
@@ -82,7 +98,8 @@ def message_class(type_name: str) -> Any:
 
 @lru_cache(maxsize=512)
 def _hash(full_name: str) -> str:
-    return _load(False).hash_rihs01(full_name)
+    # ROS 2 describes char as uint8 (type id 3), as rosidl's IDL maps it; rosbags gives it an id of its own.
+    return _load(False, ("char",)).hash_rihs01(full_name)
 
 
 def type_hash(type_name: str) -> str:

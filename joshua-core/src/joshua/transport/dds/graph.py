@@ -36,7 +36,7 @@ from joshua.messages.names import shown_type_name
 from joshua.transport.api import EndpointInfo, NodeInfo
 from joshua.transport.dds import discovery_info, raw
 from joshua.transport.dds.discovery_info import NodeEntry
-from joshua.transport.dds.qos import XCDR1, read_qos, read_type_hash
+from joshua.transport.dds.qos import XCDR1, read_qos, read_type_hash, user_data
 from joshua.transport.names import NAMELESS
 
 _PREFIX = "rt/"
@@ -61,6 +61,7 @@ class Graph:
             Policy.Durability.TransientLocal,
             Policy.DurabilityService(0, Policy.History.KeepLast(1), -1, -1, -1),
             XCDR1,
+            *user_data(discovery_info.TYPE_NAME),  # rmw_cyclonedds warns of endpoints without a hash
         )
         topic: Any = Topic(participant, discovery_info.TOPIC, self._type)
         with raw.READING_QOS:

@@ -37,7 +37,7 @@ def endpoint_qos(qos: QosProfile, type_name: str, *, is_writer: bool) -> Qos:
         history,
         Policy.Liveliness.ManualByTopic(lease) if manual else Policy.Liveliness.Automatic(lease),
         XCDR1,
-        _user_data(type_name),
+        *user_data(type_name),
     ]
     if qos.deadline_s > 0:
         policies.append(Policy.Deadline(_ns(qos.deadline_s)))
@@ -54,9 +54,10 @@ def endpoint_qos(qos: QosProfile, type_name: str, *, is_writer: bool) -> Qos:
     return Qos(*[policy for policy in policies if policy is not None])
 
 
-def _user_data(type_name: str) -> Any:
+def user_data(type_name: str) -> list[Any]:
+    """The policy by which an endpoint tells its type hash; none for Humble, whose wire carries no hash."""
     found = type_hash(type_name)
-    return None if found == HASH_UNSUPPORTED else Policy.Userdata(f"typehash={found};".encode())
+    return [] if found == HASH_UNSUPPORTED else [Policy.Userdata(f"typehash={found};".encode())]
 
 
 def read_qos(qos: Qos) -> QosProfile:
