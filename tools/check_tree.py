@@ -5,6 +5,7 @@ Prints one line for each finding and exits with 1 when there is any.
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -25,8 +26,10 @@ FRAGMENT = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*\.(added|changed|fixed|removed)\.m
 FRAGMENTS_FOLDER = Path("changes")
 NOT_FRAGMENTS = frozenset(("README.md", "_template.md"))
 
-# One idea per file: beyond this many lines a hand-written module holds more than one.
-MAX_SOURCE_LINES = 400
+# One idea per file. A longer module says in its docstring why it is one file, and none is longer than the limit.
+LINES_WITHOUT_REASON = 400
+MAX_SOURCE_LINES = 600
+REASON = re.compile(r"^\s*Why one file: \S", re.MULTILINE)
 
 
 def main() -> int:
@@ -68,8 +71,19 @@ def examine(path: Path) -> Iterator[str]:
             yield f"{name}: a fragment is named <slug>.<added|changed|fixed|removed>.md, as bus-scan.added.md"
         elif not any(line.strip() for line in lines):
             yield f"{name}: the fragment is empty: say what changes for a user"
-    if path.suffix == ".py" and not path.stem.endswith("_pb2") and len(lines) > MAX_SOURCE_LINES:
-        yield f"{name}: {len(lines)} lines, at most {MAX_SOURCE_LINES}: split it by idea"
+    if path.suffix == ".py" and not path.stem.endswith("_pb2"):
+        yield from (f"{name}: {finding}" for finding in size_findings("\n".join(lines), len(lines)))
+
+
+def size_findings(text: str, count: int) -> Iterator[str]:
+    """Yields what is wrong with the length of a hand-written module."""
+    if count > MAX_SOURCE_LINES:
+        yield f"{count} lines, at most {MAX_SOURCE_LINES}: split it by idea"
+    elif count > LINES_WITHOUT_REASON and not REASON.search(ast.get_docstring(ast.parse(text)) or ""):
+        yield (
+            f"{count} lines, above {LINES_WITHOUT_REASON} only with a reason: split it by idea, "
+            "or add a line `Why one file: …` to the module's docstring"
+        )
 
 
 if __name__ == "__main__":

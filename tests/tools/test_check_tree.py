@@ -44,9 +44,23 @@ def test_a_constraint_is_a_name_and_a_version(tmp_path: Path, line: str):
 
 
 def test_a_long_module_is_found_but_generated_code_is_not(tmp_path: Path):
-    text = "pass\n" * 401
-    assert findings(tmp_path, "long.py", text) == ["long.py: 401 lines, at most 400: split it by idea"]
+    text = '"""Does much.\n\nWhy one file: one class.\n"""\n' + "pass\n" * 597
+    assert findings(tmp_path, "long.py", text) == ["long.py: 601 lines, at most 600: split it by idea"]
     assert findings(tmp_path, "long_pb2.py", text) == []
+
+
+@pytest.mark.parametrize(
+    "docstring", ['"""Does much."""', '"""Why one file:\n"""', "# Why one file: one class."]
+)
+def test_a_module_above_400_lines_says_why_it_is_one_file(tmp_path: Path, docstring: str):
+    (finding,) = findings(tmp_path, "long.py", docstring + "\n" + "pass\n" * 400)
+    assert "above 400 only with a reason" in finding
+
+
+def test_a_module_above_400_lines_may_stand_with_its_reason(tmp_path: Path):
+    text = '"""Does much.\n\nWhy one file: one class reads and writes the same registers.\n"""\n'
+    assert findings(tmp_path, "long.py", text + "pass\n" * 596) == []
+    assert findings(tmp_path, "short.py", "pass\n" * 400) == []
 
 
 @pytest.mark.parametrize("name", ["bus-scan.added.md", "x.removed.md", "README.md", "_template.md"])
