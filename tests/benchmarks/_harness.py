@@ -179,24 +179,15 @@ def _receive(workload: Workload, carrier: str, place: dict[str, Any]) -> None:
 
 
 def _print(workload: Workload, outcomes: list[Outcome], targets: dict[str, tuple[float, float]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     floor = min((o.p50_us for o in outcomes if not o.carrier.startswith("joshua")), default=0.0)
     load = os.getloadavg()[0]
-    table = Table(title=f"{workload.name}, {workload.count} messages, load {load:.1f}", title_justify="left")
-    for head in (
-        "carrier",
-        "p50 µs",
-        "p99 µs",
-        "ratio",
-        "lost",
-        "reordered",
-        "sender %",
-        "receiver %",
-        "target",
-    ):
-        table.add_column(head, justify="left" if head == "carrier" else "right")
+    print(f"{workload.name}, {workload.count} messages, load {load:.1f}")
+    row = "{:<24} {:>8} {:>8} {:>6} {:>6} {:>10} {:>9} {:>11}  {}"
+    print(
+        row.format(
+            "carrier", "p50 µs", "p99 µs", "ratio", "lost", "reordered", "sender %", "receiver %", "target"
+        )
+    )
     for outcome in outcomes:
         verdict = ""
         if outcome.carrier in targets:
@@ -209,7 +200,7 @@ def _print(workload: Workload, outcomes: list[Outcome], targets: dict[str, tuple
             )
             limits = f"≤ {longest_us:.0f} µs" + (f", ≤ {share:g} %" if share < 100 else "")
             verdict = f"{limits}: {'reached' if reached else 'missed'}"
-        table.add_row(
+        cells = (
             outcome.carrier,
             f"{outcome.p50_us:.0f}",
             f"{outcome.p99_us:.0f}",
@@ -220,7 +211,7 @@ def _print(workload: Workload, outcomes: list[Outcome], targets: dict[str, tuple
             f"{outcome.receiver_percent:.1f}",
             verdict,
         )
-    Console(width=130).print(table)
+        print(row.format(*cells))
     print(json.dumps([asdict(outcome) for outcome in outcomes]))
 
 

@@ -41,6 +41,7 @@ def test_figures_and_a_picture_of_the_motion(joshua_run: JoshuaProgram) -> None:
     assert 5 <= int(lag[1]) <= 300
     assert re.fullmatch(r"\d+% of stall torque at most", measured(result.stdout, "load"))
     assert re.fullmatch(r"2\d(?: to \d+)? °C", measured(result.stdout, "temperature"))
+    assert re.search(r"^data: .*-servo\.csv$", result.stdout, re.MULTILINE)
     (picture,) = re.findall(r"^picture: (.*-servo\.png)$", result.stdout, re.MULTILINE)
     assert Path(picture).stat().st_size > 10_000
     assert Path(picture).with_name(Path(picture).name.replace("-servo.png", ".jsonl")).exists()

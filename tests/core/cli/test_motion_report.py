@@ -1,16 +1,17 @@
-"""Pictures of a test: one file for each node that moved, beside the log."""
+"""Files of a test beside the log: samples and a picture for each node that moved."""
 
 from __future__ import annotations
 
+import csv
 import resource
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from joshua.cli.motion_report import NARROW, PANEL_HEIGHT, WIDE, draw_node, draw_report
+from joshua.cli.motion_report import COLUMNS, HINT, write_reports
 from joshua.cli.run import draw
-from joshua.devices.chart import BLUE, ORANGE, RED
 from joshua.plan import JointTrace, NodeReport, RunReport
 
 
@@ -30,37 +31,60 @@ def report(log: Path, *nodes: NodeReport) -> RunReport:
     return RunReport(exit_code=0, nodes=nodes, log=str(log))
 
 
-def test_each_joint_has_a_column_of_panels() -> None:
-    one = draw_node(NodeReport(full_name="/servo", state="stopped", traces=(trace("pan"),)))
-    assert one.shape == (4 * PANEL_HEIGHT, WIDE, 3)
-    top = one[:PANEL_HEIGHT]
-    for color in (BLUE, ORANGE):
-        assert (top == color).all(axis=2).sum() > 500
-    assert not (top == RED).all(axis=2).any()
-    assert (one[PANEL_HEIGHT : 2 * PANEL_HEIGHT] == RED).all(axis=2).sum() > 500
-    two = draw_node(NodeReport(full_name="/arm", state="stopped", traces=(trace("a"), trace("b"))))
-    assert two.shape == (4 * PANEL_HEIGHT, 2 * NARROW, 3)
+def node(name: str, *joints: str) -> NodeReport:
+    return NodeReport(full_name=name, state="stopped", traces=tuple(trace(joint) for joint in joints))
 
 
-def test_the_picture_lies_beside_the_log(tmp_path: Path) -> None:
-    moved = NodeReport(full_name="/left/servo", state="stopped", traces=(trace("pan"),))
+def test_each_joint_has_a_column_of_panels(tmp_path: Path) -> None:
+    widths = []
+    for joints in (("pan",), ("a", "b", "c")):
+        _, line = write_reports(report(tmp_path / "run.jsonl", node("/arm", *joints)))
+        data = Path(line.partition(": ")[2]).read_bytes()
+        assert data.startswith(b"\x89PNG\r\n\x1a\n")
+        width, height = struct.unpack(">II", data[16:24])
+        assert height == 900
+        widths.append(width)
+    assert widths == [1200, 1650]
+
+
+def test_the_files_lie_beside_the_log(tmp_path: Path) -> None:
+    moved = node("/left/servo", "pan")
     still = NodeReport(full_name="/camera", state="stopped")
-    (path,) = draw_report(report(tmp_path / "run-1.jsonl", moved, still))
-    assert path == tmp_path / "run-1-left-servo.png"
-    data = path.read_bytes()
-    assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    assert struct.unpack(">II", data[16:24]) == (WIDE, 4 * PANEL_HEIGHT)
-    assert list(draw_report(RunReport(exit_code=0, nodes=(moved,)))) == []
+    lines = list(write_reports(report(tmp_path / "run-1.jsonl", moved, still)))
+    assert lines == [
+        f"data: {tmp_path / 'run-1-left-servo.csv'}",
+        f"picture: {tmp_path / 'run-1-left-servo.png'}",
+    ]
+    assert list(write_reports(RunReport(exit_code=0, nodes=(moved,)))) == []
 
 
-def test_half_a_picture_is_not_left_on_a_full_disk(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_every_sample_is_a_row(tmp_path: Path) -> None:
+    list(write_reports(report(tmp_path / "run.jsonl", node("/arm", "pan", "tilt"))))
+    with (tmp_path / "run-arm.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["joint"] for row in rows] == ["pan"] * 202 + ["tilt"] * 202
+    assert rows[0]["goal_rad"] == ""
+    assert float(rows[1]["position_rad"]) == pytest.approx(np.sin(0.02 - 0.05))
+    assert [rows[200][name] for name in COLUMNS] == ["pan", "1.0", "", "", "", "27.0"]
+
+
+def test_without_the_extra_the_data_are_written_and_a_line_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    moved = NodeReport(full_name="/servo", state="stopped", traces=(trace("pan"),))
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    draw(report(tmp_path / "run.jsonl", node("/arm", "pan"), node("/other", "pan")))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run-arm.csv", "run-other.csv"]
+    output = capsys.readouterr().out.splitlines()
+    assert output[-1] == HINT
+    assert output.count(HINT) == 1
+    assert "pip install 'joshua-core[plots]'" in HINT
+
+
+def test_half_a_file_is_not_left_on_a_full_disk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))  # stands in for a disk that is full
     try:
-        draw(report(tmp_path / "run.jsonl", moved))
+        draw(report(tmp_path / "run.jsonl", node("/servo", "pan")))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert f"could be written beside {tmp_path / 'run.jsonl'}: File too large" in capsys.readouterr().err
@@ -69,6 +93,5 @@ def test_half_a_picture_is_not_left_on_a_full_disk(
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
-    moved = NodeReport(full_name="/servo", state="stopped", traces=(trace("pan"),))
-    draw(report(tmp_path / "file" / "run.jsonl", moved))
-    assert "no picture of the test could be written" in capsys.readouterr().err
+    draw(report(tmp_path / "file" / "run.jsonl", node("/servo", "pan")))
+    assert "no figures of the test could be written" in capsys.readouterr().err

@@ -1,65 +1,98 @@
-"""What MODE_TEST measured, as pictures beside the log: goal and position, error, load, temperature."""
+"""What MODE_TEST measured, beside the log: a table of each node's samples, and a picture of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import csv
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from joshua.devices.chart import BLUE, GREEN, ORANGE, RED, Curve, Panel, Picture, draw_panel, stack
-from joshua.devices.png import encode_png
 from joshua.plan import JointTrace, NodeReport, RunReport
 
-PANEL_HEIGHT = 230
-WIDE, NARROW = 1200, 560  # of one joint alone, and of several side by side
+HINT = "no picture of the test: pip install 'joshua-core[plots]' lets the next one draw"
+COLUMNS = ("joint", "time_s", "goal_rad", "position_rad", "effort", "temperature_c")
+BLUE, ORANGE, RED, GREEN = "#1f62be", "#e26e14", "#c4262e", "#22824c"
 MOST_JOINTS = 8  # side by side
 
 
-def draw_report(report: RunReport) -> Iterator[Path]:
-    """Draws one picture for each node that has traces; yields the files. Raises OSError."""
+def write_reports(report: RunReport) -> Iterator[str]:
+    """Writes the files of each node that has traces; yields a line on each. Raises OSError."""
     log = Path(report.log)
-    for node in report.nodes:
-        if not (report.log and node.traces):
-            continue
+    moved = [node for node in report.nodes if report.log and node.traces]
+    draw = _drawing() if moved else None
+    for node in moved:
         name = node.full_name.strip("/").replace("/", "-")
-        path = log.with_name(f"{log.stem}-{name}.png")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            path.write_bytes(encode_png(draw_node(node)))
-        except OSError:
-            path.unlink(missing_ok=True)  # half a picture
-            raise
-        yield path
+        table, picture = (log.with_name(f"{log.stem}-{name}.{ending}") for ending in ("csv", "png"))
+        table.parent.mkdir(parents=True, exist_ok=True)
+        yield _written("data", table, partial(write_table, node))
+        if draw is not None:
+            yield _written("picture", picture, partial(draw, node))
+    if moved and draw is None:
+        yield HINT
 
 
-def draw_node(node: NodeReport) -> Picture:
-    """One column of panels for each joint."""
-    width = WIDE if len(node.traces) == 1 else NARROW
-    prefix = f"{node.full_name} " if len(node.traces) == 1 else ""
-    columns = [_column(trace, f"{prefix}{trace.joint}, rad", width) for trace in node.traces[:MOST_JOINTS]]
-    return stack(list(zip(*columns, strict=True)))
+def _written(what: str, path: Path, write: Callable[[Path], None]) -> str:
+    try:
+        write(path)
+    except OSError:
+        path.unlink(missing_ok=True)  # half a file
+        raise
+    return f"{what}: {path}"
 
 
-def _column(trace: JointTrace, title: str, width: int) -> list[Picture]:
-    time_s = np.array(trace.time_s)
+def write_table(node: NodeReport, path: Path) -> None:
+    """One row for each sample of a joint; temperatures are sampled less often, in rows of their own."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(COLUMNS)
+        for trace in node.traces:
+            samples = zip(trace.time_s, trace.goal_rad, trace.position_rad, trace.effort, strict=True)
+            rows.writerows((trace.joint, *sample, None) for sample in samples)
+            rows.writerows((trace.joint, time_s, None, None, None, at) for time_s, at in trace.temperature_c)
+
+
+def _drawing() -> Callable[[NodeReport, Path], None] | None:
+    """What draws a node, with the extra ``plots``; its import takes a second, so a test is over by now."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        return None
+
+    def draw(node: NodeReport, path: Path) -> None:
+        traces = node.traces[:MOST_JOINTS]
+        width = 12 if len(traces) == 1 else 5.5 * len(traces)
+        figure = Figure(figsize=(width, 9), dpi=100, layout="constrained")
+        figure.suptitle(node.full_name)
+        axes = figure.subplots(4, len(traces), sharex="col", squeeze=False)
+        for column, trace in zip(axes.T, traces, strict=True):
+            _draw_joint(column, trace)
+        figure.savefig(path)
+
+    return draw
+
+
+def _draw_joint(axes: Any, trace: JointTrace) -> None:
+    time_s, position = np.array(trace.time_s), np.array(trace.position_rad)
     goal = np.array([np.nan if value is None else value for value in trace.goal_rad])
-    position = np.array(trace.position_rad)
     error = np.full_like(position, np.nan)
     error[1:] = position[1:] - goal[:-1]  # a goal is compared with the state of the next cycle
-    x_range = (0.0, float(max(time_s[-1], 1e-3)))
-    panels = [
-        Panel(
-            title,
-            (Curve("goal", time_s, goal, ORANGE), Curve("position", time_s, position, BLUE)),
-            0.05,
-        ),
-        Panel("error, rad", (Curve("position - goal", time_s, error, RED),), 0.02),
-        Panel("load", (Curve("effort", time_s, np.array(trace.effort), GREEN),), 0.02),
-    ]
-    heat = np.array(trace.temperature_c).reshape(-1, 2)
-    panels.append(Panel("temperature, °C", (Curve("", heat[:, 0], heat[:, 1], RED),), 4.0, "time, s"))
-    return [
-        draw_panel(Panel(p.title, p.curves, p.least_span, p.x_label, x_range), width, PANEL_HEIGHT)
-        for p in panels
-    ]
+    axes[0].set_title(trace.joint)
+    axes[0].plot(time_s, goal, ORANGE, label="goal")
+    axes[0].plot(time_s, position, BLUE, label="position")
+    axes[0].legend(loc="upper right")
+    axes[1].plot(time_s, error, RED)
+    axes[2].plot(time_s, trace.effort, GREEN)
+    if trace.temperature_c:
+        axes[3].plot(*zip(*trace.temperature_c, strict=True), color=RED, marker=".")
+    axes[3].set_xlabel("time, s")
+    for panel, label, least in zip(
+        axes, ("rad", "error, rad", "load", "temperature, °C"), (0.05, 0.02, 0.02, 4.0), strict=True
+    ):
+        panel.set_ylabel(label)
+        panel.grid(alpha=0.3)
+        low, high = panel.get_ylim()
+        if high - low < least:  # noise must not fill the panel
+            panel.set_ylim((low + high - least) / 2, (low + high + least) / 2)

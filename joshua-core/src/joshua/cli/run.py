@@ -169,17 +169,17 @@ def conclude(plan: Plan, report: RunReport) -> int:
 
 
 def draw(report: RunReport) -> None:
-    """Draws how the joints moved, and names the pictures; a test that cannot be drawn counts all the same."""
+    """Writes how the joints moved, and names the files; a test that cannot be written counts all the same."""
     if not any(node.traces for node in report.nodes):
         return
-    from joshua.cli.motion_report import draw_report
+    from joshua.cli.motion_report import write_reports
 
     try:
-        for path in draw_report(report):
-            sys.stdout.write(f"picture: {path}\n")
+        for line in write_reports(report):
+            sys.stdout.write(f"{line}\n")
     except OSError as error:
         reason = error.strerror or error
         sys.stderr.write(
-            f"no picture of the test could be written beside {report.log}: {reason}\n"
+            f"no figures of the test could be written beside {report.log}: {reason}\n"
             "set JOSHUA_LOG_DIR to a folder that can be written\n"
         )

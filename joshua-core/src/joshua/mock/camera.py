@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from joshua.devices.errors import DeviceError
 from joshua.devices.pacing import FreeRunningClock
-from joshua.devices.png import encode_png
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import message_class
 from joshua.messages.make import header, image
@@ -18,6 +20,19 @@ from joshua.mock.settings import MockCameraSettings
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+
+def encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """Encodes a picture of shape (H, W, 3), RGB, as a PNG file, so that the core needs no library for it."""
+    height, width = pixels.shape[:2]
+    rows = np.insert(pixels.reshape(height, 3 * width), 0, 0, axis=1)  # a row starts with its filter: none
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    data = zlib.compress(rows.tobytes(), level=1)  # the fastest level: a stream, not an archive
+    chunks = ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in chunks
+    )
 
 
 class MockCamera(Sensor):

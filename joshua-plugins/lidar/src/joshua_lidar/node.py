@@ -6,7 +6,6 @@ import os
 import re
 import time
 
-from joshua.devices.png import encode_png
 from joshua.devices.preview import Preview, display_problem
 from joshua.devices.sensor import Reading
 from joshua.devices.sensor_node import SensorNode
@@ -108,10 +107,12 @@ class LidarNode(SensorNode):
             return ("last scan", False, "none came")
         self.context.log.info("the last scan\n%s", terminal_view(scan, beams))
         name = re.sub(r"[^A-Za-z0-9_]+", "_", self.context.spec.full_name).strip("_")
+        from PIL import Image
+
         path = log_directory(os.environ) / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.png"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(encode_png(top_view(scan, beams)))
+            Image.fromarray(top_view(scan, beams)).save(path)
         except OSError as error:
             return ("last scan", False, f"cannot be written to {path}: {(error.strerror or '').lower()}")
         return ("last scan", True, str(path))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import threading
 from typing import Any
 
 import numpy as np
 from joshua.devices.errors import DeviceError
-from joshua.devices.png import encode_png
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.stamps import StampClock
 from joshua.messages import message_class
 from joshua.messages.make import header, image
+from PIL import Image
 
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import Physics
@@ -111,8 +112,12 @@ class SimCamera(Sensor):
         if type_name == CAMERA_INFO:
             return self._camera_info(reading, frame_id)
         if type_name == COMPRESSED_IMAGE:
-            data = np.frombuffer(encode_png(reading.data), np.uint8)
-            return message_class(COMPRESSED_IMAGE)(header(frame_id, reading.stamp_ns), "rgb8; png", data)
+            data = io.BytesIO()
+            Image.fromarray(reading.data).save(
+                data, format="PNG", compress_level=1
+            )  # a stream
+            encoded = np.frombuffer(data.getvalue(), np.uint8)
+            return message_class(COMPRESSED_IMAGE)(header(frame_id, reading.stamp_ns), "rgb8; png", encoded)
         return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
 
     def disconnect(self) -> None:

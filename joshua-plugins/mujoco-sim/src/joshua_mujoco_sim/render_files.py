@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from joshua.devices.png import encode_png
+from PIL import Image
 
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.rendering import CameraRenderer, Picture, RenderingError
@@ -37,7 +37,7 @@ class PngWriter(PictureWriter):
     def write(self, picture: Picture) -> None:
         """Writes one file."""
         name = self._pattern.name % self._number
-        self._pattern.with_name(name).write_bytes(encode_png(picture))
+        Image.fromarray(picture).save(self._pattern.with_name(name), format="PNG", compress_level=1)
         self._number += 1
 
 

@@ -8,8 +8,14 @@ from joshua.mock.settings import MockMotorSettings
 from joshua.schema import config_pb2
 from stepped_time import SteppedTime
 
-#: Modules of ``joshua.devices`` by whose clock mock devices and their nodes work.
-CLOCKED = ("actuator_node", "command_intake", "mock_actuator", "pacing", "stamps")
+#: Modules by whose clock mock devices and their nodes work.
+CLOCKED = (
+    "joshua.devices.actuator_node",
+    "joshua.devices.command_intake",
+    "joshua.devices.pacing",
+    "joshua.devices.stamps",
+    "joshua.mock.actuator",
+)
 
 
 @pytest.fixture
@@ -17,7 +23,7 @@ def stepped_time(monkeypatch: pytest.MonkeyPatch) -> SteppedTime:
     """The clock of the mock devices and their nodes, in the hands of the test."""
     clock = SteppedTime()
     for name in CLOCKED:
-        monkeypatch.setattr(f"joshua.devices.{name}.time", clock)
+        monkeypatch.setattr(f"{name}.time", clock)
     return clock
 
 
