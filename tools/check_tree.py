@@ -26,7 +26,7 @@ FRAGMENT = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*\.(added|changed|fixed|removed)\.m
 FRAGMENTS_FOLDER = Path("changes")
 NOT_FRAGMENTS = frozenset(("README.md", "_template.md"))
 
-# One idea per file. A longer module says in its docstring why it is one file, and none is longer than the limit.
+# One idea per file. A longer module says in its docstring why it is one file; none is longer than the limit.
 LINES_WITHOUT_REASON = 400
 MAX_SOURCE_LINES = 600
 REASON = re.compile(r"^\s*Why one file: \S", re.MULTILINE)

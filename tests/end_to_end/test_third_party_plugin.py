@@ -64,9 +64,9 @@ def test_it_is_listed(joshua: JoshuaProgram) -> None:
 def test_the_registry_finds_it_and_imports_no_driver(installed: Path) -> None:
     code = """
 import sys
-from joshua.plugins import ProvisionKind, load_registry
+from joshua.plugins import ActuatorSpec, load_registry
 registry = load_registry()
-found = registry.find(ProvisionKind.ACTUATOR, "acme.GripperConfig", "ACTION_PLUGIN")
+found = registry.find(ActuatorSpec, "acme.GripperConfig", "ACTION_PLUGIN")
 print(found.implementation, registry.owner(found).distribution, registry.message_types())
 print([name for name in ("numpy", "acme_gripper.actuator", "acme_gripper.settings") if name in sys.modules])
 import acme_gripper

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from joshua.plugins import Provision, ProvisionKind, hookimpl
+from joshua.plugins import ActuatorSpec, ModelSpec, PluginSpec, SensorSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the mock devices and the random-noise model."""
     return [
-        Provision(
-            kind=ProvisionKind.ACTUATOR,
+        ActuatorSpec(
             block="mock_motor_config",
             enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE", "ACTION_MOCK"),
             implementation="joshua.mock.actuator:MockActuator",
@@ -18,8 +17,7 @@ def joshua_provisions() -> list[Provision]:
             summary="virtual motors with first-order motion",
             virtual=True,
         ),
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="mock_camera_config",
             enum_values=("PERCEPTION_CAMERA",),
             implementation="joshua.mock.camera:MockCamera",
@@ -32,8 +30,7 @@ def joshua_provisions() -> list[Provision]:
             summary="moving test pattern that carries its frame number",
             virtual=True,
         ),
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="mock_encoder_config",
             enum_values=("PERCEPTION_ENCODER",),
             implementation="joshua.mock.encoder:MockEncoder",
@@ -42,8 +39,7 @@ def joshua_provisions() -> list[Provision]:
             summary="rotary encoder that turns at a constant speed",
             virtual=True,
         ),
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="mock_lidar_config",
             enum_values=("PERCEPTION_LIDAR",),
             implementation="joshua.mock.lidar:MockLidar",
@@ -52,8 +48,7 @@ def joshua_provisions() -> list[Provision]:
             summary="laser scanner in a rectangular room",
             virtual=True,
         ),
-        Provision(
-            kind=ProvisionKind.MODEL,
+        ModelSpec(
             block="random_noise_config",
             enum_values=("RANDOM_NOISE",),
             implementation="joshua.models.random_noise:RandomNoise",

@@ -12,7 +12,7 @@ from joshua.mock.settings import (
     MockLidarSettings,
     MockMotorSettings,
 )
-from joshua.plugins import Provision, ProvisionKind, load_registry
+from joshua.plugins import ActuatorSpec, PluginSpec, SensorSpec, load_registry
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
 from pydantic import ValidationError
@@ -40,18 +40,18 @@ def test_the_calibration_names_joints_and_narrows_their_range() -> None:
 
 
 def problems_of(
-    block: Any, kind: ProvisionKind, name: str, context: dict[str, Any] | None = None
+    block: Any, kind: type[PluginSpec], name: str, context: dict[str, Any] | None = None
 ) -> list[Any]:
-    provision = load_registry().find(kind, name)
-    assert isinstance(provision, Provision)
-    settings, problems = make_settings(provision, block, context=context, field_path="b")
+    spec = load_registry().find(kind, name)
+    assert isinstance(spec, PluginSpec)
+    settings, problems = make_settings(spec, block, context=context, field_path="b")
     assert (settings is None) == bool(problems)
     return [(problem.field_path, problem.found, problem.message) for problem in problems]
 
 
 def test_motors_without_a_range_are_refused() -> None:
     block = config_pb2.MockMotorConfig(num_motors=1, position_min=3000, position_max=3000)
-    assert problems_of(block, ProvisionKind.ACTUATOR, "mock_motor_config") == [
+    assert problems_of(block, ActuatorSpec, "mock_motor_config") == [
         (
             "b.position_max",
             "3000",
@@ -63,9 +63,7 @@ def test_motors_without_a_range_are_refused() -> None:
 def test_a_calibration_outside_the_range_is_refused() -> None:
     block = config_pb2.MockMotorConfig(num_motors=1, position_min=1000, position_max=2000)
     motor = {"id": 1, "joint_name": "elbow", "range_min": 3000, "range_max": 3500}
-    problems = problems_of(
-        block, ProvisionKind.ACTUATOR, "mock_motor_config", {"calibration": {"motors": [motor]}}
-    )
+    problems = problems_of(block, ActuatorSpec, "mock_motor_config", {"calibration": {"motors": [motor]}})
     assert problems == [
         (
             "b.position_max",
@@ -77,18 +75,18 @@ def test_a_calibration_outside_the_range_is_refused() -> None:
 
 def test_a_replay_needs_a_file() -> None:
     block = config_pb2.MockMotorConfig(num_motors=1, position_max=10, motion=config_pb2.MOCK_MOTION_FILE)
-    assert problems_of(block, ProvisionKind.ACTUATOR, "mock_motor_config") == [
+    assert problems_of(block, ActuatorSpec, "mock_motor_config") == [
         ("b.motion_file", '""', "motion is MOCK_MOTION_FILE, and motion_file names no file.")
     ]
 
 
 def test_a_scan_without_width_or_depth_is_refused() -> None:
     block = config_pb2.MockLidarConfig(angle_min=1, angle_max=1, range_max=5)
-    assert problems_of(block, ProvisionKind.SENSOR, "mock_lidar_config") == [
+    assert problems_of(block, SensorSpec, "mock_lidar_config") == [
         ("b.angle_max", "1.0", "angle_max is not above angle_min, so that the scan has no width.")
     ]
     block = config_pb2.MockLidarConfig(angle_max=1, range_min=5, range_max=5)
-    assert problems_of(block, ProvisionKind.SENSOR, "mock_lidar_config") == [
+    assert problems_of(block, SensorSpec, "mock_lidar_config") == [
         ("b.range_max", "5.0", "range_max is not above range_min, so that nothing can be measured.")
     ]
 

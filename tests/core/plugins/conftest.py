@@ -22,7 +22,7 @@ class PluginFolder:
     def add(self, distribution: str, source: str, *, version: str = "1.0", entry: str = "main") -> str:
         """Writes a distribution with one module; returns the name of the module."""
         module = f"{distribution.replace('-', '_')}_{next(_numbers)}"
-        header = "from joshua.plugins import Environment, Provision, ProvisionKind, hookimpl\n"
+        header = "from joshua.plugins import *  # noqa: F403\n"
         (self.path / f"{module}.py").write_text(header + textwrap.dedent(source), encoding="utf-8")
         info = self.path / f"{distribution.replace('-', '_')}-{version}.dist-info"
         info.mkdir()

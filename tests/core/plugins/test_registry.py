@@ -3,32 +3,40 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from joshua.plugins import Environment, PluginRow, PluginStatus, Provision, ProvisionKind, Registry
-
-LIDAR = Provision(
-    kind=ProvisionKind.SENSOR, block="lidar_config", implementation="a:B", enum_values=("PERCEPTION_LIDAR",)
+from joshua.plugins import (
+    ActuatorSpec,
+    Environment,
+    EnvironmentSpec,
+    EpisodeWriterSpec,
+    ModelSpec,
+    PluginRow,
+    PluginSpec,
+    PluginStatus,
+    Registry,
+    SensorSpec,
+    StoreSpec,
+    TrainerSpec,
 )
-CAMERA = Provision(
-    kind=ProvisionKind.SENSOR, block="camera_config", implementation="a:C", enum_values=("PERCEPTION_CAMERA",)
-)
-SMOLVLA = Provision(kind=ProvisionKind.MODEL, block="", implementation="a:Smol", enum_values=("SMOLVLA",))
+
+LIDAR = SensorSpec(block="lidar_config", implementation="a:B", enum_values=("PERCEPTION_LIDAR",))
+CAMERA = SensorSpec(block="camera_config", implementation="a:C", enum_values=("PERCEPTION_CAMERA",))
+SMOLVLA = ModelSpec(block="", implementation="a:Smol", enum_values=("SMOLVLA",))
 
 
-def row(distribution: str, *provisions: Provision, status: PluginStatus = PluginStatus.OK) -> PluginRow:
+def row(distribution: str, *specs: PluginSpec, status: PluginStatus = PluginStatus.OK) -> PluginRow:
     return PluginRow(
         name=distribution.removeprefix("joshua-"),
         distribution=distribution,
         version="1",
         status=status,
         reasons=("no module named cv2",) if status is PluginStatus.BROKEN else (),
-        provisions=provisions,
+        specs=specs,
     )
 
 
 REACH = Environment("acme/Reach-v0", ("reach",))
 PUSH = Environment("acme/Push-v0", ("push",))
-TASKS = Provision(
-    kind=ProvisionKind.ENVIRONMENT,
+TASKS = EnvironmentSpec(
     block="training",
     implementation="a:make",
     enum_values=("BACKEND_MJX",),
@@ -53,7 +61,7 @@ def test_several_plugins_may_offer_environments_of_different_names() -> None:
 
 def test_installed_plugin_that_lacks_something_is_not_to_be_installed() -> None:
     registry = Registry((row("joshua-lidar"),))
-    assert registry.missing("front", ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") == (
+    assert registry.missing("front", SensorSpec, "lidar_config", "PERCEPTION_LIDAR") == (
         "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, and 1 does not provide it: "
         "pip install --upgrade joshua-lidar"
     )
@@ -63,8 +71,8 @@ def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None
     registry = Registry(
         (row("acme-one", LIDAR, CAMERA), row("acme-two", replace(LIDAR, implementation="x:Y")))
     )
-    assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is None
-    assert registry.find(ProvisionKind.SENSOR, "camera_config", "PERCEPTION_CAMERA") is CAMERA
+    assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is None
+    assert registry.find(SensorSpec, "camera_config", "PERCEPTION_CAMERA") is CAMERA
     expected = (
         "acme-one and acme-two both provide PERCEPTION_LIDAR with lidar_config; neither is used for it: "
         "choose with --block-plugin acme-one or --block-plugin acme-two"
@@ -72,7 +80,7 @@ def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None
     for conflicting in registry.rows():
         assert conflicting.status is PluginStatus.CONFLICT
         assert conflicting.reasons == (expected,)
-    text = registry.missing("front", ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR")
+    text = registry.missing("front", SensorSpec, "lidar_config", "PERCEPTION_LIDAR")
     assert text == f"front: PERCEPTION_LIDAR is provided twice: {expected}"
 
 
@@ -80,14 +88,14 @@ def test_a_conflict_elsewhere_is_not_named() -> None:
     registry = Registry(
         (row("acme-one", LIDAR, CAMERA), row("acme-two", replace(LIDAR, implementation="x:Y")))
     )
-    text = registry.missing("top", ProvisionKind.SENSOR, "camera_config", "PERCEPTION_LIDAR")
+    text = registry.missing("top", SensorSpec, "camera_config", "PERCEPTION_LIDAR")
     assert text == "top: acme-one provides camera_config for PERCEPTION_CAMERA, not for PERCEPTION_LIDAR"
 
 
 def test_a_conflict_of_models_is_named_though_they_have_no_block() -> None:
     registry = Registry((row("acme-one", SMOLVLA), row("acme-two", replace(SMOLVLA, implementation="x:Y"))))
-    assert registry.find(ProvisionKind.MODEL, "", "SMOLVLA") is None
-    assert registry.missing("policy", ProvisionKind.MODEL, "", "SMOLVLA").startswith(
+    assert registry.find(ModelSpec, "", "SMOLVLA") is None
+    assert registry.missing("policy", ModelSpec, "", "SMOLVLA").startswith(
         "policy: SMOLVLA is provided twice: acme-one and acme-two both provide SMOLVLA; neither"
     )
 
@@ -101,14 +109,14 @@ def test_two_entry_points_of_one_package_are_told_apart() -> None:
     )
 
 
-def test_an_open_provision_conflicts_with_a_specific_one() -> None:
+def test_an_open_spec_conflicts_with_a_specific_one() -> None:
     registry = Registry((row("acme-one", LIDAR), row("acme-two", replace(LIDAR, enum_values=()))))
-    assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is None
+    assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is None
 
 
 def test_nobody_displaces_the_core() -> None:
     registry = Registry((row("joshua-core", LIDAR), row("acme-two", replace(LIDAR, implementation="x:Y"))))
-    assert registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR") is LIDAR
+    assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is LIDAR
     assert [r.status for r in registry.rows()] == [PluginStatus.OK, PluginStatus.CONFLICT]
     assert registry.rows()[1].reasons == (
         "acme-two and joshua-core both provide PERCEPTION_LIDAR with lidar_config; "
@@ -117,81 +125,79 @@ def test_nobody_displaces_the_core() -> None:
 
 
 def test_different_enum_values_of_one_block_live_together() -> None:
-    follower = Provision(
-        kind=ProvisionKind.ACTUATOR,
+    follower = ActuatorSpec(
         block="sts3215_config",
         implementation="a:B",
         enum_values=("ACTION_FOLLOWER",),
     )
     leader = replace(follower, enum_values=("ACTION_LEADER",), implementation="c:D")
     registry = Registry((row("acme-one", follower), row("acme-two", leader)))
-    assert registry.find(ProvisionKind.ACTUATOR, "sts3215_config", "ACTION_LEADER") is leader
-    assert registry.find(ProvisionKind.ACTUATOR, "sts3215_config", "ACTION_FOLLOWER") is follower
-    assert registry.find(ProvisionKind.ACTUATOR, "sts3215_config") is None
+    assert registry.find(ActuatorSpec, "sts3215_config", "ACTION_LEADER") is leader
+    assert registry.find(ActuatorSpec, "sts3215_config", "ACTION_FOLLOWER") is follower
+    assert registry.find(ActuatorSpec, "sts3215_config") is None
 
 
 def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
-    noise = Provision(
-        kind=ProvisionKind.MODEL,
+    noise = ModelSpec(
         block="random_noise_config",
         implementation="n:N",
         enum_values=("RANDOM_NOISE",),
     )
     registry = Registry((row("acme-one", SMOLVLA, noise),))
-    assert registry.find(ProvisionKind.MODEL, "", "SMOLVLA") is SMOLVLA
-    assert registry.find(ProvisionKind.MODEL, "random_noise_config", "RANDOM_NOISE") is noise
-    assert registry.find(ProvisionKind.MODEL, "", "RANDOM_NOISE") is noise
+    assert registry.find(ModelSpec, "", "SMOLVLA") is SMOLVLA
+    assert registry.find(ModelSpec, "random_noise_config", "RANDOM_NOISE") is noise
+    assert registry.find(ModelSpec, "", "RANDOM_NOISE") is noise
 
 
 @pytest.mark.parametrize(
     ("kind", "block", "enum_value", "sentence"),
     [
         (
-            ProvisionKind.SENSOR,
+            SensorSpec,
             "lidar_config",
             "PERCEPTION_LIDAR",
             "n: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar",
         ),
         (
-            ProvisionKind.ACTUATOR,
+            ActuatorSpec,
             "sts3215_config",
             "ACTION_FOLLOWER",
             "n: ACTION_FOLLOWER with sts3215_config needs the plugin joshua-sts3215: "
             "pip install joshua-sts3215",
         ),
         (
-            ProvisionKind.MODEL,
+            ModelSpec,
             "",
             "SMOLVLA",
             "n: SMOLVLA needs the plugin joshua-smolvla: pip install joshua-smolvla",
         ),
         (
-            ProvisionKind.TRAINER,
+            TrainerSpec,
             "rl_config",
             "BACKEND_MJX",
             "n: BACKEND_MJX needs the plugin joshua-mjx-trainer: pip install joshua-mjx-trainer",
         ),
         (
-            ProvisionKind.TRAINER,
+            TrainerSpec,
             "rl_config",
             "METHOD_RL",
             "n: METHOD_RL needs the plugin joshua-ppo-trainer: pip install joshua-ppo-trainer",
         ),
         (
-            ProvisionKind.STORE,
+            StoreSpec,
             "data_store",
             "FORMAT_PARQUET",
             "n: recording, replaying on a robot and uploading data sets are not available yet: "
             "joshua-dataset only writes the episodes that a simulation generates",
         ),
         (
-            ProvisionKind.EPISODE_WRITER,
+            EpisodeWriterSpec,
             "data_store",
             "FORMAT_HUGGINGFACE",
             "n: FORMAT_HUGGINGFACE needs the plugin joshua-dataset: pip install joshua-dataset",
         ),
         (
-            ProvisionKind.ACTUATOR,
+            ActuatorSpec,
             "acme.GripperConfig",
             "ACTION_PLUGIN",
             "n: ACTION_PLUGIN with acme.GripperConfig needs a plugin that provides it, "
@@ -200,13 +206,13 @@ def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
     ],
 )
 def test_a_missing_plugin_is_named_with_its_remedy(
-    kind: ProvisionKind, block: str, enum_value: str, sentence: str
+    kind: type[PluginSpec], block: str, enum_value: str, sentence: str
 ) -> None:
     assert Registry(()).missing("n", kind, block, enum_value) == sentence
 
 
 def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
-    ask = ("front", ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR")
+    ask = ("front", SensorSpec, "lidar_config", "PERCEPTION_LIDAR")
     assert Registry((row("joshua-lidar", status=PluginStatus.BLOCKED),)).missing(*ask) == (
         "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, which is blocked: "
         "leave out --block-plugin lidar"
@@ -232,7 +238,7 @@ def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
 
 def test_a_third_partys_plugin_that_is_not_in_use_is_named() -> None:
     rows = (row("acme-gripper", status=PluginStatus.BLOCKED), row("acme-arm", status=PluginStatus.BROKEN))
-    text = Registry(rows).missing("hand", ProvisionKind.ACTUATOR, "acme.GripperConfig", "ACTION_PLUGIN")
+    text = Registry(rows).missing("hand", ActuatorSpec, "acme.GripperConfig", "ACTION_PLUGIN")
     assert text == (
         "hand: ACTION_PLUGIN with acme.GripperConfig needs a plugin that provides it, "
         "and no plugin in use does (acme-gripper is blocked, acme-arm is broken): see joshua plugins"
@@ -240,24 +246,23 @@ def test_a_third_partys_plugin_that_is_not_in_use_is_named() -> None:
 
 
 def test_a_block_whose_plugin_does_not_take_the_enum_value() -> None:
-    spike = Provision(
-        kind=ProvisionKind.ACTUATOR,
+    spike = ActuatorSpec(
         block="spike_motor_config",
         implementation="a:B",
         enum_values=("ACTION_SPIKE", "ACTION_SINGLE"),
     )
     text = Registry((row("joshua-spike", spike),)).missing(
-        "hub", ProvisionKind.ACTUATOR, "spike_motor_config", "ACTION_LEADER"
+        "hub", ActuatorSpec, "spike_motor_config", "ACTION_LEADER"
     )
     assert text == (
         "hub: joshua-spike provides spike_motor_config for ACTION_SPIKE, ACTION_SINGLE, not for ACTION_LEADER"
     )
     remedy = Registry((row("joshua-spike", spike),)).remedy(
-        ProvisionKind.ACTUATOR, "spike_motor_config", "ACTION_LEADER"
+        ActuatorSpec, "spike_motor_config", "ACTION_LEADER"
     )
     assert remedy == "write one of the types that it takes, or another block"
 
 
-def test_a_provision_of_another_registry_has_no_owner() -> None:
-    with pytest.raises(KeyError, match="is not a provision of this registry"):
+def test_a_spec_of_another_registry_has_no_owner() -> None:
+    with pytest.raises(KeyError, match="is not of this registry"):
         Registry(()).owner(LIDAR)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import pytest
 from joshua.plan import Position
-from joshua.plugins import Provision, ProvisionKind
+from joshua.plugins import ActuatorSpec, PluginSpec
 from joshua.plugins.block_values import block_values, shortest_float32
 from joshua.plugins.settings import BlockSettings, FieldError, FromField, make_settings
 from joshua.schema import config_pb2
@@ -59,14 +59,12 @@ class FakePositions:
         return self.known.get(field_path)
 
 
-def provision(name: str) -> Provision:
-    return Provision(
-        kind=ProvisionKind.ACTUATOR, block="mock_motor_config", implementation="a:B", settings=name
-    )
+def spec(name: str) -> PluginSpec:
+    return ActuatorSpec(block="mock_motor_config", implementation="a:B", settings=name)
 
 
 @pytest.fixture
-def motors(monkeypatch: pytest.MonkeyPatch) -> Provision:
+def motors(monkeypatch: pytest.MonkeyPatch) -> PluginSpec:
     import sys
     import types
 
@@ -75,7 +73,7 @@ def motors(monkeypatch: pytest.MonkeyPatch) -> Provision:
     module.SerialSettings = SerialSettings  # type: ignore[attr-defined]
     module.NotSettings = dict  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    return provision("acme_settings_for_test:MotorSettings")
+    return spec("acme_settings_for_test:MotorSettings")
 
 
 def test_an_omitted_optional_field_without_a_default_has_no_value() -> None:
@@ -121,7 +119,7 @@ def test_floats_are_the_shortest_decimal(value: float) -> None:
     assert len(repr(shortest_float32(single))) <= len(repr(single))
 
 
-def test_settings_are_in_si_units_and_json_able(motors: Provision) -> None:
+def test_settings_are_in_si_units_and_json_able(motors: PluginSpec) -> None:
     block = config_pb2.MockMotorConfig(
         num_motors=2, position_min=1024, position_max=3072, time_constant_s=0.1
     )
@@ -135,7 +133,7 @@ def test_settings_are_in_si_units_and_json_able(motors: Provision) -> None:
     assert MotorSettings.model_validate(settings.model_dump(mode="json")) == settings
 
 
-def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: Provision) -> None:
+def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: PluginSpec) -> None:
     block = config_pb2.MockMotorConfig(num_motors=2, position_min=3000, position_max=1000)
     path = "robot.actions[0].mock_motor_config"
     where = Position(file="robot.pbtxt", line=7, column=19, length=4)
@@ -153,7 +151,7 @@ def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: Provisio
     assert problem.remedy == "Swap the two limits."
 
 
-def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors: Provision) -> None:
+def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors: PluginSpec) -> None:
     block = config_pb2.MockMotorConfig(num_motors=2, position_max=4095)
     around = Position(file="robot.pbtxt", line=3, column=5)
     _, problems = make_settings(
@@ -167,10 +165,10 @@ def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors
     assert problem.position == around, "the innermost block that has a position"
 
 
-def test_an_absent_inner_field_is_named_by_its_path(motors: Provision) -> None:
+def test_an_absent_inner_field_is_named_by_its_path(motors: PluginSpec) -> None:
     del motors
     block = config_pb2.STS3215Config(motor_ids=[1])
-    _, problems = make_settings(provision("acme_settings_for_test:SerialSettings"), block, field_path="b")
+    _, problems = make_settings(spec("acme_settings_for_test:SerialSettings"), block, field_path="b")
     assert [(p.field_path, p.message) for p in problems] == [
         ("b.comm.serial.port", "comm.serial.port is missing.")
     ]
@@ -185,10 +183,10 @@ def test_an_absent_inner_field_is_named_by_its_path(motors: Provision) -> None:
     ],
 )
 def test_a_settings_model_that_leads_nowhere_is_a_diagnostic(
-    motors: Provision, settings: str, reason: str
+    motors: PluginSpec, settings: str, reason: str
 ) -> None:
     del motors
-    result, problems = make_settings(provision(settings), config_pb2.MockMotorConfig(), field_path="b")
+    result, problems = make_settings(spec(settings), config_pb2.MockMotorConfig(), field_path="b")
     assert result is None
     (problem,) = problems
     assert problem.code == "broken-plugin"
@@ -196,13 +194,13 @@ def test_a_settings_model_that_leads_nowhere_is_a_diagnostic(
     assert "joshua plugins --check" in problem.remedy
 
 
-def test_a_provision_without_settings_needs_none() -> None:
-    assert make_settings(provision(""), config_pb2.MockMotorConfig()) == (None, [])
+def test_a_spec_without_settings_needs_none() -> None:
+    assert make_settings(spec(""), config_pb2.MockMotorConfig()) == (None, [])
 
 
 def test_a_defect_of_the_plugins_own_code_is_a_finding() -> None:
     settings, (finding,) = make_settings(
-        provision(f"{__name__}:BrokenSettings"), config_pb2.MockMotorConfig(), field_path="robot.actions[0]"
+        spec(f"{__name__}:BrokenSettings"), config_pb2.MockMotorConfig(), field_path="robot.actions[0]"
     )
     assert settings is None
     assert finding.code == "broken-plugin"

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
-from joshua.plugins import Provision, ProvisionKind
-from joshua.plugins.targets import TargetError, behaviour_of, check_targets, load_target
+from joshua.plugins import ActuatorSpec, SensorSpec
+from joshua.plugins.targets import TargetError, check_targets, load_target
 
 
-def sensor(implementation: str, **more: str) -> Provision:
-    return Provision(kind=ProvisionKind.SENSOR, block="lidar_config", implementation=implementation, **more)
+def sensor(implementation: str, **more: str) -> SensorSpec:
+    return SensorSpec(block="lidar_config", implementation=implementation, **more)
 
 
 def test_an_import_string_is_loaded_with_its_attributes() -> None:
@@ -38,16 +40,17 @@ def test_base_classes_are_checked_deeply() -> None:
 def test_a_behaviour_of_its_own_may_use_any_implementation() -> None:
     own = sensor("collections:OrderedDict", behaviour="joshua.node.behaviour:NodeBehaviour")
     assert check_targets(own) == []
-    assert behaviour_of(own) == "joshua.node.behaviour:NodeBehaviour"
-    assert behaviour_of(sensor("a:B")) == "joshua.devices.sensor_node:SensorNode"
+    assert check_targets(sensor("a:B", behaviour="joshua.node.behaviour:NodeBehaviour")) != []
 
 
 def test_the_tools_of_a_bus_are_checked_like_the_rest() -> None:
-    assert (
-        check_targets(sensor("joshua.devices.sensor:Sensor", bus_tools="joshua.devices.bus_tools:BusTools"))
-        == []
+    arm = ActuatorSpec(
+        block="sts3215_config",
+        implementation="joshua.devices.actuator:Actuator",
+        bus_tools="joshua.devices.bus_tools:BusTools",
     )
-    assert check_targets(sensor("joshua.devices.sensor:Sensor", bus_tools="pathlib:PurePath")) == [
+    assert check_targets(arm) == []
+    assert check_targets(replace(arm, bus_tools="pathlib:PurePath")) == [
         "bus_tools: pathlib:PurePath is a class derived from builtins.object, "
         "not a class derived from joshua.devices.bus_tools:BusTools"
     ]

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import pytest
 from joshua.plan import Diagnostic
-from joshua.plugins import load_registry
-from joshua.plugins.provision import ProvisionKind
+from joshua.plugins import SensorSpec, load_registry
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2, data_type_pb2
 from joshua_camera.settings import CameraSettings
 
 
 def diagnose(source: str) -> list[Diagnostic]:
-    provision = load_registry().find(ProvisionKind.SENSOR, "camera_config", "PERCEPTION_CAMERA")
-    assert provision is not None
+    spec = load_registry().find(SensorSpec, "camera_config", "PERCEPTION_CAMERA")
+    assert spec is not None
     block = config_pb2.CameraConfig(width=640, height=480, fps=30, source=source)
-    _, found = make_settings(provision, block, field_path="robot.perceptions[0].camera_config")
+    _, found = make_settings(spec, block, field_path="robot.perceptions[0].camera_config")
     return found
 
 

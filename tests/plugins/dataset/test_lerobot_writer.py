@@ -13,7 +13,7 @@ import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from joshua.plugins import ProvisionKind, load_registry
+from joshua.plugins import EpisodeWriterSpec, load_registry
 from joshua.plugins.episodes import DatasetLayout, EpisodeError, PictureFeature, VectorFeature
 from joshua.plugins.targets import check_targets
 from joshua_dataset import statistics
@@ -57,8 +57,8 @@ def write(folder: Path, *, lengths: tuple[int, ...] = (3, 2)) -> LeRobotWriter:
 
 
 def test_the_plugin_provides_what_it_says() -> None:
-    provision = load_registry().find(ProvisionKind.EPISODE_WRITER, "data_store", "FORMAT_HUGGINGFACE")
-    assert check_targets(provision) == []
+    spec = load_registry().find(EpisodeWriterSpec, "data_store", "FORMAT_HUGGINGFACE")
+    assert check_targets(spec) == []
 
 
 def test_tables_hold_the_frames(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from google.protobuf import text_format
-from joshua.plugins import ProvisionKind, load_registry
+from joshua.plugins import ActuatorSpec, load_registry
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
 from joshua_dynamixel.settings import DynamixelSettings
@@ -19,9 +19,9 @@ position_max: 4095
 
 def settings_of(text: str, context: dict[str, Any] | None = None) -> tuple[Any, list[Any]]:
     block = text_format.Parse(text, config_pb2.DynamixelConfig())
-    provision = load_registry().find(ProvisionKind.ACTUATOR, "dynamixel_config", "ACTION_LEADER")
-    assert provision is not None
-    return make_settings(provision, block, context=context, field_path="robot.actions[0].dynamixel_config")
+    spec = load_registry().find(ActuatorSpec, "dynamixel_config", "ACTION_LEADER")
+    assert spec is not None
+    return make_settings(spec, block, context=context, field_path="robot.actions[0].dynamixel_config")
 
 
 def test_a_block_becomes_settings_that_survive_json() -> None:
@@ -68,7 +68,7 @@ def test_what_does_not_fit_is_explained(text: str, field: str, message: str, all
 def test_describing_the_plugin_imports_no_driver() -> None:
     program = (
         "import sys, joshua_dynamixel.plugin\n"
-        "joshua_dynamixel.plugin.joshua_provisions()\n"
+        "joshua_dynamixel.plugin.joshua_specs()\n"
         "print(sorted({'numpy', 'dynamixel_sdk', 'joshua_dynamixel.actuator'} & set(sys.modules)))\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

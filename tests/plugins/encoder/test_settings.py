@@ -6,18 +6,18 @@ from typing import Any
 
 import pytest
 from encoder_settings import make_settings
-from joshua.plugins import ProvisionKind, load_registry
+from joshua.plugins import SensorSpec, load_registry
 from joshua.plugins.settings import make_settings as settings_of
 from joshua.schema import config_pb2
 
 
 def problem(port: str = "/dev/ttyACM0", **fields: Any) -> tuple[str, str, tuple[str, ...]]:
-    provision = load_registry().find(ProvisionKind.SENSOR, "encoder_config", "PERCEPTION_ENCODER")
-    assert provision is not None
+    spec = load_registry().find(SensorSpec, "encoder_config", "PERCEPTION_ENCODER")
+    assert spec is not None
     block = config_pb2.EncoderConfig(**{"resolution": 4096, **fields})
     block.comm.serial.port = port
     block.comm.serial.baudrate = 115_200
-    made, (diagnostic,) = settings_of(provision, block)
+    made, (diagnostic,) = settings_of(spec, block)
     assert made is None
     return diagnostic.field_path, diagnostic.message, diagnostic.allowed
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from joshua.plugins import PluginStatus, ProvisionKind, load_registry
+from joshua.plugins import PluginStatus, SensorSpec, load_registry
 from joshua.plugins.targets import check_targets
 
 
-def test_the_provision_is_good() -> None:
+def test_the_spec_is_good() -> None:
     registry = load_registry()
     (row,) = (row for row in registry.rows() if row.distribution == "joshua-lidar")
     assert row.status is PluginStatus.OK, row.reasons
-    provision = registry.find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR")
-    assert provision is not None
-    assert check_targets(provision) == []
+    spec = registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR")
+    assert spec is not None
+    assert check_targets(spec) == []
 
 
 def test_listing_and_settings_import_nothing_heavy() -> None:

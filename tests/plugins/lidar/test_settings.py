@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from joshua.plugins import ProvisionKind, load_registry
+from joshua.plugins import SensorSpec, load_registry
 from joshua.plugins.settings import make_settings as settings_of
 from joshua.schema import config_pb2
 from lidar_settings import make_settings
@@ -13,13 +13,13 @@ from lidar_settings import make_settings
 def problem(
     baudrate: int = 115_200, port: str = "/dev/ttyUSB0", **fields: Any
 ) -> tuple[str, str, tuple[str, ...]]:
-    provision = load_registry().find(ProvisionKind.SENSOR, "lidar_config", "PERCEPTION_LIDAR")
-    assert provision is not None
+    spec = load_registry().find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR")
+    assert spec is not None
     values = {"angle_min": -3.1415, "angle_max": 3.1415, "range_min": 0.1, "range_max": 12.0}
     block = config_pb2.LidarConfig(**{**values, **fields})
     block.comm.serial.port = port
     block.comm.serial.baudrate = baudrate
-    made, (diagnostic,) = settings_of(provision, block)
+    made, (diagnostic,) = settings_of(spec, block)
     assert made is None
     return diagnostic.field_path, diagnostic.message, diagnostic.allowed
 

@@ -177,18 +177,16 @@ def test_without_mujoco_4_they_run_one_after_the_other(monkeypatch: pytest.Monke
 
 TRAINER = """
 from joshua.node.behaviour import NodeBehaviour
-from joshua.plugins import Provision, ProvisionKind, hookimpl
+from joshua.plugins import TrainerSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions():
+def joshua_specs():
     return [
-        Provision(
-            kind=ProvisionKind.TRAINER,
+        TrainerSpec(
             block="training",
             enum_values=("BACKEND_MJX",),
             implementation="acme_trainer:Trainer",
-            behaviour="acme_trainer:Trainer",
         )
     ]
 

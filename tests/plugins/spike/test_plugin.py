@@ -40,7 +40,7 @@ def test_parking_is_refused_with_what_is_allowed(tmp_path: Path) -> None:
 def test_describing_and_checking_import_no_driver() -> None:
     code = (
         "import sys, joshua_spike.plugin, joshua_spike.settings\n"
-        "joshua_spike.plugin.joshua_provisions()\n"
+        "joshua_spike.plugin.joshua_specs()\n"
         "assert not {'bleak', 'bumble', 'numpy', 'joshua_spike.actuator'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from google.protobuf import text_format
-from joshua.plugins import ProvisionKind, load_registry
+from joshua.plugins import ActuatorSpec, load_registry
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
 from joshua_sts3215.settings import Sts3215Settings
@@ -43,9 +43,9 @@ CALIBRATION = {
 
 def settings_of(text: str, context: dict[str, Any] | None = None) -> tuple[Any, list[Any]]:
     block = text_format.Parse(text, config_pb2.STS3215Config())
-    provision = load_registry().find(ProvisionKind.ACTUATOR, "sts3215_config", "ACTION_FOLLOWER")
-    assert provision is not None
-    return make_settings(provision, block, context=context, field_path="robot.actions[0].sts3215_config")
+    spec = load_registry().find(ActuatorSpec, "sts3215_config", "ACTION_FOLLOWER")
+    assert spec is not None
+    return make_settings(spec, block, context=context, field_path="robot.actions[0].sts3215_config")
 
 
 def good(text: str = BLOCK, context: dict[str, Any] | None = None) -> Sts3215Settings:
@@ -135,10 +135,10 @@ def test_emulated_devices_bring_a_place_of_their_own() -> None:
 
 def test_the_plugin_is_listed_and_validating_imports_no_driver() -> None:
     program = (
-        "import sys\nfrom joshua.plugins import ProvisionKind, load_registry\n"
-        "provision = load_registry().find(ProvisionKind.ACTUATOR, 'sts3215_config', 'ACTION_LEADER')\n"
+        "import sys\nfrom joshua.plugins import ActuatorSpec, load_registry\n"
+        "spec = load_registry().find(ActuatorSpec, 'sts3215_config', 'ACTION_LEADER')\n"
         "import joshua_sts3215.settings\n"
-        "print(provision.implementation, sorted({'numpy', 'serial', 'scservo_sdk'} & set(sys.modules)))\n"
+        "print(spec.implementation, sorted({'numpy', 'serial', 'scservo_sdk'} & set(sys.modules)))\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert result.stdout == "joshua_sts3215.actuator:Sts3215Actuator []\n"

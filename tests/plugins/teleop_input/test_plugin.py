@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from joshua.plugins import PluginStatus, ProvisionKind, load_registry
+from joshua.plugins import PluginStatus, SensorSpec, load_registry
 from joshua.plugins.targets import check_targets
 
 
@@ -14,14 +14,14 @@ from joshua.plugins.targets import check_targets
     ("block", "value"),
     [("gamepad_config", "PERCEPTION_GAMEPAD"), ("keyboard_config", "PERCEPTION_KEYBOARD")],
 )
-def test_the_provisions_are_good(block: str, value: str) -> None:
+def test_the_specs_are_good(block: str, value: str) -> None:
     registry = load_registry()
     (row,) = (row for row in registry.rows() if row.distribution == "joshua-teleop-input")
     assert row.status is PluginStatus.OK, row.reasons
-    provision = registry.find(ProvisionKind.SENSOR, block, value)
-    assert provision is not None
-    assert check_targets(provision) == []
-    assert provision.terminal is (block == "keyboard_config")
+    spec = registry.find(SensorSpec, block, value)
+    assert spec is not None
+    assert check_targets(spec) == []
+    assert spec.terminal is (block == "keyboard_config")
 
 
 def test_listing_and_settings_import_nothing_heavy() -> None:

@@ -31,14 +31,14 @@ def start_simulation(
     """
     from joshua.calibration.arm_file import FileRefused
     from joshua.ipc.run_bases import RunDirectoryError, short_base_directory
-    from joshua.planner.simulated import NoSimulatorError, StandInError, stand_in
+    from joshua.planner.simulated import NoSimulatorError, SimAdapterError, simulate
     from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
-    from joshua.plugins.stand_in import CoupledCamera
+    from joshua.plugins.sim_adapter import CoupledCamera
     from joshua.supervisor.run_directory import physics_folder
 
     try:
-        simulated = stand_in(checked.loaded.config, checked.registry, emulated=emulated)
-    except StandInError as error:
+        simulated = simulate(checked.loaded.config, checked.registry, emulated=emulated)
+    except SimAdapterError as error:
         sys.stderr.write(f"joshua: error: {error}\nnothing was started\n")
         return ExitCode.NOT_INSTALLED if isinstance(error, NoSimulatorError) else ExitCode.INVALID
     sys.stdout.write(f"simulated: {', '.join(simulated.names)}\n")

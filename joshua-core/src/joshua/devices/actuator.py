@@ -55,7 +55,7 @@ class Actuator(ABC):
     ``hold`` or ``release`` → ``disconnect``. ``disconnect`` is idempotent and leaves no thread and no
     file handle. ``joint_names`` and ``limits`` are known without a connection.
 
-    Args of the constructor: ``settings`` (the model that the provision names) and ``context`` (the
+    Args of the constructor: ``settings`` (the model that its ``ActuatorSpec`` names) and ``context`` (the
     plan's further facts, see ``NodeSpec.context``).
     """
 
@@ -135,10 +135,10 @@ class Actuator(ABC):
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
     ) -> Any:
-        """What the provision's ``safe_stop`` needs to act without this driver, as an object with ``to_json``.
+        """What the plugin's ``safe_stop`` needs to act without this driver, as an object with ``to_json``.
 
         Raises:
-            NotImplementedError: the provision names a safe-stop action, and its driver does not prepare it.
+            NotImplementedError: the plugin names a safe-stop action, and its driver does not prepare it.
         """
         raise NotImplementedError(f"{type(self).__name__} prepares no safe stop: override safe_stop_request")
 

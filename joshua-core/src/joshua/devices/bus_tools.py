@@ -1,6 +1,6 @@
 """What can be done with a bus of motors outside a run: find what is on it, and give a motor its id.
 
-A driver's plugin names its class by ``Provision.bus_tools``; `joshua find-port`, `joshua motors` and
+A driver's plugin names its class by ``ActuatorSpec.bus_tools``; `joshua find-port`, `joshua motors` and
 `joshua doctor` work with every class that is named there. No method moves a motor or switches torque on.
 """
 

@@ -16,7 +16,7 @@ def load_implementation(spec: NodeSpec, base: type) -> tuple[Any, Any]:
         base: class that the implementation must be derived from.
 
     Returns:
-        The class, and the settings: an instance of the provision's settings model, or None where it
+        The class, and the settings: an instance of the plugin's settings model, or None where it
         names none.
 
     Raises:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from joshua.config.topics import NodeEntry, node_entries
-from joshua.plugins import ProvisionKind
+from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.schema import calibration_pb2
 from joshua.schema import config_pb2 as pb
 
@@ -24,7 +24,7 @@ class Wanted:
     """
 
     entry: NodeEntry
-    kind: ProvisionKind
+    kind: type[NodePluginSpec]
     block_name: str
     block: Any
     block_path: str
@@ -46,19 +46,19 @@ def _wanted(entry: NodeEntry) -> Wanted:
     if isinstance(owner, pb.SingleAction):
         name = owner.WhichOneof("actuator_config") or ""
         enum_value = _value_name(pb.ActionType, owner.action_type)
-        kind = ProvisionKind.ACTUATOR
+        kind: type[NodePluginSpec] = ActuatorSpec
     elif isinstance(owner, pb.SinglePerception):
         name = owner.WhichOneof("device_config") or ""
         enum_value = _value_name(pb.PerceptionType, owner.perception_type)
-        kind = ProvisionKind.SENSOR
+        kind = SensorSpec
     else:
         name = next((n for n in ("plugin_config", "random_noise_config") if owner.HasField(n)), "")
         if not name and owner.model_type == pb.RANDOM_NOISE:
             name = "random_noise_config"  # omitted, it means its defaults
         enum_value = _value_name(pb.ModelType, owner.model_type)
-        kind = ProvisionKind.MODEL
+        kind = ModelSpec
     path = f"{entry.owner_path}.{name}" if name else entry.owner_path
-    block = getattr(owner, name) if name else (owner if kind is ProvisionKind.MODEL else None)
+    block = getattr(owner, name) if name else (owner if kind is ModelSpec else None)
     if name == "plugin_config":
         name, block = unpack(block)
     return Wanted(entry, kind, name, block, path, enum_value)

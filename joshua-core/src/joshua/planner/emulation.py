@@ -16,7 +16,7 @@ from joshua.ipc.state_home import state_home
 from joshua.modes.share import mode_share
 from joshua.plan import Diagnostic, Related, Severity
 from joshua.planner.devices import Wanted, unpack, wanted_nodes
-from joshua.plugins import PluginStatus, Provision, ProvisionKind, Registry
+from joshua.plugins import DeviceSpec, EmulatorSpec, PluginStatus, Registry
 from joshua.plugins.emulator import (
     Coupling,
     DeviceEmulator,
@@ -90,7 +90,7 @@ class EmulatedRig:
         """One finding for all devices of one block that nothing emulates."""
         by_block: dict[str, list[Wanted]] = {}
         for want in self._wanted:
-            if self._provision(want) is None:
+            if self._spec(want) is None:
                 by_block.setdefault(want.block_name, []).append(want)
         return [
             Diagnostic(
@@ -139,12 +139,12 @@ class EmulatedRig:
         self.emulators.clear()
 
     def _start(self, want: Wanted) -> None:
-        provision = self._provision(want)
+        spec = self._spec(want)
         name = want.entry.node.node_name
-        if provision is None:
+        if spec is None:
             raise EmulationError(f"{name}: no installed plugin emulates {want.block_name}")
         try:
-            emulator_type = load_target(provision.implementation)
+            emulator_type = load_target(spec.implementation)
         except TargetError as error:
             raise EmulationError(f"{name}: the emulator is broken: {error}") from error
         folder = state_folder(self._config.general.id) / name
@@ -171,12 +171,12 @@ class EmulatedRig:
             calibration.node_name = want.entry.node.node_name
             self._config.calibration.arms.append(calibration)
 
-    def _provision(self, want: Wanted) -> Provision | None:
-        return self._registry.find(ProvisionKind.EMULATOR, want.block_name)
+    def _spec(self, want: Wanted) -> EmulatorSpec | None:
+        return self._registry.find(EmulatorSpec, want.block_name)
 
     def _is_virtual(self, want: Wanted) -> bool:
-        provision = self._registry.find(want.kind, want.block_name, want.enum_value)
-        return not want.block_name or (provision is not None and provision.virtual)
+        spec = self._registry.find(want.kind, want.block_name, want.enum_value)
+        return not want.block_name or (isinstance(spec, DeviceSpec) and spec.virtual)
 
 
 def parse_faults(options: Sequence[str]) -> dict[str, list[str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from joshua.plan import Related, Severity
 from joshua.planner.findings import Findings
-from joshua.plugins import Environment, Provision, ProvisionKind, Registry
+from joshua.plugins import Environment, EnvironmentSpec, Registry
 from joshua.plugins.environments import ChosenEnvironment
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest, nearest_first
@@ -13,7 +13,7 @@ _BACKEND = "ai.training.simulator_backend"
 _ID = "ai.training.environment_id"
 _REWARD = "ai.training.rl_config.reward_function"
 
-Offers = tuple[tuple[Environment, Provision], ...]
+Offers = tuple[tuple[Environment, EnvironmentSpec], ...]
 
 
 def choose_environment(config: pb.Config, registry: Registry, findings: Findings) -> ChosenEnvironment | None:
@@ -48,7 +48,7 @@ def choose_environment(config: pb.Config, registry: Registry, findings: Findings
     if not fitting:
         _unknown(training, offers, findings)
         return None
-    environment, provision = fitting[0]
+    environment, spec = fitting[0]
     if reward and reward not in environment.rewards:
         _unknown_reward(reward, environment, findings)
         return None
@@ -60,7 +60,7 @@ def choose_environment(config: pb.Config, registry: Registry, findings: Findings
         reward_function=reward or environment.rewards[0],
         num_envs=training.rl_config.num_envs or 1,
         seed=config.simulation.seed if config.simulation.HasField("seed") else None,
-        make=provision.implementation,
+        make=spec.implementation,
     )
 
 
@@ -70,7 +70,7 @@ def _nobody_offers(training: pb.Training, registry: Registry, findings: Findings
         findings.add(
             "plugin-missing",
             Severity.ERROR if findings.launch else Severity.NOTE,
-            registry.missing(training.environment_id, ProvisionKind.ENVIRONMENT, "simulation"),
+            registry.missing(training.environment_id, EnvironmentSpec, "simulation"),
             _ID,
             remedy="install the plugin that offers the environment",
         )

@@ -13,7 +13,7 @@ from joshua.textproto.nearest import nearest_first
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
     from joshua.planner.devices import Wanted
-    from joshua.plugins import ProvisionKind, Registry
+    from joshua.plugins import PluginSpec, Registry
 
 
 class Findings:
@@ -78,7 +78,7 @@ class Findings:
         )
 
     def service_missing(
-        self, path: str, kind: ProvisionKind, value: str, registry: Registry, *, required: bool
+        self, path: str, kind: type[PluginSpec], value: str, registry: Registry, *, required: bool
     ) -> None:
         """A service block whose plugin is not installed: the mode needs it, or it can do without."""
         block = path.rpartition(".")[2]

@@ -12,8 +12,7 @@ from joshua.planner.findings import Findings
 from joshua.planner.resolution import Resolved
 from joshua.planner.safety import safety_context
 from joshua.planner.services import PHYSICS_BLOCKS, PHYSICS_GROUP
-from joshua.plugins import Provision, ProvisionKind, Registry
-from joshua.plugins.targets import behaviour_of
+from joshua.plugins import ActuatorSpec, NodePluginSpec, Registry, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 
@@ -57,10 +56,10 @@ class NodePlanner:
         return specs
 
     def _spec(self, resolved: Resolved) -> NodeSpec:
-        want, provision = resolved.want, resolved.provision
+        want, spec = resolved.want, resolved.spec
         node = want.entry.node
-        plugin = self._registry.owner(provision).distribution
-        native = node.node_type == pb.CPP and bool(provision.native)
+        plugin = self._registry.owner(spec).distribution
+        native = node.node_type == pb.CPP and bool(spec.native)
         if node.node_type == pb.CPP and not native:
             self._without_native.setdefault(plugin, []).append(want)
         settings = resolved.settings
@@ -69,19 +68,19 @@ class NodePlanner:
             namespace=want.entry.namespace,
             frame_id=node.frame_id or node.node_name,
             node_id=node.node_id,
-            kind=NodeKind(want.kind.value),
+            kind=NodeKind(want.kind.kind),
             role=want.enum_value,
             block=want.block_name,
             plugin=plugin,
-            behaviour=behaviour_of(provision),
-            implementation=provision.native if native else provision.implementation,
-            settings_type=provision.settings,
+            behaviour=spec.behaviour or spec.standard_behaviour,
+            implementation=spec.native if native else spec.implementation,
+            settings_type=spec.settings,
             settings=settings.model_dump(mode="json") if settings is not None else {},
             context=resolved.context
             | self._shared_context(want)
-            | safety_context(want, provision)
-            | _times(provision)
-            | ({"terminal": True} if provision.terminal else {}),
+            | safety_context(want, spec)
+            | _times(spec)
+            | ({"terminal": True} if isinstance(spec, SensorSpec) and spec.terminal else {}),
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),
@@ -118,10 +117,10 @@ class NodePlanner:
 
     def _shared_context(self, want: Wanted) -> dict[str, Any]:
         """What a node must know of others: its own joints and its leader's, or those that it commands."""
-        if want.kind is ProvisionKind.ACTUATOR:
+        if want.kind is ActuatorSpec:
             joints = {"joints": self._joints[want.entry.path]}
             return joints | self._commanders(want) | ({"testing": True} if self._testing else {})
-        if want.kind is ProvisionKind.SENSOR:  # it was resolved with the joints that it reaches
+        if want.kind is SensorSpec:  # it was resolved with the joints that it reaches
             return {"testing": True} if self._testing else {}
         commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
         return {"joints": commanded} if commanded else {}
@@ -155,7 +154,7 @@ class NodePlanner:
         ]
 
 
-def _times(provision: Provision) -> dict[str, float]:
+def _times(spec: NodePluginSpec) -> dict[str, float]:
     """What the supervisor grants a device of this kind beyond the usual."""
-    times = {"hang_after_s": provision.hang_after_s, "ready_timeout_s": provision.ready_timeout_s}
+    times = {"hang_after_s": spec.hang_after_s, "ready_timeout_s": spec.ready_timeout_s}
     return {name: value for name, value in times.items() if value}

@@ -10,6 +10,7 @@ from joshua.planner.devices import wanted_nodes
 from joshua.planner.findings import Findings
 from joshua.planner.resolution import Resolved, Resolver
 from joshua.planner.services import ResolvedService, physics_of, resolve_services
+from joshua.plugins import SensorSpec
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ class Planning:
 
     def _refuse_shared_terminal(self) -> None:
         """A key goes to one reader: which one would be chance."""
-        readers = [node for node in self._nodes if node.provision.terminal]
+        readers = [node for node in self._nodes if isinstance(node.spec, SensorSpec) and node.spec.terminal]
         hosts: dict[str, str] = {}
         for reader in readers:
             node = reader.want.entry.node

@@ -13,7 +13,7 @@ from joshua.planner.devices import Wanted, joints_of
 from joshua.planner.findings import Findings
 from joshua.planner.safety import check_safety
 from joshua.planner.services import PHYSICS_BLOCKS
-from joshua.plugins import Provision, ProvisionKind, Registry
+from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, Registry, SensorSpec
 from joshua.schema import calibration_pb2, data_type_pb2, data_types
 from joshua.schema import config_pb2 as pb
 
@@ -23,12 +23,12 @@ class Resolved:
     """One wanted node with its implementation.
 
     Attributes:
-        settings: the checked settings model; None where the provision has none.
+        settings: the checked settings model; None where the plugin declares none.
         context: further facts for the driver, such as its calibration.
     """
 
     want: Wanted
-    provision: Provision
+    spec: NodePluginSpec
     settings: Any
     context: dict[str, Any]
 
@@ -68,10 +68,10 @@ class Resolver:
             physics: what simulated devices must know of the simulation; empty where there is none.
         """
         resolved = []
-        missing: dict[tuple[ProvisionKind, str], list[Wanted]] = {}
+        missing: dict[tuple[type[NodePluginSpec], str], list[Wanted]] = {}
         for want in wanted:
-            provision = self._provision(want)
-            if provision is None and _is_complete(want):
+            spec = self._spec(want)
+            if spec is None and _is_complete(want):
                 key = (want.kind, want.block_name or want.enum_value)
                 missing.setdefault(key, []).append(want)
             calibration = self._calibrations.get(want.entry.node.node_name)
@@ -79,28 +79,28 @@ class Resolver:
             if want.block_name in PHYSICS_BLOCKS:
                 context |= physics
             settings = None
-            if provision is not None:
-                settings, problems = self._settings(want, provision, context)
+            if spec is not None:
+                settings, problems = self._settings(want, spec, context)
                 self._findings.items += problems
-                self._unfit_types(want, provision)
-                resolved.append(Resolved(want, provision, settings, context))
-            if want.kind is ProvisionKind.ACTUATOR:
+                self._unfit_types(want, spec)
+                resolved.append(Resolved(want, spec, settings, context))
+            if want.kind is ActuatorSpec:
                 joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
                 # Without calibration an arm's joints have names that nobody will use, unless that is waived.
-                virtual = provision is not None and provision.virtual
+                virtual = isinstance(spec, DeviceSpec) and spec.virtual
                 if calibration is not None or virtual or "allow_uncalibrated" in self._waivers:
                     self._final_names.add(want.entry.path)
-                if provision is not None:
-                    check_safety(want, provision, joints, self._findings)
+                if isinstance(spec, ActuatorSpec):
+                    check_safety(want, spec, joints, self._findings)
         for wants in missing.values():
             self._findings.plugin_missing(wants, self._registry)
         return resolved
 
     def _context(self, want: Wanted, calibration: calibration_pb2.ArmCalibration | None) -> dict[str, Any]:
         context: dict[str, Any] = {"calibration": calibration_values(calibration)} if calibration else {}
-        if want.kind is ProvisionKind.ACTUATOR:
+        if want.kind is ActuatorSpec:
             return context | self._waivers
-        joints = self._reached_joints(want) if want.kind is ProvisionKind.SENSOR else []
+        joints = self._reached_joints(want) if want.kind is SensorSpec else []
         return context | ({"joints": joints} if joints else {})
 
     def _reached_joints(self, want: Wanted) -> list[dict[str, Any]]:
@@ -119,22 +119,22 @@ class Resolver:
             return []
         return [joint for entry in reached for joint in self.joints[entry.path]]
 
-    def _provision(self, want: Wanted) -> Provision | None:
+    def _spec(self, want: Wanted) -> NodePluginSpec | None:
         if not _is_complete(want):
             return None
         return self._registry.find(want.kind, want.block_name, want.enum_value)
 
     def _settings(
-        self, want: Wanted, provision: Provision, context: dict[str, Any]
+        self, want: Wanted, spec: NodePluginSpec, context: dict[str, Any]
     ) -> tuple[Any, list[Diagnostic]]:
-        if want.block is None or not provision.settings:
+        if want.block is None or not spec.settings:
             return None, []
         # Imported here, because it needs pydantic, which a file without such a block need not wait for.
         from joshua.config.input_paths import with_absolute_paths
         from joshua.plugins.settings import make_settings
 
         return make_settings(
-            provision,
+            spec,
             with_absolute_paths(want.block, want.block_path, self._findings.positions, self._source),
             node=want.entry.node,
             context=context | {"launch": self._findings.launch},
@@ -142,11 +142,11 @@ class Resolver:
             positions=self._findings.positions,
         )
 
-    def _unfit_types(self, want: Wanted, provision: Provision) -> None:
+    def _unfit_types(self, want: Wanted, spec: NodePluginSpec) -> None:
         """Topics of a third party's device that it cannot serve; the checks know the types of the others."""
-        if "." not in want.block_name or not provision.data_types:
+        if "." not in want.block_name or not isinstance(spec, DeviceSpec) or not spec.data_types:
             return
-        offered = tuple(data_types.number(name) for name in provision.data_types)
+        offered = tuple(data_types.number(name) for name in spec.data_types)
         allowed = tuple(data_types.enum_names(number)[0] for number in offered)
         for index, publisher in enumerate(want.entry.node.publishers):
             number = publisher.data_type
@@ -168,7 +168,7 @@ def _is_complete(want: Wanted) -> bool:
     """Whether block and type are there and go together; the checks report what is absent or does not."""
     if want.enum_value.endswith("_UNSPECIFIED"):
         return False
-    if want.kind is ProvisionKind.MODEL:
+    if want.kind is ModelSpec:
         return True
     is_third_party = "." in want.block_name
     return is_third_party or want.block_name in fitting_blocks(want.entry.owner)

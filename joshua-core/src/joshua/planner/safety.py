@@ -7,7 +7,7 @@ from typing import Any
 from joshua.plan import Severity
 from joshua.planner.devices import Wanted
 from joshua.planner.findings import Findings
-from joshua.plugins import Provision
+from joshua.plugins import ActuatorSpec, NodePluginSpec
 from joshua.schema import config_pb2 as pb
 
 PARK_TIMEOUT_S = 5.0
@@ -17,17 +17,17 @@ ON_STALE_AFTER_S = 5.0
 STOP_MARGIN_S = 6.0
 
 
-def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
+def safety_context(want: Wanted, spec: NodePluginSpec) -> dict[str, Any]:
     """Safe state of an actuator, the action of its guardian and of an e-stop; empty for other nodes."""
     action = want.entry.owner
-    if not isinstance(action, pb.SingleAction):
+    if not (isinstance(action, pb.SingleAction) and isinstance(spec, ActuatorSpec)):
         return {}
     is_leader = action.action_type == pb.ACTION_LEADER
     state = action.safe_state or (pb.RELEASE if is_leader else pb.HOLD)
     name = pb.SafeState.Name(state) if state in pb.SafeState.values() else "HOLD"
     context: dict[str, Any] = {"safe_state": name}
-    if provision.safe_stop:
-        context["estop_action"] = provision.safe_stop
+    if spec.safe_stop:
+        context["estop_action"] = spec.safe_stop
     timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
     if not is_leader and action.on_stale in (pb.RELEASE, pb.PARK_THEN_RELEASE):
         context["on_stale"] = {
@@ -38,10 +38,10 @@ def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
             "pose_rad": list(action.park_pose_rad),
             "timeout_s": timeout_s,
         }
-    if is_leader or not provision.safe_stop:
+    if is_leader or not spec.safe_stop:
         return context
     context["safe_stop"] = {
-        "implementation": provision.safe_stop,
+        "implementation": spec.safe_stop,
         "state": name,
         "park_pose_rad": list(action.park_pose_rad),
         "timeout_s": timeout_s,
@@ -51,15 +51,13 @@ def safety_context(want: Wanted, provision: Provision) -> dict[str, Any]:
     return context
 
 
-def check_safety(
-    want: Wanted, provision: Provision, joints: list[dict[str, Any]], findings: Findings
-) -> None:
+def check_safety(want: Wanted, spec: ActuatorSpec, joints: list[dict[str, Any]], findings: Findings) -> None:
     """Finds a park pose that does not fit the joints, and a device that cannot park."""
     action = want.entry.owner
     if not isinstance(action, pb.SingleAction):
         return
     path = want.entry.owner_path
-    has_guardian = bool(provision.safe_stop) and action.action_type != pb.ACTION_LEADER
+    has_guardian = bool(spec.safe_stop) and action.action_type != pb.ACTION_LEADER
     parks_when_stale = action.on_stale == pb.PARK_THEN_RELEASE
     if action.HasField("park_timeout_s") and not (has_guardian or parks_when_stale):
         findings.add(
@@ -70,7 +68,7 @@ def check_safety(
             remedy="remove it",
         )
     parks = action.safe_state == pb.PARK_THEN_RELEASE
-    if parks and not provision.safe_stop:
+    if parks and not spec.safe_stop:
         findings.add(
             "safe-state-unfit",
             Severity.ERROR,

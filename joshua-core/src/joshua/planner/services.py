@@ -11,13 +11,15 @@ from joshua.modes.share import ModeShare, Need
 from joshua.planner.environments import choose_environment
 from joshua.planner.findings import Findings
 from joshua.planner.request import Request
-from joshua.plugins import Provision, ProvisionKind, Registry
+from joshua.plugins import EpisodeWriterSpec, Registry, SimulatorSpec, StoreSpec, TrainerSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2
 
 if TYPE_CHECKING:
     from joshua.plan import NodeSpec
 
+
+ServiceSpec = StoreSpec | TrainerSpec | SimulatorSpec
 
 #: The process in which one physics stands for any number of devices.
 PHYSICS_GROUP = "simulation"
@@ -31,7 +33,7 @@ class Service:
     """A service block that stands in the file, and what its plugin is asked by."""
 
     path: str
-    kind: ProvisionKind
+    kind: type[ServiceSpec]
     block: Any
     enum_value: str
 
@@ -43,22 +45,22 @@ class Service:
     @property
     def is_chosen(self) -> bool:
         """Whether the file says which plugin is meant."""
-        if self.kind is ProvisionKind.TRAINER and self.enum_value == "METHOD_RL":
+        if self.kind is TrainerSpec and self.enum_value == "METHOD_RL":
             return bool(self.block.environment == pb.ENV_REAL)  # else its simulator decides
         return not self.enum_value.endswith("_UNSPECIFIED")
 
 
 @dataclass(frozen=True)
 class ResolvedService:
-    """A service block with the provision that runs it.
+    """A service block with the spec that runs it.
 
     Attributes:
-        settings: the checked settings model; None where the provision has none.
+        settings: the checked settings model; None where the plugin declares none.
         context: further facts for the service, such as the folder at which relative paths start.
     """
 
     service: Service
-    provision: Provision
+    spec: ServiceSpec
     settings: Any
     context: dict[str, Any]
 
@@ -75,35 +77,35 @@ def resolve_services(
     resolved = []
     chosen = choose_environment(config, registry, findings) if "training" in share.services else None
     for service in _present(config, share):
-        provision = registry.find(service.kind, service.name, service.enum_value)
-        if provision is None and not service.is_chosen:
+        spec = registry.find(service.kind, service.name, service.enum_value)
+        if spec is None and not service.is_chosen:
             continue  # the check says what to choose
-        if provision is None:
+        if spec is None:
             required = share.services[service.name] is Need.REQUIRED
             findings.service_missing(
                 service.path, service.kind, service.enum_value, registry, required=required
             )
         else:
             context: dict[str, Any] = {"folder": _folder(service.path, findings, source)}
-            if request.physics_socket and service.kind is ProvisionKind.SIMULATOR:
+            if request.physics_socket and service.kind is SimulatorSpec:
                 context["physics_socket"] = request.physics_socket
-            if service.kind is ProvisionKind.SIMULATOR and config.ai.HasField("data_store"):
+            if service.kind is SimulatorSpec and config.ai.HasField("data_store"):
                 folder = _folder("ai.data_store.local_path", findings, source)
                 context["data_store"] = _data_store(config, registry, findings, folder)
-            if service.kind is ProvisionKind.TRAINER and chosen is not None:
+            if service.kind is TrainerSpec and chosen is not None:
                 context["environment"] = chosen.as_context()
-            settings = _settings(service, provision, context, findings)
-            resolved.append(ResolvedService(service, provision, settings, context))
+            settings = _settings(service, spec, context, findings)
+            resolved.append(ResolvedService(service, spec, settings, context))
     return resolved
 
 
-def _settings(service: Service, provision: Provision, context: dict[str, Any], findings: Findings) -> Any:
-    if not provision.settings:
+def _settings(service: Service, spec: ServiceSpec, context: dict[str, Any], findings: Findings) -> Any:
+    if not spec.settings:
         return None
     from joshua.plugins.settings import make_settings
 
     settings, problems = make_settings(
-        provision,
+        spec,
         service.block,
         context=context | {"launch": findings.launch},
         field_path=service.path,
@@ -118,11 +120,9 @@ def _data_store(config: pb.Config, registry: Registry, findings: Findings, folde
     block = config.ai.data_store
     path = block.local_path
     value = _name(pb.DataFormat, block.format)
-    writer = registry.find(ProvisionKind.EPISODE_WRITER, "data_store", value)
+    writer = registry.find(EpisodeWriterSpec, "data_store", value)
     if writer is None and makes_episodes(config):
-        findings.service_missing(
-            "ai.data_store", ProvisionKind.EPISODE_WRITER, value, registry, required=True
-        )
+        findings.service_missing("ai.data_store", EpisodeWriterSpec, value, registry, required=True)
     return {
         "writer": writer.implementation if writer else "",
         "task": block.task or block.dataset_name,
@@ -154,7 +154,7 @@ def _folder(path: str, findings: Findings, source: str) -> str:
 def physics_of(services: list[ResolvedService]) -> dict[str, Any]:
     """What simulated devices must know of the simulation that they are part of; empty where there is none."""
     for resolved in services:
-        if resolved.service.kind is ProvisionKind.SIMULATOR and resolved.settings is not None:
+        if resolved.service.kind is SimulatorSpec and resolved.settings is not None:
             return {"simulation": resolved.settings.model_dump(mode="json")}
     return {}
 
@@ -165,22 +165,22 @@ def service_spec(resolved: ResolvedService, registry: Registry) -> NodeSpec:
 
     from joshua.plan import NodeKind, NodeSpec
 
-    service, provision, settings = resolved.service, resolved.provision, resolved.settings
+    service, spec, settings = resolved.service, resolved.spec, resolved.settings
     values = json_format.MessageToDict(service.block, preserving_proto_field_name=True)
     return NodeSpec(
         name=service.name,
         kind=NodeKind.SERVICE,
         role=service.enum_value,
         block=service.name,
-        plugin=registry.owner(provision).distribution,
-        behaviour=provision.behaviour or provision.implementation,
-        implementation=provision.implementation,
-        settings_type=provision.settings,
+        plugin=registry.owner(spec).distribution,
+        behaviour=spec.implementation,
+        implementation=spec.implementation,
+        settings_type=spec.settings,
         settings=values if settings is None else settings.model_dump(mode="json"),
         context=resolved.context,
-        process_group=PHYSICS_GROUP if service.kind is ProvisionKind.SIMULATOR else "",
+        process_group=PHYSICS_GROUP if service.kind is SimulatorSpec else "",
         # a physics that starts anew is another one: whatever was done in it is gone
-        restart="stop-run" if service.kind is ProvisionKind.SIMULATOR else "on-failure",
+        restart="stop-run" if service.kind is SimulatorSpec else "on-failure",
     )
 
 
@@ -189,13 +189,13 @@ def _present(config: pb.Config, share: ModeShare) -> list[Service]:
     services = []
     if "data_store" in share.services and ai.HasField("data_store") and not _simulator_has_it(config):
         value = _name(pb.DataFormat, ai.data_store.format)
-        services.append(Service("ai.data_store", ProvisionKind.STORE, ai.data_store, value))
+        services.append(Service("ai.data_store", StoreSpec, ai.data_store, value))
     if "training" in share.services and ai.HasField("training"):
         value = _trainer_value(ai.training)
-        services.append(Service("ai.training", ProvisionKind.TRAINER, ai.training, value))
+        services.append(Service("ai.training", TrainerSpec, ai.training, value))
     if "simulation" in share.services and config.HasField("simulation"):
         value = _name(simulation_pb2.SimulationMode, config.simulation.mode)
-        services.append(Service("simulation", ProvisionKind.SIMULATOR, _simulation(config), value))
+        services.append(Service("simulation", SimulatorSpec, _simulation(config), value))
     return services
 
 

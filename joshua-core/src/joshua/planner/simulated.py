@@ -8,18 +8,18 @@ from dataclasses import dataclass
 from joshua.modes.share import mode_share
 from joshua.planner.devices import Wanted, joints_of, wanted_nodes
 from joshua.planner.resolution import calibration_values
-from joshua.plugins import ProvisionKind, Registry
-from joshua.plugins.stand_in import CoupledArm, CoupledCamera, RealDevice, StandInError
+from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, Registry, SimulatorSpec
+from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapter, SimAdapterError
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
-__all__ = ["NoSimulatorError", "Simulated", "StandInError", "stand_in"]
+__all__ = ["NoSimulatorError", "SimAdapterError", "Simulated", "simulate"]
 
 #: Block of a real camera; other sensors have no place in the simulation.
 _CAMERA = "camera_config"
 
 
-class NoSimulatorError(StandInError):
+class NoSimulatorError(SimAdapterError):
     """No simulator is installed."""
 
 
@@ -36,7 +36,7 @@ class Simulated:
     coupled: Mapping[str, CoupledArm | CoupledCamera]
 
 
-def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -> Simulated:
+def simulate(config: pb.Config, registry: Registry, *, emulated: bool = False) -> Simulated:
     """Puts simulated devices in place of the real ones.
 
     Args:
@@ -45,21 +45,22 @@ def stand_in(config: pb.Config, registry: Registry, *, emulated: bool = False) -
         emulated: devices are emulated, and the simulation only moves their joints and draws their pictures.
 
     Raises:
-        StandInError: no simulator is installed, or it cannot stand for a device.
+        SimAdapterError: no simulator is installed, or it cannot stand for a device.
     """
-    provision = registry.find(ProvisionKind.SIMULATOR, "simulation", "OFFSCREEN")
-    if provision is None or not provision.stand_in:
+    spec = registry.find(SimulatorSpec, "simulation", "OFFSCREEN")
+    if spec is None or not spec.sim_adapter:
         raise NoSimulatorError("--sim needs a simulator: pip install joshua-mujoco-sim")
     devices = [_device(config, registry, want) for want in _replaceable(config, registry, emulated=emulated)]
     if not devices:
-        raise StandInError(
+        raise SimAdapterError(
             "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
             + (", and whose emulator can be part of the simulation" if emulated else "")
         )
     try:
-        coupled = load_target(provision.stand_in)(config, devices, emulated)
+        adapter: SimAdapter = load_target(spec.sim_adapter)
+        coupled = adapter(config, devices, emulated)
     except TargetError as error:
-        raise StandInError(f"the simulator is broken: {error}") from error
+        raise SimAdapterError(f"the simulator is broken: {error}") from error
     names = coupled if emulated else [device.node_name for device in devices]
     return Simulated(tuple(names), coupled)
 
@@ -68,9 +69,9 @@ def _replaceable(config: pb.Config, registry: Registry, *, emulated: bool) -> li
     share = mode_share(config)
     found = []
     for want in wanted_nodes(config, devices=share.devices, models=False):
-        provision = registry.find(want.kind, want.block_name, want.enum_value)
-        is_virtual = provision is not None and provision.virtual
-        fits = want.kind is ProvisionKind.ACTUATOR or want.block_name == _CAMERA
+        spec = registry.find(want.kind, want.block_name, want.enum_value)
+        is_virtual = isinstance(spec, DeviceSpec) and spec.virtual
+        fits = want.kind is ActuatorSpec or want.block_name == _CAMERA
         if want.block_name and fits and not is_virtual and (not emulated or _couples(registry, want)):
             found.append(want)
     return found
@@ -78,9 +79,9 @@ def _replaceable(config: pb.Config, registry: Registry, *, emulated: bool) -> li
 
 def _couples(registry: Registry, want: Wanted) -> bool:
     """Whether a device's emulator can be part of the simulation; else it stays as without one."""
-    provision = registry.find(ProvisionKind.EMULATOR, want.block_name)
+    spec = registry.find(EmulatorSpec, want.block_name)
     try:
-        return provision is not None and bool(load_target(provision.implementation).couples)
+        return spec is not None and bool(load_target(spec.implementation).couples)
     except TargetError:
         return False  # named when the emulators start
 
@@ -88,23 +89,23 @@ def _couples(registry: Registry, want: Wanted) -> bool:
 def _device(config: pb.Config, registry: Registry, want: Wanted) -> RealDevice:
     name = want.entry.node.node_name
     block = want.block_path.rpartition(".")[2]
-    joints = _joint_names(config, registry, want) if want.kind is ProvisionKind.ACTUATOR else ()
+    joints = _joint_names(config, registry, want) if want.kind is ActuatorSpec else ()
     return RealDevice(name, want.enum_value, want.entry.owner, block, joints)
 
 
 def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[str, ...]:
     name = want.entry.node.node_name
     calibration = next((arm for arm in config.calibration.arms if arm.node_name == name), None)
-    provision = registry.find(want.kind, want.block_name, want.enum_value)
+    spec = registry.find(want.kind, want.block_name, want.enum_value)
     settings = None
-    if provision is not None and want.block is not None:
+    if spec is not None and want.block is not None:
         from joshua.plugins.settings import make_settings  # needs pydantic
 
         context = {"calibration": calibration_values(calibration)} if calibration is not None else {}
-        settings, _ = make_settings(provision, want.block, node=want.entry.node, context=context)
+        settings, _ = make_settings(spec, want.block, node=want.entry.node, context=context)
     names = tuple(joint["name"] for joint in joints_of(settings, want.block, calibration))
     if not names:
-        raise StandInError(
+        raise SimAdapterError(
             f"{name}: its block does not say which joints it has, so the simulation cannot stand for it: "
             "leave it out of the file, or run without --sim"
         )

@@ -16,7 +16,7 @@ class ChosenEnvironment:
     Attributes:
         environment_id: such as ``joshua/SoArm100Reach-v0``; reward_function: one that it offers, never "".
         num_envs: how many step at once; seed: of the first one, None for none in particular.
-        make: import string of what makes it, see ``Provision.environments``.
+        make: import string of what makes it, see ``EnvironmentSpec``.
     """
 
     environment_id: str

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from joshua.plugins.provision import ProvisionKind
+from joshua.plugins.specs import PluginSpec, StoreSpec
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ NOT_YET = {
 }
 
 
-def not_yet(kind: ProvisionKind, block: str) -> tuple[str, str]:
+def not_yet(kind: type[PluginSpec], block: str) -> tuple[str, str]:
     """What a block asks for that no published plugin does yet, and what to do; empty texts where one does."""
-    return NOT_YET.get(block, ("", "")) if kind is ProvisionKind.STORE else ("", "")
+    return NOT_YET.get(block, ("", "")) if kind is StoreSpec else ("", "")
 
 
 def distribution_for(block: str, enum_value: str = "") -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import pluggy
 
-from joshua.plugins.provision import Provision
+from joshua.plugins.specs import PluginSpec
 
 PROJECT_NAME = "joshua"
 
@@ -22,6 +22,6 @@ class PluginHooks:
     """Hooks that a plugin may implement."""
 
     @hookspec
-    def joshua_provisions(self) -> Iterable[Provision]:
+    def joshua_specs(self) -> Iterable[PluginSpec]:
         """Names what the plugin provides."""
         raise NotImplementedError

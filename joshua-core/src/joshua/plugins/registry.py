@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import TypeGuard, TypeVar
 
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
-from joshua.plugins.provision import Environment, Provision, ProvisionKind
+from joshua.plugins.specs import Environment, EnvironmentSpec, PluginSpec, SimulatorSpec
 from joshua.plugins.targets import TargetError, load_target
+
+SpecT = TypeVar("SpecT", bound=PluginSpec)
 
 
 class PluginStatus(str, Enum):
@@ -27,7 +30,7 @@ class PluginRow:
     Attributes:
         name: name of the entry point; distribution, version: of the package that declares it.
         status: what became of it; reasons: one sentence each, empty where all is well.
-        provisions: what it provides; empty for a broken or blocked plugin.
+        specs: what it provides; empty for a broken or blocked plugin.
         module: where the entry point leads, such as ``joshua_lidar.plugin``.
     """
 
@@ -36,15 +39,16 @@ class PluginRow:
     version: str
     status: PluginStatus
     reasons: tuple[str, ...] = ()
-    provisions: tuple[Provision, ...] = ()
+    specs: tuple[PluginSpec, ...] = ()
     module: str = ""
 
 
-def _overlap(first: Provision, second: Provision) -> tuple[str, ...] | None:
+def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
     """Enum values that both answer for; ``()`` where one answers for all; None where they do not meet."""
     if (first.kind, first.block) != (second.kind, second.block):
         return None
-    if first.kind is ProvisionKind.ENVIRONMENT:  # many may offer some, as long as each is another one
+    if isinstance(first, EnvironmentSpec) and isinstance(second, EnvironmentSpec):
+        # many may offer some, as long as each is another one
         ids = [offer.id for offer in second.environments]
         return tuple(offer.id for offer in first.environments if offer.id in ids) or None
     if not first.enum_values or not second.enum_values:
@@ -53,14 +57,14 @@ def _overlap(first: Provision, second: Provision) -> tuple[str, ...] | None:
     return common or None
 
 
-def _subject(provision: Provision, values: tuple[str, ...]) -> str:
-    return " with ".join(part for part in (", ".join(values), provision.block) if part)
+def _subject(spec: PluginSpec, values: tuple[str, ...]) -> str:
+    return " with ".join(part for part in (", ".join(values), spec.block) if part)
 
 
-def _answers(provision: Provision, kind: ProvisionKind, enum_value: str) -> bool:
-    """Whether a provision is of a kind and fits an enum value; "" asks for none in particular."""
-    fits = not enum_value or not provision.enum_values or enum_value in provision.enum_values
-    return provision.kind is kind and fits
+def _answers(spec: PluginSpec, kind: type[SpecT], enum_value: str) -> TypeGuard[SpecT]:
+    """Whether something is of a kind and fits an enum value; "" asks for none in particular."""
+    fits = not enum_value or not spec.enum_values or enum_value in spec.enum_values
+    return isinstance(spec, kind) and fits
 
 
 class Registry:
@@ -77,7 +81,7 @@ class Registry:
         """All plugins in the order of discovery, the broken and the blocked included."""
         return self._rows
 
-    def find(self, kind: ProvisionKind, block: str, enum_value: str = "") -> Provision | None:
+    def find(self, kind: type[SpecT], block: str, enum_value: str = "") -> SpecT | None:
         """Finds the implementation for a configuration block and an enum value.
 
         Args:
@@ -87,12 +91,12 @@ class Registry:
             enum_value: name such as ``PERCEPTION_LIDAR``; "" accepts every one.
 
         Returns:
-            The one provision that fits, or None where there is none or more than one
+            The one spec that fits, or None where there is none or more than one
             (``missing`` says why).
         """
         fitting = [offer for offer, _ in self._usable if _answers(offer, kind, enum_value)]
         for wanted in dict.fromkeys((block, "")):
-            matches = [provision for provision in fitting if provision.block == wanted]
+            matches = [spec for spec in fitting if spec.block == wanted]
             if len(matches) == 1:
                 return matches[0]
         if not block and enum_value and len(fitting) == 1:
@@ -104,12 +108,12 @@ class Registry:
         wanted = normalise(name)
         return any(wanted in (row.distribution, normalise(row.name)) for row in self._rows)
 
-    def owner(self, provision: Provision) -> PluginRow:
-        """The plugin that provides something. Raises KeyError for a provision of another registry."""
+    def owner(self, spec: PluginSpec) -> PluginRow:
+        """The plugin that provides something. Raises KeyError for what another registry has."""
         for mine, row in self._usable:
-            if mine is provision:
+            if mine is spec:
                 return row
-        raise KeyError(f"{provision.implementation} is not a provision of this registry")
+        raise KeyError(f"{spec.implementation} is not of this registry")
 
     def is_packaged(self, name: str) -> bool | None:
         """Whether a file of this name ships with a plugin, such as the model ``so_arm100/scene.xml``.
@@ -118,10 +122,10 @@ class Registry:
             None where no installed plugin brings any files, so that nobody can tell.
         """
         answer = None
-        for provision, _ in self._usable:
-            if provision.packaged_files:
+        for spec, _ in self._usable:
+            if isinstance(spec, SimulatorSpec) and spec.packaged_files:
                 try:
-                    found = load_target(provision.packaged_files)(name)
+                    found = load_target(spec.packaged_files)(name)
                 except TargetError:
                     continue  # `joshua plugins --check` says what is wrong with it
                 if found is not None:
@@ -129,27 +133,26 @@ class Registry:
                 answer = False
         return answer
 
-    def environments(self, backend: str = "") -> tuple[tuple[Environment, Provision], ...]:
-        """The environments that trainers can be given, each with the provision that makes it.
+    def environments(self, backend: str = "") -> tuple[tuple[Environment, EnvironmentSpec], ...]:
+        """The environments that trainers can be given, each with the spec that makes it.
 
         Args:
             backend: name of a ``SimulatorBackend``; "" asks for none in particular.
         """
-        kind = ProvisionKind.ENVIRONMENT
-        fitting = [offer for offer, _ in self._usable if _answers(offer, kind, backend)]
+        fitting = [offer for offer, _ in self._usable if _answers(offer, EnvironmentSpec, backend)]
         return tuple((environment, offer) for offer in fitting for environment in offer.environments)
 
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""
-        modules = (p.message_module for row in self._rows for p in row.provisions if p.message_module)
+        modules = (p.message_module for row in self._rows for p in row.specs if p.message_module)
         return tuple(dict.fromkeys(modules))
 
     def message_types(self) -> tuple[str, ...]:
         """Full names of the messages that may stand in an ``Any`` block."""
-        names = (p.block for row in self._rows for p in row.provisions if p.message_module)
+        names = (p.block for row in self._rows for p in row.specs if p.message_module)
         return tuple(dict.fromkeys(names))
 
-    def missing(self, node_name: str, kind: ProvisionKind, block: str, enum_value: str = "") -> str:
+    def missing(self, node_name: str, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
         """Says why ``find`` has nothing, and what to do.
 
         Returns:
@@ -157,12 +160,12 @@ class Registry:
             ``lidar_front: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar``.
         """
         what = hints.subject(block, enum_value)
-        for provision, reason in self._withdrawn:
-            if _answers(provision, kind, enum_value) and provision.block in (block, ""):
+        for spec, reason in self._withdrawn:
+            if _answers(spec, kind, enum_value) and spec.block in (block, ""):
                 return f"{node_name}: {what} is provided twice: {reason}"
-        for provision, row in self._usable:
-            if block and (provision.kind, provision.block) == (kind, block):
-                allowed = ", ".join(provision.enum_values)
+        for spec, row in self._usable:
+            if block and isinstance(spec, kind) and spec.block == block:
+                allowed = ", ".join(spec.enum_values)
                 return f"{node_name}: {row.distribution} provides {block} for {allowed}, not for {enum_value}"
         sentence, _ = hints.not_yet(kind, block)
         if sentence:
@@ -188,9 +191,9 @@ class Registry:
                 )
         return f"{node_name}: {what} needs the plugin {distribution}: pip install {distribution}"
 
-    def remedy(self, kind: ProvisionKind, block: str, enum_value: str = "") -> str:
+    def remedy(self, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
         """What to do where ``find`` has nothing."""
-        if block and any((offer.kind, offer.block) == (kind, block) for offer, _ in self._usable):
+        if block and any(isinstance(offer, kind) and offer.block == block for offer, _ in self._usable):
             return "write one of the types that it takes, or another block"
         _, instruction = hints.not_yet(kind, block)
         if instruction:
@@ -217,21 +220,23 @@ class Registry:
 
 def _settle_conflicts(
     rows: tuple[PluginRow, ...],
-) -> tuple[tuple[PluginRow, ...], tuple[tuple[Provision, PluginRow], ...], tuple[tuple[Provision, str], ...]]:
+) -> tuple[
+    tuple[PluginRow, ...], tuple[tuple[PluginSpec, PluginRow], ...], tuple[tuple[PluginSpec, str], ...]
+]:
     """Marks plugins that provide the same thing.
 
     Returns:
         The rows; what may be used, with its row; what may not, with the reason.
     """
     reasons: dict[int, list[str]] = {}
-    withdrawn: list[tuple[Provision, str]] = []
-    offers = [(index, provision) for index, row in enumerate(rows) for provision in row.provisions]
-    for position, (index, provision) in enumerate(offers):
+    withdrawn: list[tuple[PluginSpec, str]] = []
+    offers = [(index, spec) for index, row in enumerate(rows) for spec in row.specs]
+    for position, (index, spec) in enumerate(offers):
         for other_index, other in offers[position + 1 :]:
-            if index == other_index or (common := _overlap(provision, other)) is None:
+            if index == other_index or (common := _overlap(spec, other)) is None:
                 continue
             first, second = _label(rows, index), _label(rows, other_index)
-            what = _subject(provision, common)
+            what = _subject(spec, common)
             if rows[index].distribution == CORE_DISTRIBUTION:
                 reason = f"{second} and {first} both provide {what}; {first} stays in force"
                 reasons.setdefault(other_index, []).append(reason)
@@ -241,7 +246,7 @@ def _settle_conflicts(
                 f"{first} and {second} both provide {what}; neither is used for it: "
                 f"choose with --block-plugin {first} or --block-plugin {second}"
             )
-            for at, offer in ((index, provision), (other_index, other)):
+            for at, offer in ((index, spec), (other_index, other)):
                 reasons.setdefault(at, []).append(reason)
                 withdrawn.append((offer, reason))
     settled = tuple(
@@ -250,8 +255,8 @@ def _settle_conflicts(
         else row
         for index, row in enumerate(rows)
     )
-    refused = {id(provision) for provision, _ in withdrawn}
-    usable = tuple((p, row) for row in settled for p in row.provisions if id(p) not in refused)
+    refused = {id(spec) for spec, _ in withdrawn}
+    usable = tuple((p, row) for row in settled for p in row.specs if id(p) not in refused)
     return settled, usable, tuple(withdrawn)
 
 

@@ -12,11 +12,12 @@ from typing_extensions import Self
 
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
-from joshua.plugins.provision import Provision
 from joshua.plugins.targets import TargetError, load_target
 
 if TYPE_CHECKING:
     from google.protobuf.message import Message
+
+    from joshua.plugins.specs import PluginSpec
 
 
 def _unchanged(value: Any) -> Any:
@@ -122,7 +123,7 @@ class Positions(Protocol):
 
 
 def make_settings(
-    provision: Provision,
+    spec: PluginSpec,
     block: Message,
     *,
     node: Message | None = None,
@@ -130,10 +131,10 @@ def make_settings(
     field_path: str = "",
     positions: Positions | None = None,
 ) -> tuple[BlockSettings | None, list[Diagnostic]]:
-    """Makes the settings that a provision asks for, problems as diagnostics.
+    """Makes the settings that a spec asks for, problems as diagnostics.
 
     Args:
-        provision: whose ``settings`` names the model.
+        spec: whose ``settings`` names the model.
         block: the configuration block.
         node: the ``Node`` block beside it.
         context: the plan's further facts, see ``NodeSpec.context``.
@@ -141,33 +142,31 @@ def make_settings(
         positions: of the loaded configuration; None leaves diagnostics without a position.
 
     Returns:
-        The settings and no diagnostic; None and the problems; or None and no diagnostic for a provision
+        The settings and no diagnostic; None and the problems; or None and no diagnostic for a spec
         without a settings model.
     """
-    if not provision.settings:
+    if not spec.settings:
         return None, []
     try:
-        settings_type = load_target(provision.settings)
+        settings_type = load_target(spec.settings)
         if not (isinstance(settings_type, type) and issubclass(settings_type, BlockSettings)):
-            raise TargetError(
-                f"{provision.settings} is not derived from joshua.plugins.settings.BlockSettings"
-            )
+            raise TargetError(f"{spec.settings} is not derived from joshua.plugins.settings.BlockSettings")
     except TargetError as error:
-        return None, [_broken(provision, str(error), field_path, positions)]
+        return None, [_broken(spec, str(error), field_path, positions)]
     try:
         return settings_type.from_block(block, node, context), []
     except ValidationError as error:
         return None, settings_diagnostics(error, settings_type, block, field_path, positions)
     except Exception as error:  # noqa: BLE001 (a plugin's code: its defect is a finding, not a crash)
-        reason = f"{provision.settings} cannot read the block: {type(error).__name__}: {error}"
-        return None, [_broken(provision, reason, field_path, positions)]
+        reason = f"{spec.settings} cannot read the block: {type(error).__name__}: {error}"
+        return None, [_broken(spec, reason, field_path, positions)]
 
 
-def _broken(provision: Provision, reason: str, field_path: str, positions: Positions | None) -> Diagnostic:
+def _broken(spec: PluginSpec, reason: str, field_path: str, positions: Positions | None) -> Diagnostic:
     return Diagnostic(
         code="broken-plugin",
         severity=Severity.ERROR,
-        message=as_sentence(f"The plugin that provides {provision.block} is broken: {reason}"),
+        message=as_sentence(f"The plugin that provides {spec.block} is broken: {reason}"),
         position=_nearest_position(positions, field_path),
         field_path=field_path,
         remedy="Install the plugin anew, or block it; joshua plugins --check lists the reasons.",

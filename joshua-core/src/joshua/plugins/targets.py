@@ -1,28 +1,24 @@
-"""Import strings of a provision: loading them, and the deep check that each one is what it claims to be."""
+"""Import strings of specs: loading them, and the deep check that each one is what it claims to be."""
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from joshua.plugins.provision import Provision, ProvisionKind
+if TYPE_CHECKING:
+    from joshua.plugins.specs import PluginSpec
 
-STANDARD_BEHAVIOURS = {
-    ProvisionKind.ACTUATOR: "joshua.devices.actuator_node:ActuatorNode",
-    ProvisionKind.SENSOR: "joshua.devices.sensor_node:SensorNode",
-    ProvisionKind.MODEL: "joshua.models.inference_node:InferenceNode",
+#: Import strings of a spec, with what each must derive from; "" for anything.
+ROLES = {
+    "behaviour": "joshua.node.behaviour:NodeBehaviour",
+    "settings": "joshua.plugins.settings:BlockSettings",
+    "implementation": "",
+    "native": "",
+    "safe_stop": "",
+    "bus_tools": "joshua.devices.bus_tools:BusTools",
+    "packaged_files": "",
+    "sim_adapter": "",
 }
-
-_BASE_CLASSES = {
-    ProvisionKind.ACTUATOR: "joshua.devices.actuator:Actuator",
-    ProvisionKind.SENSOR: "joshua.devices.sensor:Sensor",
-    ProvisionKind.MODEL: "joshua.models.model:Model",
-    ProvisionKind.EMULATOR: "joshua.plugins.emulator:DeviceEmulator",
-    ProvisionKind.EPISODE_WRITER: "joshua.plugins.episodes:EpisodeWriter",
-}
-_BEHAVIOUR_BASE = "joshua.node.behaviour:NodeBehaviour"
-_SETTINGS_BASE = "joshua.plugins.settings:BlockSettings"
-_BUS_TOOLS_BASE = "joshua.devices.bus_tools:BusTools"
 
 
 class TargetError(Exception):
@@ -49,31 +45,19 @@ def load_target(import_string: str) -> Any:
     return target
 
 
-def behaviour_of(provision: Provision) -> str:
-    """Import string of the node behaviour that runs a provision; "" where its kind is no node."""
-    return provision.behaviour or STANDARD_BEHAVIOURS.get(provision.kind, "")
-
-
-def check_targets(provision: Provision) -> list[str]:
-    """Imports everything that a provision names and checks the base classes; lists what is wrong.
+def check_targets(spec: PluginSpec) -> list[str]:
+    """Imports everything that a spec names and checks the base classes; lists what is wrong.
 
     This imports drivers, so it belongs to the launch and to ``joshua plugins --check``, never to a
-    listing or a validation. A provision with a behaviour of its own may use any implementation class.
+    listing or a validation. What has a behaviour of its own may use any implementation class.
     """
-    wanted = [
-        ("behaviour", provision.behaviour, _BEHAVIOUR_BASE),
-        ("settings", provision.settings, _SETTINGS_BASE),
-        ("implementation", provision.implementation, _base_class(provision)),
-        ("native", provision.native, _base_class(provision)),
-        ("safe_stop", provision.safe_stop, ""),
-        ("bus_tools", provision.bus_tools, _BUS_TOOLS_BASE),
-        ("packaged_files", provision.packaged_files, ""),
-        ("stand_in", provision.stand_in, ""),
-    ]
+    own_base = "" if getattr(spec, "behaviour", "") else spec.base
     problems: list[str] = []
-    for role, import_string, base_string in wanted:
+    for role, base in ROLES.items():
+        import_string = getattr(spec, role, "")
         if not import_string:
             continue
+        base_string = own_base if role in ("implementation", "native") else base
         try:
             target = load_target(import_string)
         except TargetError as error:
@@ -84,10 +68,6 @@ def check_targets(provision: Provision) -> list[str]:
                 f"{role}: {import_string} is {_describe(target)}, not a class derived from {base_string}"
             )
     return problems
-
-
-def _base_class(provision: Provision) -> str:
-    return "" if provision.behaviour else _BASE_CLASSES.get(provision.kind, "")
 
 
 def _derives(target: object, base_string: str) -> bool:

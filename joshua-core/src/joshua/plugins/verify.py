@@ -6,13 +6,28 @@ import difflib
 import importlib
 import re
 from collections.abc import Iterable
+from functools import cache
 
 from google.protobuf import descriptor_pool
 from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
 from google.protobuf.message import Message
 
 from joshua.plugins.block_values import default_values
-from joshua.plugins.provision import Environment, Provision, ProvisionKind
+from joshua.plugins.specs import (
+    ActuatorSpec,
+    DeviceSpec,
+    EmulatorSpec,
+    Environment,
+    EnvironmentSpec,
+    EpisodeWriterSpec,
+    ModelSpec,
+    PluginSpec,
+    SensorSpec,
+    SimulatorSpec,
+    StoreSpec,
+    TrainerSpec,
+)
+from joshua.plugins.targets import ROLES
 from joshua.schema import config_pb2, simulation_pb2
 from joshua.schema.data_types import type_names
 
@@ -33,154 +48,159 @@ def _message_fields(message: type[Message], without: tuple[str, ...] = ()) -> tu
     )
 
 
-def blocks_of(kind: ProvisionKind) -> tuple[str, ...]:
-    """Names of the schema's own configuration blocks that a kind may answer for."""
+@cache
+def _blocks() -> dict[type[PluginSpec], tuple[str, ...]]:
     actuators = _message_fields(config_pb2.SingleAction, ("node",))
     sensors = _message_fields(config_pb2.SinglePerception, ("node",))
     return {
-        ProvisionKind.ACTUATOR: actuators,
-        ProvisionKind.SENSOR: sensors,
-        ProvisionKind.MODEL: _message_fields(config_pb2.SingleModel, ("node",)),
-        ProvisionKind.STORE: ("data_store",),
-        ProvisionKind.TRAINER: ("training", *_message_fields(config_pb2.Training)),
-        ProvisionKind.SIMULATOR: ("simulation",),
-        ProvisionKind.EMULATOR: actuators + sensors,
-        ProvisionKind.ENVIRONMENT: ("training",),
-        ProvisionKind.EPISODE_WRITER: ("data_store",),
-    }[kind]
+        ActuatorSpec: actuators,
+        SensorSpec: sensors,
+        ModelSpec: _message_fields(config_pb2.SingleModel, ("node",)),
+        StoreSpec: ("data_store",),
+        TrainerSpec: ("training", *_message_fields(config_pb2.Training)),
+        SimulatorSpec: ("simulation",),
+        EmulatorSpec: actuators + sensors,
+        EnvironmentSpec: ("training",),
+        EpisodeWriterSpec: ("data_store",),
+    }
 
 
-def enum_values_of(kind: ProvisionKind) -> tuple[str, ...]:
-    """Names of the enum values that a kind may answer for; ``…_UNSPECIFIED`` is never one."""
+@cache
+def _enums() -> dict[type[PluginSpec], tuple[EnumDescriptor, ...]]:
     actions = config_pb2.ActionType.DESCRIPTOR
     perceptions = config_pb2.PerceptionType.DESCRIPTOR
     backends = config_pb2.SimulatorBackend.DESCRIPTOR
-    enums: tuple[EnumDescriptor, ...] = {
-        ProvisionKind.ACTUATOR: (actions,),
-        ProvisionKind.SENSOR: (perceptions,),
-        ProvisionKind.MODEL: (config_pb2.ModelType.DESCRIPTOR,),
-        ProvisionKind.STORE: (config_pb2.DataFormat.DESCRIPTOR, config_pb2.StorageBackend.DESCRIPTOR),
-        ProvisionKind.TRAINER: (config_pb2.TrainingMethod.DESCRIPTOR, backends),
-        ProvisionKind.SIMULATOR: (simulation_pb2.SimulationMode.DESCRIPTOR, backends),
-        ProvisionKind.EMULATOR: (actions, perceptions),
-        ProvisionKind.ENVIRONMENT: (backends,),
-        ProvisionKind.EPISODE_WRITER: (config_pb2.DataFormat.DESCRIPTOR,),
-    }[kind]
+    return {
+        ActuatorSpec: (actions,),
+        SensorSpec: (perceptions,),
+        ModelSpec: (config_pb2.ModelType.DESCRIPTOR,),
+        StoreSpec: (config_pb2.DataFormat.DESCRIPTOR, config_pb2.StorageBackend.DESCRIPTOR),
+        TrainerSpec: (config_pb2.TrainingMethod.DESCRIPTOR, backends),
+        SimulatorSpec: (simulation_pb2.SimulationMode.DESCRIPTOR, backends),
+        EmulatorSpec: (actions, perceptions),
+        EnvironmentSpec: (backends,),
+        EpisodeWriterSpec: (config_pb2.DataFormat.DESCRIPTOR,),
+    }
+
+
+def _kind(spec: PluginSpec) -> type[PluginSpec]:
+    """The kind that a spec is of, the base class where its author has chosen none."""
+    return next((kind for kind in _blocks() if isinstance(spec, kind)), PluginSpec)
+
+
+def blocks_of(kind: type[PluginSpec]) -> tuple[str, ...]:
+    """Names of the schema's own configuration blocks that a kind may answer for."""
+    return _blocks()[kind]
+
+
+def enum_values_of(kind: type[PluginSpec]) -> tuple[str, ...]:
+    """Names of the enum values that a kind may answer for; ``…_UNSPECIFIED`` is never one."""
     return tuple(
-        value.name for enum in enums for value in enum.values if not value.name.endswith("UNSPECIFIED")
+        value.name
+        for enum in _enums()[kind]
+        for value in enum.values
+        if not value.name.endswith("UNSPECIFIED")
     )
 
 
-def verify_provisions(provisions: Iterable[object]) -> list[str]:
-    """Lists what is wrong with a plugin's provisions; empty where all is well.
+def verify_specs(specs: Iterable[object]) -> list[str]:
+    """Lists what is wrong with what a plugin declares; empty where all is well.
 
     Imports the message modules of third-party blocks, and nothing else of the plugin.
     """
     problems: list[str] = []
     seen: set[tuple[str, str, str]] = set()
-    for number, provision in enumerate(provisions):
-        if not isinstance(provision, Provision):
+    for number, spec in enumerate(specs):
+        if not isinstance(spec, PluginSpec) or not spec.kind:
             problems.append(
-                f"joshua_provisions: item {number} is {type(provision).__name__}, "
-                "not joshua.plugins.Provision"
+                f"joshua_specs: item {number} is {type(spec).__name__}, which is no spec of joshua.plugins; "
+                f"allowed: {', '.join(kind.__name__ for kind in _blocks())}"
             )
             continue
-        found = [f"provision {number} ({_label(provision)}): {text}" for text in _problems(provision)]
+        found = [f"spec {number} ({_label(spec)}): {text}" for text in _problems(spec)]
         problems += found
         if found:
             continue
-        for value in provision.enum_values or ("",):
-            key = (str(provision.kind), provision.block, value)
+        for value in spec.enum_values or ("",):
+            key = (spec.kind, spec.block, value)
             if key in seen:
-                problems.append(f"provision {number} ({_label(provision)}): is declared twice")
+                problems.append(f"spec {number} ({_label(spec)}): is declared twice")
             seen.add(key)
     return problems
 
 
-def _label(provision: Provision) -> str:
-    return provision.block or "/".join(map(str, provision.enum_values)) or str(provision.implementation)
+def _label(spec: PluginSpec) -> str:
+    return spec.block or "/".join(map(str, spec.enum_values)) or str(spec.implementation)
 
 
-def _problems(provision: Provision) -> list[str]:
-    kind: object = provision.kind  # a plugin's author may have written anything
-    if not isinstance(kind, ProvisionKind):
-        return [f"kind is {kind!r}, not a joshua.plugins.ProvisionKind"]
+def _problems(spec: PluginSpec) -> list[str]:
     return [
-        *_enum_problems(provision),
-        *_block_problems(provision),
-        *_import_string_problems(provision),
-        *_data_type_problems(provision),
-        *_environment_problems(provision),
+        *_enum_problems(spec),
+        *_block_problems(spec),
+        *_import_string_problems(spec),
+        *_data_type_problems(spec),
+        *_environment_problems(spec),
     ]
 
 
-def _enum_problems(provision: Provision) -> list[str]:
-    names: object = provision.enum_values
+def _enum_problems(spec: PluginSpec) -> list[str]:
+    names: object = spec.enum_values
     if not isinstance(names, tuple):
         return [f"enum_values is {type(names).__name__}, not a tuple of names"]
-    known = enum_values_of(provision.kind)
+    known = enum_values_of(_kind(spec))
     problems = [
-        f"enum value {value!r} is unknown for {provision.kind.value}; {_nearest(str(value), known)}"
-        for value in provision.enum_values
+        f"enum value {value!r} is unknown for {spec.kind}; {_nearest(str(value), known)}"
+        for value in spec.enum_values
         if value not in known
     ]
-    for value in provision.enum_values:
+    for value in spec.enum_values:
         own = _OWN_BLOCK.get(value)
-        if own and provision.block != own:
+        if own and spec.block != own:
             problems.append(f"{value} fits only {own}")
-        if value.endswith("_PLUGIN") and provision.block in blocks_of(provision.kind):
+        if value.endswith("_PLUGIN") and spec.block in blocks_of(_kind(spec)):
             problems.append(f"{value} fits only a message of the plugin's own")
     return problems
 
 
-def _block_problems(provision: Provision) -> list[str]:
-    block = provision.block
+def _block_problems(spec: PluginSpec) -> list[str]:
+    block = spec.block
     if not block:
-        return [] if provision.enum_values else ["neither block nor enum_values says what asks for it"]
-    known = blocks_of(provision.kind)
+        return [] if spec.enum_values else ["neither block nor enum_values says what asks for it"]
+    known = blocks_of(_kind(spec))
     if block in known:
         return []
     if not _MESSAGE_NAME.fullmatch(block):
         return [
-            f"block {block!r} is no block of {provision.kind.value}; {_nearest(block, known)}; "
+            f"block {block!r} is no block of {spec.kind}; {_nearest(block, known)}; "
             "a message of the plugin's own is named in full, such as acme.GripperConfig"
         ]
-    if not _MODULE_NAME.fullmatch(provision.message_module):
+    if not _MODULE_NAME.fullmatch(spec.message_module):
         return [f"block {block} needs message_module, the _pb2 module that registers it"]
     try:
-        importlib.import_module(provision.message_module)
+        importlib.import_module(spec.message_module)
     except Exception as error:  # noqa: BLE001 - code of a third party: whatever it raises is the reason
-        return [f"message_module {provision.message_module} fails at import: {type(error).__name__}: {error}"]
+        return [f"message_module {spec.message_module} fails at import: {type(error).__name__}: {error}"]
     try:
         default_values(descriptor_pool.Default().FindMessageTypeByName(block))
     except KeyError:
-        return [f"message_module {provision.message_module} does not register the message {block}"]
+        return [f"message_module {spec.message_module} does not register the message {block}"]
     except ValueError as error:
         return [str(error)]
     return []
 
 
-def _import_string_problems(provision: Provision) -> list[str]:
-    texts = {
-        "implementation": provision.implementation,
-        "settings": provision.settings,
-        "behaviour": provision.behaviour,
-        "native": provision.native,
-        "safe_stop": provision.safe_stop,
-        "bus_tools": provision.bus_tools,
-        "packaged_files": provision.packaged_files,
-        "stand_in": provision.stand_in,
-    }
+def _import_string_problems(spec: PluginSpec) -> list[str]:
+    texts = {role: getattr(spec, role, "") for role in ROLES}
     return [
-        f"{name} is {text!r}, not an import string such as acme.gripper:Gripper"
-        for name, text in texts.items()
-        if (text or name == "implementation")
+        f"{role} is {text!r}, not an import string such as acme.gripper:Gripper"
+        for role, text in texts.items()
+        if (text or role == "implementation")
         and not (isinstance(text, str) and _IMPORT_STRING.fullmatch(text))
     ]
 
 
-def _data_type_problems(provision: Provision) -> list[str]:
-    types: object = provision.data_types
+def _data_type_problems(spec: PluginSpec) -> list[str]:
+    types: object = spec.data_types if isinstance(spec, DeviceSpec) else ()
     if not isinstance(types, tuple):
         return [f"data_types is {type(types).__name__}, not a tuple of ROS 2 types"]
     known = type_names()
@@ -191,15 +211,15 @@ def _data_type_problems(provision: Provision) -> list[str]:
     ]
 
 
-def _environment_problems(provision: Provision) -> list[str]:
-    offers: object = provision.environments
+def _environment_problems(spec: PluginSpec) -> list[str]:
+    if not isinstance(spec, EnvironmentSpec):
+        return []
+    offers: object = spec.environments
     if not isinstance(offers, tuple) or not all(isinstance(offer, Environment) for offer in offers):
         return ["environments is not a tuple of joshua.plugins.Environment"]
-    if bool(offers) != (provision.kind is ProvisionKind.ENVIRONMENT):
-        return ["environments belong to a provision of kind ENVIRONMENT, which has at least one"]
-    return [
-        f"environment {offer.id!r} offers no reward" for offer in provision.environments if not offer.rewards
-    ]
+    if not offers:
+        return ["environments is empty, and it needs at least one joshua.plugins.Environment"]
+    return [f"environment {offer.id!r} offers no reward" for offer in offers if not offer.rewards]
 
 
 def _nearest(name: str, known: tuple[str, ...], count: int | None = None) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from joshua.plugins.hooks import hookimpl
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins import EpisodeWriterSpec, PluginSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the writer of data sets."""
     return [
-        Provision(
-            kind=ProvisionKind.EPISODE_WRITER,
+        EpisodeWriterSpec(
             block="data_store",
             enum_values=("FORMAT_HUGGINGFACE",),
             implementation="joshua_dataset.lerobot_writer:LeRobotWriter",

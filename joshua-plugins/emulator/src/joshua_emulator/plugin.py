@@ -2,52 +2,44 @@
 
 from __future__ import annotations
 
-from joshua.plugins.hooks import hookimpl
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins import EmulatorSpec, PluginSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the emulated devices."""
     return [
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="sts3215_config",
             implementation="joshua_emulator.devices:ServoBusEmulator",
             summary="STS3215 servo bus on a pseudo-terminal",
         ),
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="dynamixel_config",
             implementation="joshua_emulator.devices:DynamixelBusEmulator",
             summary="Dynamixel X-series servo bus on a pseudo-terminal",
         ),
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="camera_config",
             implementation="joshua_emulator.devices:CameraEmulator",
             summary="Motion JPEG camera on loopback, with a test scene that carries frame numbers",
         ),
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="spike_motor_config",
             implementation="joshua_emulator.devices:HubEmulator",
             summary="LEGO SPIKE hub with Pybricks over virtual Bluetooth, its program run by MicroPython",
         ),
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="lidar_config",
             implementation="joshua_emulator.serial_sensors:LidarEmulator",
             summary="laser scanner in a room, on a pseudo-terminal",
         ),
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="encoder_config",
             implementation="joshua_emulator.serial_sensors:EncoderEmulator",
             summary="rotary encoders on a shaft, on a pseudo-terminal",
         ),
-        Provision(
-            kind=ProvisionKind.EMULATOR,
+        EmulatorSpec(
             block="gamepad_config",
             implementation="joshua_emulator.gamepad.device:GamepadEmulator",
             summary="Xbox controller whose records come from a UNIX socket, moved by an unseen hand",

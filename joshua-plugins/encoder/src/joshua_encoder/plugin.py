@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from joshua.plugins import Provision, ProvisionKind, hookimpl
+from joshua.plugins import PluginSpec, SensorSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the rotary encoder."""
     return [
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="encoder_config",
             enum_values=("PERCEPTION_ENCODER",),
             implementation="joshua_encoder.encoder:SerialEncoder",

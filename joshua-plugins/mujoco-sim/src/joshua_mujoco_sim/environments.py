@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins.provision import Environment
+from joshua.plugins.specs import Environment
 
 ENVIRONMENTS = (
     Environment(

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from joshua.plugins.hooks import hookimpl
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins import ActuatorSpec, EnvironmentSpec, PluginSpec, SensorSpec, SimulatorSpec, hookimpl
 
 from joshua_mujoco_sim.environments import ENVIRONMENTS
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the simulator and the devices that are part of it."""
     return [
-        Provision(
-            kind=ProvisionKind.SIMULATOR,
+        SimulatorSpec(
             block="simulation",
             enum_values=("INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"),
             implementation="joshua_mujoco_sim.node:SimulatorNode",
-            behaviour="joshua_mujoco_sim.node:SimulatorNode",
             settings="joshua_mujoco_sim.settings:SimulationSettings",
-            stand_in="joshua_mujoco_sim.stand_in:stand_in",
+            sim_adapter="joshua_mujoco_sim.sim_adapter:simulate",
             packaged_files="joshua_mujoco_sim.catalog:find_packaged",
             summary="MuJoCo physics: window, replay, digital twin, rendering without a window",
         ),
-        Provision(
-            kind=ProvisionKind.ACTUATOR,
+        ActuatorSpec(
             block="sim_config",
             enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="joshua_mujoco_sim.actuator:SimActuator",
@@ -32,8 +28,7 @@ def joshua_provisions() -> list[Provision]:
             summary="actuators of the simulated model",
             virtual=True,
         ),
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="sim_camera_config",
             enum_values=("PERCEPTION_CAMERA",),
             implementation="joshua_mujoco_sim.camera:SimCamera",
@@ -41,8 +36,7 @@ def joshua_provisions() -> list[Provision]:
             summary="camera of the simulated model",
             virtual=True,
         ),
-        Provision(
-            kind=ProvisionKind.ENVIRONMENT,
+        EnvironmentSpec(
             block="training",
             enum_values=("BACKEND_MJX",),
             implementation="joshua_mujoco_sim.envs:make_vector_environment",

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from joshua.plugins.hooks import hookimpl
-from joshua.plugins.provision import Provision, ProvisionKind
+from joshua.plugins import ActuatorSpec, PluginSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the driver of STS3215 buses."""
     return [
-        Provision(
-            kind=ProvisionKind.ACTUATOR,
+        ActuatorSpec(
             block="sts3215_config",
             enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="joshua_sts3215.actuator:Sts3215Actuator",

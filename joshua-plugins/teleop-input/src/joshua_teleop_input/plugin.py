@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from joshua.plugins import Provision, ProvisionKind, hookimpl
+from joshua.plugins import PluginSpec, SensorSpec, hookimpl
 
 _TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/msg/Joy")
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the gamepad and the keyboard."""
     return [
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="gamepad_config",
             enum_values=("PERCEPTION_GAMEPAD",),
             implementation="joshua_teleop_input.gamepad:Gamepad",
@@ -21,8 +20,7 @@ def joshua_provisions() -> list[Provision]:
             data_types=_TYPES,
             summary="gamepads: Linux input devices, SDL elsewhere, shared ones over a socket",
         ),
-        Provision(
-            kind=ProvisionKind.SENSOR,
+        SensorSpec(
             block="keyboard_config",
             enum_values=("PERCEPTION_KEYBOARD",),
             implementation="joshua_teleop_input.keyboard_node:KeyboardNode",

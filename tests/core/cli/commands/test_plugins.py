@@ -21,7 +21,7 @@ def run(*arguments: str) -> int:
 
 def install(folder: Path, distribution: str, source: str) -> None:
     module = distribution.replace("-", "_") + "_plugin"
-    header = "from joshua.plugins import Provision, ProvisionKind, hookimpl\n"
+    header = "from joshua.plugins import SensorSpec, hookimpl\n"
     (folder / f"{module}.py").write_text(header + source, encoding="utf-8")
     info = folder / f"{module}-1.5.dist-info"
     info.mkdir()
@@ -33,9 +33,9 @@ def install(folder: Path, distribution: str, source: str) -> None:
 
 LIDAR = """
 @hookimpl
-def joshua_provisions():
-    return [Provision(ProvisionKind.SENSOR, "lidar_config", "IMPLEMENTATION",
-                      enum_values=("PERCEPTION_LIDAR",), summary="a scanner")]
+def joshua_specs():
+    return [SensorSpec(block="lidar_config", implementation="IMPLEMENTATION",
+                       enum_values=("PERCEPTION_LIDAR",), summary="a scanner")]
 """
 
 
@@ -74,7 +74,7 @@ def test_the_list_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert camera["data_types"][0] == "sensor_msgs/msg/Image"
 
 
-def test_a_blocked_plugin_is_a_row_without_provisions(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_blocked_plugin_is_a_row_without_specs(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--block-plugin", "joshua-core") == 0
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("joshua-core"))
     assert line.endswith("blocked  ! blocked on request; its module was not imported")

@@ -1,14 +1,13 @@
 """What the plugin provides, as data: neither the driver nor its libraries are imported here."""
 
-from joshua.plugins import Provision, ProvisionKind, hookimpl
+from joshua.plugins import ActuatorSpec, PluginSpec, hookimpl
 
 
 @hookimpl
-def joshua_provisions() -> list[Provision]:
+def joshua_specs() -> list[PluginSpec]:
     """Names the gripper."""
     return [
-        Provision(
-            kind=ProvisionKind.ACTUATOR,
+        ActuatorSpec(
             block="acme.GripperConfig",
             message_module="acme_gripper.gripper_pb2",
             enum_values=("ACTION_PLUGIN", "ACTION_FOLLOWER", "ACTION_SINGLE"),

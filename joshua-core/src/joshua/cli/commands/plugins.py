@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Sequence
 
-    from joshua.plugins import PluginRow, Provision
+    from joshua.plugins import PluginRow, PluginSpec
 
 SUMMARY = "list the plugins, what each provides, and what is wrong with one"
 
@@ -80,47 +80,43 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def checked(row: PluginRow) -> PluginRow:
-    """The same plugin after a look at everything that its provisions name; imports drivers."""
+    """The same plugin after a look at everything that it names; imports drivers."""
     from dataclasses import replace
 
     from joshua.plugins import PluginStatus
     from joshua.plugins.targets import check_targets
 
-    problems = tuple(
-        f"{subject(provision)}: {problem}"
-        for provision in row.provisions
-        for problem in check_targets(provision)
-    )
+    problems = tuple(f"{subject(spec)}: {problem}" for spec in row.specs for problem in check_targets(spec))
     return replace(row, status=PluginStatus.BROKEN, reasons=row.reasons + problems) if problems else row
 
 
-def subject(provision: Provision) -> str:
-    """What a provision answers for, in words of the configuration file."""
-    return provision.block or ", ".join(provision.enum_values)
+def subject(spec: PluginSpec) -> str:
+    """What something of a plugin answers for, in words of the configuration file."""
+    return spec.block or ", ".join(spec.enum_values)
 
 
 def listing(rows: Sequence[PluginRow]) -> str:
-    """Prints plugins for people: one block of lines for each, reasons before provisions."""
+    """Prints plugins for people: one block of lines for each, reasons before what it provides."""
     from joshua.cli.plugin_commands import commands_by_distribution
     from joshua.supervisor.tables import clean, columns
 
     commands = commands_by_distribution()
     cells = [("NAME", "VERSION", "STATUS", "PROVIDES")]
     for row in rows:
-        details = [*(f"! {reason}" for reason in row.reasons), *_provision_lines(row.provisions)]
+        details = [*(f"! {reason}" for reason in row.reasons), *_spec_lines(row.specs)]
         details += [f"command joshua {name}" for name in commands.pop(row.distribution, ())]
         cells.append((row.distribution, row.version, row.status.value, details[0] if details else "nothing"))
         cells += [("", "", "", detail) for detail in details[1:]]
     return "\n".join(clean(line) for line in columns(cells)) + "\n"
 
 
-def _provision_lines(provisions: Iterable[Provision]) -> list[str]:
+def _spec_lines(specs: Iterable[PluginSpec]) -> list[str]:
     lines = []
-    for provision in provisions:
-        summary = f": {provision.summary}" if provision.summary else ""
-        lines.append(f"{provision.kind.value} {subject(provision)}{summary}")
-        if provision.block and provision.enum_values:
-            lines.append(f"  for {', '.join(provision.enum_values)}")
+    for spec in specs:
+        summary = f": {spec.summary}" if spec.summary else ""
+        lines.append(f"{spec.kind} {subject(spec)}{summary}")
+        if spec.block and spec.enum_values:
+            lines.append(f"  for {', '.join(spec.enum_values)}")
     return lines
 
 
@@ -135,14 +131,14 @@ def as_json(row: PluginRow) -> dict[str, Any]:
         "reasons": list(row.reasons),
         "provides": [
             {
-                "kind": provision.kind.value,
-                "block": provision.block,
-                "enum_values": list(provision.enum_values),
-                "summary": provision.summary,
-                "implementation": provision.implementation,
-                "native": provision.native,
-                "data_types": list(provision.data_types),
+                "kind": spec.kind,
+                "block": spec.block,
+                "enum_values": list(spec.enum_values),
+                "summary": spec.summary,
+                "implementation": spec.implementation,
+                "native": getattr(spec, "native", ""),
+                "data_types": list(getattr(spec, "data_types", ())),
             }
-            for provision in row.provisions
+            for spec in row.specs
         ],
     }

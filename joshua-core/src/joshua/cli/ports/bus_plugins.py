@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.plugins import load_registry
+from joshua.plugins import ActuatorSpec, load_registry
 from joshua.plugins.targets import TargetError, load_target
 
 if TYPE_CHECKING:
@@ -20,11 +20,11 @@ def installed_bus_tools(registry: Registry | None = None) -> dict[str, type[BusT
     """
     found: dict[str, type[BusTools]] = {}
     for row in (registry or load_registry()).rows():
-        for provision in row.provisions:
-            if not provision.bus_tools or provision.block in found:
+        for spec in row.specs:
+            if not isinstance(spec, ActuatorSpec) or not spec.bus_tools or spec.block in found:
                 continue
             try:
-                found[provision.block] = load_target(provision.bus_tools)
+                found[spec.block] = load_target(spec.bus_tools)
             except TargetError as error:
                 sys.stderr.write(f"{row.distribution}: {error}\n")
     return found

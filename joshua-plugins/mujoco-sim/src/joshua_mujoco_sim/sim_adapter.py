@@ -11,7 +11,7 @@ from typing import Any
 
 import mujoco
 from joshua.plugins.block_values import block_values
-from joshua.plugins.stand_in import CoupledArm, CoupledCamera, RealDevice, StandInError
+from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapterError
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 from joshua.schema import simulation_pb2 as sim
@@ -28,7 +28,7 @@ ARM = "so_arm100/so_arm100.xml"
 ARM_SPACING_M = 0.45
 
 
-def stand_in(
+def simulate(
     config: Any, devices: Sequence[RealDevice], emulated: bool
 ) -> dict[str, CoupledArm | CoupledCamera]:
     """Puts simulated devices in place of real ones.
@@ -42,7 +42,7 @@ def stand_in(
         What the emulated devices are joined to, by node name.
 
     Raises:
-        StandInError: the model does not fit.
+        SimAdapterError: the model does not fit.
     """
     if not config.HasField("simulation"):
         config.simulation.mode = sim.OFFSCREEN
@@ -97,7 +97,7 @@ def _attach_arm(simulation: Any, device: RealDevice) -> str:
         model_path=ARM, prefix=prefix, position_m=(side * (number // 2 + 1) * ARM_SPACING_M, 0.0, 0.0)
     )
     if len(device.joints) > len(_facts(simulation)["actuators"]):
-        raise StandInError(
+        raise SimAdapterError(
             f"{device.node_name} has {len(device.joints)} joints, more than an arm of the simulation: "
             "name a model with that many actuators in simulation.model_path"
         )
@@ -110,7 +110,7 @@ def _actuators(device: RealDevice, free: Sequence[str], prefix: str) -> list[str
     if all(name in free for name in named):
         return named
     if len(free) < len(device.joints):
-        raise StandInError(
+        raise SimAdapterError(
             f"{device.node_name} has {len(device.joints)} joints, and {len(free)} actuators of the model are "
             f"free ({', '.join(free) or 'none'}): name another model in simulation.model_path"
         )
@@ -133,7 +133,7 @@ def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
 def _camera(device: RealDevice, cameras: Sequence[str]) -> str:
     """The camera of the model whose name is a word of the node's, else the first."""
     if not cameras:
-        raise StandInError(
+        raise SimAdapterError(
             f"{device.node_name}: the model has no camera: name another in simulation.model_path, "
             "such as so_arm100/scene.xml"
         )
@@ -163,4 +163,4 @@ def _model(simulation: Any) -> mujoco.MjModel:
     try:
         return load_model(simulation.model_path, None, attached)
     except ModelError as error:
-        raise StandInError(str(error)) from error
+        raise SimAdapterError(str(error)) from error

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from google.protobuf import text_format
-from joshua.planner.simulated import NoSimulatorError, StandInError, stand_in
+from joshua.planner.simulated import NoSimulatorError, SimAdapterError, simulate
 from joshua.plugins import load_registry
-from joshua.plugins.stand_in import CoupledCamera
+from joshua.plugins.sim_adapter import CoupledCamera
 from joshua.schema import config_pb2 as pb
 from joshua.testing.domain import reserved_domain
 
@@ -21,7 +21,7 @@ CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 
 def simulated(preset: str, more: str = "") -> pb.Config:
     config = text_format.Parse((CONFIGS / preset).read_text() + more, pb.Config())
-    stand_in(config, load_registry())
+    simulate(config, load_registry())
     return config
 
 
@@ -46,7 +46,7 @@ def test_cameras_go_by_the_words_of_their_name() -> None:
 def test_emulated_cameras_keep_their_driver_and_see_the_scene() -> None:
     text = (CONFIGS / "teleop_so_arm100_camera.pbtxt").read_text()
     config = text_format.Parse(text, pb.Config())
-    found = stand_in(config, load_registry(), emulated=True)
+    found = simulate(config, load_registry(), emulated=True)
     assert found.names == ("follower_arm", "camera_top", "camera_wrist")
     assert found.coupled["camera_wrist"] == CoupledCamera("wrist")
     assert config.robot.perceptions == text_format.Parse(text, pb.Config()).robot.perceptions
@@ -60,14 +60,14 @@ def test_hub_becomes_an_arm_without_a_battery() -> None:
 
 def test_actuator_of_unknown_joints_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("joshua.planner.simulated.joints_of", lambda *_: [])
-    with pytest.raises(StandInError, match="spike_hub: its block does not say which joints it has"):
+    with pytest.raises(SimAdapterError, match="spike_hub: its block does not say which joints it has"):
         simulated("test_spike_ble.pbtxt")
 
 
 def test_device_whose_emulator_is_no_part_of_the_physics_is_not_called_simulated() -> None:
     config = text_format.Parse((CONFIGS / "test_spike_ble.pbtxt").read_text(), pb.Config())
-    with pytest.raises(StandInError, match="whose emulator can be part of the simulation"):
-        stand_in(config, load_registry(), emulated=True)
+    with pytest.raises(SimAdapterError, match="whose emulator can be part of the simulation"):
+        simulate(config, load_registry(), emulated=True)
 
 
 def test_two_pairs_are_four_arms() -> None:
@@ -97,14 +97,14 @@ def test_model_with_too_few_actuators_gets_arms_beside_it(tmp_path: Path) -> Non
 
 
 def test_file_without_real_devices_has_nothing_to_replace() -> None:
-    with pytest.raises(StandInError, match="--sim has nothing to replace"):
+    with pytest.raises(SimAdapterError, match="--sim has nothing to replace"):
         simulated("test_mock_hardware.pbtxt")
 
 
 def test_missing_simulator_is_named() -> None:
     config = text_format.Parse((CONFIGS / "teleop_so_arm100.pbtxt").read_text(), pb.Config())
     with pytest.raises(NoSimulatorError, match="pip install joshua-mujoco-sim"):
-        stand_in(config, load_registry(blocked=("joshua-mujoco-sim",)))
+        simulate(config, load_registry(blocked=("joshua-mujoco-sim",)))
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:

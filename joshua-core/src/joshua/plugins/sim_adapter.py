@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 
-class StandInError(Exception):
+class SimAdapterError(Exception):
     """The simulation cannot stand for a device; the message says which, why and what to do."""
 
 
@@ -47,3 +48,9 @@ class CoupledCamera:
     """A camera that is emulated and whose pictures the simulation draws; ``camera`` is one of the model."""
 
     camera: str
+
+
+#: What ``SimulatorSpec.sim_adapter`` names. It takes the configuration, which it changes, the devices to stand
+#: for and whether their buses are emulated, puts blocks of simulated devices in their place, and returns what
+#: each emulated device is coupled to by node name. Raises SimAdapterError.
+SimAdapter = Callable[[Any, Sequence[RealDevice], bool], dict[str, CoupledArm | CoupledCamera]]

@@ -1,0 +1,191 @@
+"""What a plugin provides, as data: one frozen class per kind; no driver is imported to describe it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PluginSpec:
+    """One thing that a plugin provides; the base of the kinds.
+
+    Import strings look like ``acme.gripper:Gripper``. "" says that there is none.
+
+    Attributes:
+        kind: word for what it is; base: import string of what ``implementation`` derives from, "" for
+            anything.
+        block: configuration block that asks for it: a member of the fixed oneofs such as
+            ``sts3215_config``, or the full name of a registered message (``acme.GripperConfig``) for an
+            ``Any`` block; "" where the enum value alone decides.
+        enum_values: enum values that fit, such as ``("ACTION_LEADER", "ACTION_FOLLOWER")``.
+        implementation: import string of the class or function that does the work.
+        settings: import string of the pydantic settings model, made from the block.
+        message_module: import string of the ``_pb2`` module that registers the block's message; "" for
+            built-in blocks.
+        summary: one line for ``joshua plugins``.
+    """
+
+    kind: ClassVar[str] = ""
+    base: ClassVar[str] = ""
+
+    block: str = ""
+    implementation: str
+    enum_values: tuple[str, ...] = ()
+    settings: str = ""
+    message_module: str = ""
+    summary: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NodePluginSpec(PluginSpec):
+    """What runs in a node of its own beside a standard behaviour.
+
+    Attributes:
+        standard_behaviour: import string of the node behaviour of the kind.
+        behaviour: import string of a node behaviour of its own, which may use any ``implementation``.
+        native: import string of the native implementation that ``node_type: CPP`` asks for.
+        hang_after_s: silence of the node's loop that counts as a hang, for a device that waits for a radio
+            and stops by itself when nothing comes; 0 takes the one of the kind.
+        ready_timeout_s: time that the node may take to open its device or model; 0 takes the one of the kind.
+    """
+
+    standard_behaviour: ClassVar[str] = ""
+
+    behaviour: str = ""
+    native: str = ""
+    hang_after_s: float = 0.0
+    ready_timeout_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DeviceSpec(NodePluginSpec):
+    """An actuator or a sensor.
+
+    Attributes:
+        data_types: ROS 2 types that a device of a third party can publish, such as
+            ``("sensor_msgs/msg/Image",)``, so that a file is checked without the driver; () says nothing.
+        virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
+    """
+
+    data_types: tuple[str, ...] = ()
+    virtual: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ActuatorSpec(DeviceSpec):
+    """An actuator.
+
+    Attributes:
+        safe_stop: import string of what the guardian of an actuator runs: a function, importable without
+            numpy, that takes what ``Actuator.safe_stop_request`` prepared, brings the device into its safe
+            state without the driver, and returns a report with ``complete`` and ``joints``.
+        bus_tools: import string of the ``BusTools`` of an actuator on a bus of motors, with which `joshua
+            find-port`, `joshua motors` and `joshua doctor` work outside a run.
+    """
+
+    kind: ClassVar[str] = "actuator"
+    base: ClassVar[str] = "joshua.devices.actuator:Actuator"
+    standard_behaviour: ClassVar[str] = "joshua.devices.actuator_node:ActuatorNode"
+
+    safe_stop: str = ""
+    bus_tools: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorSpec(DeviceSpec):
+    """A sensor.
+
+    Attributes:
+        terminal: the node reads the terminal that the run was started from; one node of a run may.
+    """
+
+    kind: ClassVar[str] = "sensor"
+    base: ClassVar[str] = "joshua.devices.sensor:Sensor"
+    standard_behaviour: ClassVar[str] = "joshua.devices.sensor_node:SensorNode"
+
+    terminal: bool = False
+
+
+class ModelSpec(NodePluginSpec):
+    """A policy."""
+
+    kind: ClassVar[str] = "model"
+    base: ClassVar[str] = "joshua.models.model:Model"
+    standard_behaviour: ClassVar[str] = "joshua.models.inference_node:InferenceNode"
+
+
+class StoreSpec(PluginSpec):
+    """A data store: ``implementation`` is the behaviour of its node."""
+
+    kind: ClassVar[str] = "store"
+    base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
+
+
+class EpisodeWriterSpec(PluginSpec):
+    """A layout of data sets."""
+
+    kind: ClassVar[str] = "episode writer"
+    base: ClassVar[str] = "joshua.plugins.episodes:EpisodeWriter"
+
+
+class TrainerSpec(PluginSpec):
+    """A trainer: ``implementation`` is the behaviour of its node."""
+
+    kind: ClassVar[str] = "trainer"
+    base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SimulatorSpec(PluginSpec):
+    """A simulator: ``implementation`` is the behaviour of its node.
+
+    Attributes:
+        sim_adapter: import string of its ``joshua.plugins.sim_adapter.SimAdapter``, with which ``--sim``
+            puts simulated devices in place of the real ones.
+        packaged_files: import string of a light function that takes a name, such as a ``model_path``, and
+            returns the path of the file of that name which ships with the plugin, or None.
+    """
+
+    kind: ClassVar[str] = "simulator"
+    base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
+
+    sim_adapter: str = ""
+    packaged_files: str = ""
+
+
+class EmulatorSpec(PluginSpec):
+    """An emulated device."""
+
+    kind: ClassVar[str] = "emulator"
+    base: ClassVar[str] = "joshua.plugins.emulator:DeviceEmulator"
+
+
+@dataclass(frozen=True)
+class Environment:
+    """A task that trainers can learn, as data.
+
+    Attributes:
+        id: what ``environment_id`` takes, such as ``joshua/SoArm100Reach-v0``.
+        rewards: what ``reward_function`` takes, the default first.
+        summary: one line for people.
+    """
+
+    id: str
+    rewards: tuple[str, ...]
+    summary: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EnvironmentSpec(PluginSpec):
+    """Tasks that trainers can learn: ``implementation`` is a function that makes any of them.
+
+    ``make(environment_id, reward_function=…, num_envs=…, seed=…)`` returns a vectorised one.
+
+    Attributes:
+        environments: at least one.
+    """
+
+    kind: ClassVar[str] = "environment"
+
+    environments: tuple[Environment, ...] = ()
