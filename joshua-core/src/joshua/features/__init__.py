@@ -1,0 +1,52 @@
+"""What a robot shows and does, in one vocabulary for models, recorders, environments and evaluation.
+
+Names are loaded at first use: features are derived and compared without numpy.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from joshua.plan.feature import ACTION, IMAGES, STATE, Feature
+
+if TYPE_CHECKING:
+    from joshua.features.aligner import Alignment, FeatureCounts, TimeAligner
+    from joshua.features.derive import camera_key, features_of
+    from joshua.features.feature_set import FeatureSet
+    from joshua.features.frame import FeatureError, Frame, checked
+    from joshua.features.joint_units import JointRange, JointUnits, Unit
+
+__all__ = [
+    "ACTION",
+    "IMAGES",
+    "STATE",
+    "Alignment",
+    "Feature",
+    "FeatureCounts",
+    "FeatureError",
+    "FeatureSet",
+    "Frame",
+    "JointRange",
+    "JointUnits",
+    "TimeAligner",
+    "Unit",
+    "camera_key",
+    "checked",
+    "features_of",
+]
+
+_LATER = {
+    "aligner": ("Alignment", "FeatureCounts", "TimeAligner"),
+    "derive": ("camera_key", "features_of"),
+    "feature_set": ("FeatureSet",),
+    "frame": ("FeatureError", "Frame", "checked"),
+    "joint_units": ("JointRange", "JointUnits", "Unit"),
+}
+_MODULE_OF = {name: f"{__name__}.{module}" for module, names in _LATER.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)

@@ -1,0 +1,297 @@
+"""From streams that come when they come to frames at one rate, by the time of acquisition."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+from joshua.features.frame import Array, Frame
+from joshua.plan.feature import Feature
+
+NS_PER_S = 1_000_000_000
+
+#: How far a stamp may lie from the frame that is due next; beyond it, a clock has jumped.
+HORIZON_NS = 2 * NS_PER_S
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How the value of a feature at the time of a frame is found.
+
+    Attributes:
+        tolerance_ns: largest distance of a sample from the frame.
+        method: the nearest sample, or a straight line between the two samples about the frame, the nearer
+            of which is within the tolerance and which are at most two tolerances apart.
+    """
+
+    tolerance_ns: int
+    method: Literal["nearest", "interpolated"] = "nearest"
+
+
+@dataclass
+class FeatureCounts:
+    """What happened to the samples of one feature.
+
+    Attributes:
+        received: samples; used: frames that have a value; missing: frames that have none.
+        repeated: frames whose value is the sample of the frame before.
+        late: samples that came when a frame that they belong to was made already.
+        out_of_order: samples older than one before them; duplicates: with the stamp of one before them.
+        jumped: samples whose stamp lies more than ``HORIZON_NS`` from the frames that are due.
+        worst_ns: largest distance of a used sample from its frame.
+    """
+
+    received: int = 0
+    used: int = 0
+    missing: int = 0
+    repeated: int = 0
+    late: int = 0
+    out_of_order: int = 0
+    duplicates: int = 0
+    jumped: int = 0
+    worst_ns: int = 0
+
+
+class _Sample(NamedTuple):
+    stamp_ns: int
+    value: Array
+
+
+class TimeAligner:
+    """Aligns streams to a rate; ``push`` on the threads of transports, ``poll`` on any other.
+
+    Frames stand on a grid of times that ``start`` begins. A frame is made as soon as every feature has a
+    sample at or after its time, at the latest ``wait_ns`` after it. A feature without a sample within its
+    tolerance is ``missing`` in the frame; nothing is filled. Of each stream at most two samples are kept for
+    each frame to come, the first and the last, so that memory does not grow with its rate.
+
+    Args:
+        alignments: of each feature; the keys are the features of every frame.
+        rate_hz: frames a second.
+        wait_ns: how long a frame waits for its parts; None for the largest tolerance.
+
+    Raises:
+        ValueError: the rate or a tolerance is not positive.
+
+    Attributes:
+        counts: by feature, since the aligner was made.
+        jumps: how often the clock of ``poll`` jumped, and the grid began anew.
+        skipped: frames that were not made because of that.
+    """
+
+    def __init__(
+        self, alignments: Mapping[str, Alignment], rate_hz: float, *, wait_ns: int | None = None
+    ) -> None:
+        if not (0 < rate_hz < NS_PER_S) or any(a.tolerance_ns <= 0 for a in alignments.values()):
+            raise ValueError("a rate and tolerances above zero are needed")
+        self._alignments = dict(alignments)
+        self._rate = Fraction(rate_hz).limit_denominator(1_000_000)
+        tolerances = [alignment.tolerance_ns for alignment in alignments.values()]
+        self._wait_ns = max(tolerances, default=0) if wait_ns is None else wait_ns
+        self._lock = threading.Lock()
+        self._newest: dict[str, _Sample] = {}
+        # samples by the number of the frame that they follow; frame k stands at origin + k / rate
+        self._cells: dict[str, dict[int, list[_Sample]]] = {key: {} for key in alignments}
+        self._origin_ns: int | None = None
+        self._next = 0
+        self._now_ns = 0
+        self._last = Frame(0)
+        self.counts = {key: FeatureCounts() for key in alignments}
+        self.jumps = self.skipped = 0
+
+    @classmethod
+    def for_features(
+        cls, features: Mapping[str, Feature], rate_hz: float, *, interpolate: bool = True
+    ) -> TimeAligner:
+        """An aligner with a tolerance of one period: floats interpolated, all else nearest."""
+        tolerance_ns = round(NS_PER_S / rate_hz)
+        return cls(
+            {
+                key: Alignment(
+                    tolerance_ns,
+                    "interpolated" if interpolate and feature.dtype.startswith("float") else "nearest",
+                )
+                for key, feature in features.items()
+            },
+            rate_hz,
+        )
+
+    def start(self, at_ns: int) -> None:
+        """Begins the grid of frames anew at a time; samples that came shortly before are kept."""
+        with self._lock:
+            self._start(at_ns)
+
+    def stop(self) -> None:
+        """Makes no frames until ``start`` or ``poll``; newest samples are kept up to date."""
+        with self._lock:
+            self._origin_ns = None
+            for cells in self._cells.values():
+                cells.clear()
+
+    def push(self, key: str, stamp_ns: int, value: Array) -> None:
+        """Takes a sample, in any order; the value is not copied.
+
+        Args:
+            key: of a feature of this aligner, else KeyError; stamp_ns: its acquisition, ns since the epoch.
+        """
+        with self._lock:
+            counts, sample = self.counts[key], _Sample(stamp_ns, value)
+            counts.received += 1
+            if self._origin_ns is not None and abs(stamp_ns - self._time(self._next)) > HORIZON_NS:
+                counts.jumped += 1
+                return
+            newest = self._newest.get(key)
+            if newest is None or stamp_ns > newest.stamp_ns:
+                self._newest[key] = sample
+            elif stamp_ns == newest.stamp_ns:
+                counts.duplicates += 1
+                return
+            elif (
+                newest.stamp_ns - stamp_ns > HORIZON_NS
+            ):  # the stream itself went back, before the grid began
+                counts.jumped += 1
+                self._newest[key] = sample
+            else:
+                counts.out_of_order += 1
+            if self._origin_ns is not None:
+                self._keep(key, sample, counts)
+
+    def poll(self, now_ns: int) -> list[Frame]:
+        """Makes the frames that are complete or have waited long enough.
+
+        Args:
+            now_ns: on the clock of the stamps.
+        """
+        with self._lock:
+            if self._origin_ns is None:
+                self._start(now_ns)
+            ahead_ns = now_ns - self._time(self._next) - self._wait_ns
+            if ahead_ns > HORIZON_NS or self._now_ns - now_ns > HORIZON_NS:
+                self.jumps += 1
+                self.skipped += max(0, ahead_ns * self._rate // NS_PER_S)
+                self._start(now_ns)
+            self._now_ns = now_ns
+            frames = []
+            while (at_ns := self._time(self._next)) <= now_ns and (
+                now_ns >= at_ns + self._wait_ns or self._is_complete()
+            ):
+                frames.append(self._frame(at_ns))
+                self._next += 1
+                for cells in self._cells.values():
+                    _forget(cells, self._next)
+            return frames
+
+    def newest(self, now_ns: int) -> Frame:
+        """The newest sample of each feature, for a policy that acts when it is ready; leaves the grid alone.
+
+        Features whose sample is further from ``now_ns`` than the tolerance are missing.
+        """
+        with self._lock:
+            fresh = {
+                key: sample
+                for key, sample in self._newest.items()
+                if abs(now_ns - sample.stamp_ns) <= self._alignments[key].tolerance_ns
+            }
+            return _frame_of(now_ns, fresh, tuple(key for key in self._alignments if key not in fresh))
+
+    def _time(self, number: int) -> int:
+        assert self._origin_ns is not None
+        return self._origin_ns + number * NS_PER_S * self._rate.denominator // self._rate.numerator
+
+    def _start(self, at_ns: int) -> None:
+        self._origin_ns, self._next, self._now_ns, self._last = at_ns, 0, at_ns, Frame(at_ns)
+        for key, cells in self._cells.items():
+            cells.clear()
+            newest = self._newest.get(key)
+            if newest is not None and abs(newest.stamp_ns - at_ns) <= HORIZON_NS:
+                cells[self._cell(newest.stamp_ns)] = [newest]
+            else:
+                self._newest.pop(key, None)
+
+    def _cell(self, stamp_ns: int) -> int:
+        """Number of the last frame at or before a time."""
+        assert self._origin_ns is not None
+        number = (stamp_ns - self._origin_ns) * self._rate.numerator // (NS_PER_S * self._rate.denominator)
+        return number + (self._time(number + 1) <= stamp_ns)
+
+    def _keep(self, key: str, sample: _Sample, counts: FeatureCounts) -> None:
+        number, cells = self._cell(sample.stamp_ns), self._cells[key]
+        kept = cells.setdefault(number, [])
+        if any(other.stamp_ns == sample.stamp_ns for other in kept):
+            counts.duplicates += 1
+            counts.out_of_order -= 1
+            return
+        distance_ns = abs(sample.stamp_ns - self._last.stamp_ns)
+        within = distance_ns <= self._alignments[key].tolerance_ns
+        if number < self._next - 1 or (within and key in self._last.missing):
+            counts.late += 1
+        kept.append(sample)
+        kept.sort(key=lambda other: other.stamp_ns)
+        del kept[1:-1]
+        _forget(cells, self._next)
+
+    def _is_complete(self) -> bool:
+        at_ns = self._time(self._next)
+        return all(
+            (newest := self._newest.get(key)) is not None and newest.stamp_ns >= at_ns for key in self._cells
+        )
+
+    def _frame(self, at_ns: int) -> Frame:
+        chosen: dict[str, _Sample] = {}
+        missing = []
+        for key, alignment in self._alignments.items():
+            counts = self.counts[key]
+            found = _aligned(self._cells[key], self._next, at_ns, alignment)
+            if found is None:
+                counts.missing += 1
+                missing.append(key)
+                continue
+            chosen[key] = found
+            counts.used += 1
+            counts.repeated += self._last.stamps_ns.get(key) == found.stamp_ns
+            counts.worst_ns = max(counts.worst_ns, abs(found.stamp_ns - at_ns))
+        self._last = _frame_of(at_ns, chosen, tuple(missing))
+        return self._last
+
+
+def _frame_of(at_ns: int, samples: Mapping[str, _Sample], missing: tuple[str, ...]) -> Frame:
+    return Frame(
+        at_ns,
+        {key: sample.value for key, sample in samples.items()},
+        {key: sample.stamp_ns for key, sample in samples.items()},
+        missing,
+    )
+
+
+def _forget(cells: dict[int, list[_Sample]], upcoming: int) -> None:
+    """Drops what no frame from ``upcoming`` on can use: before it, all but the newest sample."""
+    past = sorted(number for number in cells if number < upcoming)
+    for number in past[:-1]:
+        del cells[number]
+    if past:
+        del cells[past[-1]][:-1]
+
+
+def _aligned(
+    cells: Mapping[int, list[_Sample]], number: int, at_ns: int, alignment: Alignment
+) -> _Sample | None:
+    """The value at the time of a frame; None where no sample is near enough."""
+    before = max((s for n, kept in cells.items() if n < number for s in kept[-1:]), default=None)
+    after_cell = min((n for n in cells if n >= number), default=None)
+    after = cells[after_cell][0] if after_cell is not None else None
+    around = [sample for sample in (before, after) if sample is not None]
+    if not around:
+        return None
+    nearest = min(around, key=lambda sample: abs(sample.stamp_ns - at_ns))
+    if abs(nearest.stamp_ns - at_ns) > alignment.tolerance_ns:
+        return None
+    if alignment.method == "nearest" or nearest.stamp_ns == at_ns:
+        return nearest
+    if before is None or after is None or after.stamp_ns - before.stamp_ns > 2 * alignment.tolerance_ns:
+        return None
+    part = (at_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
+    value = before.value * (1 - part) + after.value * part
+    return _Sample(nearest.stamp_ns, value.astype(before.value.dtype, copy=False))

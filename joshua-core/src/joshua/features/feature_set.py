@@ -1,0 +1,92 @@
+"""Features in their order, by key, and what differs between two of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from joshua.plan.feature import Feature
+
+
+class FeatureSet(Mapping[str, Feature]):
+    """What a robot, a data set or a model has, in order; a value.
+
+    Args:
+        features: with different keys.
+
+    Raises:
+        ValueError: a key stands there twice.
+    """
+
+    def __init__(self, features: Iterable[Feature] = ()) -> None:
+        self._features: dict[str, Feature] = {}
+        for feature in features:
+            if feature.key in self._features:
+                raise ValueError(f"the feature {feature.key} stands there twice: rename one of the two")
+            self._features[feature.key] = feature
+
+    def __getitem__(self, key: str) -> Feature:
+        return self._features[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._features)
+
+    def __len__(self) -> int:
+        return len(self._features)
+
+    def __repr__(self) -> str:
+        return f"FeatureSet({list(self._features.values())})"
+
+    @property
+    def pictures(self) -> tuple[Feature, ...]:
+        """Those whose values are pictures."""
+        return tuple(feature for feature in self._features.values() if feature.is_picture)
+
+    @property
+    def numbers(self) -> tuple[Feature, ...]:
+        """Those whose values are numbers."""
+        return tuple(feature for feature in self._features.values() if not feature.is_picture)
+
+    def differences(self, other: FeatureSet, *, here: str = "here", there: str = "there") -> list[str]:
+        """What differs, one sentence for each feature; topics and the order of the features do not count.
+
+        Args:
+            other: the other side; here, there: how sentences call the sides.
+        """
+        found = [f"{key} is {here} and not {there}" for key in self if key not in other]
+        found += [f"{key} is {there} and not {here}" for key in other if key not in self]
+        for key in self:
+            if key in other:
+                found += _differences(self[key], other[key], here, there)
+        return found
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Plain values, for plans and files."""
+        return [asdict(feature) for feature in self._features.values()]
+
+    @classmethod
+    def from_json(cls, values: Iterable[Mapping[str, Any]]) -> FeatureSet:
+        """Reads what ``as_json`` wrote, also after a way through JSON."""
+        return cls(
+            Feature(**{**value, "shape": tuple(value["shape"]), "names": tuple(value["names"])})
+            for value in values
+        )
+
+
+def _differences(ours: Feature, theirs: Feature, here: str, there: str) -> list[str]:
+    parts = []
+    for what in ("dtype", "shape", "unit", "names"):
+        one, two = getattr(ours, what), getattr(theirs, what)
+        if one == two:
+            continue
+        if what == "names":
+            if len(one) == len(two):
+                at, (one, two) = next(
+                    (i, pair) for i, pair in enumerate(zip(one, two, strict=True)) if pair[0] != pair[1]
+                )
+                what = f"name {at + 1}"
+            else:
+                one, two = (", ".join(side) for side in (one, two))
+        parts.append(f"{what} {one or 'none'} {here} and {two or 'none'} {there}")
+    return [f"{ours.key}: {'; '.join(parts)}"] if parts else []

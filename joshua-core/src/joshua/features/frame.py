@@ -1,0 +1,62 @@
+"""The values of all features at one time, each with the stamp of its acquisition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from joshua.plan.feature import Feature
+
+Array = npt.NDArray[Any]
+
+
+class FeatureError(ValueError):
+    """A value does not fit its feature; the message names both."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What was seen and done at one time.
+
+    Attributes:
+        stamp_ns: the time that the frame stands for, ns since the epoch.
+        values: by key of the feature; the arrays are not to be changed.
+        stamps_ns: acquisition of each value; of an interpolated one, of the nearer of its two samples.
+        missing: keys of features that have no value within their tolerance; they are not in ``values``.
+    """
+
+    stamp_ns: int
+    values: Mapping[str, Array] = field(default_factory=dict)
+    stamps_ns: Mapping[str, int] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+
+    def __getitem__(self, key: str) -> Array:
+        return self.values[key]
+
+    def offset_ns(self, key: str) -> int:
+        """How much later than the frame a value was acquired; negative for earlier."""
+        return self.stamps_ns[key] - self.stamp_ns
+
+
+def checked(feature: Feature, value: Any) -> Array:
+    """A value as an array of the feature's type. Raises FeatureError for one of another shape.
+
+    Numbers are converted; pictures must have the type already, since a float picture has another range.
+    """
+    try:
+        array = np.asarray(value) if feature.is_picture else np.asarray(value, np.dtype(feature.dtype))
+    except (TypeError, ValueError) as error:
+        raise FeatureError(f"{feature.key} is no array of {feature.dtype}: {error}") from error
+    if feature.is_picture and array.dtype != np.uint8:
+        raise FeatureError(f"{feature.key} has values of {array.dtype}, and a picture is of uint8")
+    fits = len(array.shape) == len(feature.shape) and all(
+        wanted in (0, given) for given, wanted in zip(array.shape, feature.shape, strict=True)
+    )
+    if not fits:
+        names = f" ({', '.join(feature.names)})" if feature.names and not feature.is_picture else ""
+        raise FeatureError(f"{feature.key} has the shape {array.shape}, and {feature.shape} is kept{names}")
+    return array
