@@ -34,7 +34,6 @@ PLUGINS = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("joshu
 # not depend on how busy the machine is. All others run one after the other, because they judge rates, motions
 # and latencies, which a busy machine spoils; so does what is new.
 SIDE_BY_SIDE = (
-    "tests/core/calibration",
     "tests/core/cli",
     "tests/core/config",
     "tests/core/devices",
@@ -62,6 +61,7 @@ SIDE_BY_SIDE = (
     "tests/plugins/*/test_lines.py",
     "tests/plugins/*/test_motors_setup.py",
     "tests/plugins/*/test_parsers.py",
+    "tests/plugins/calibration",
     "tests/presets",
     "tests/tools",
 )
@@ -101,7 +101,7 @@ def proto(session: nox.Session) -> None:
 @nox.session
 def docs(session: nox.Session) -> None:
     """Generates the reference pages and builds the site into ``site/``; a warning is an error."""
-    install(session, *group("docs"), *editable(CORE))
+    install(session, *group("docs"), *editable(CORE, f"{PLUGIN}/calibration"))
     session.run("python", "tools/generate_docs.py")
     session.run("mkdocs", "build", "--strict", "--quiet", *session.posargs, env={"NO_MKDOCS_2_WARNING": "1"})
 

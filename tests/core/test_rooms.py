@@ -27,12 +27,11 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "guardian": (),
     "devices": ("node", "guardian"),
     "mock": ("devices",),
-    "calibration": ("devices", "config"),
     "models": ("node", "features"),
     "modes": ("config", "plugins"),
     "planner": ("modes", "config", "plugins", "transport", "ipc"),
     "supervisor": ("plan", "transport", "ipc", "guardian", "config"),
-    "cli": ("planner", "supervisor", "calibration", "models"),
+    "cli": ("planner", "supervisor", "mock", "models"),
     "testing": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.
     "builtin_plugin": ("plugins",),

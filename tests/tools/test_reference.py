@@ -8,7 +8,7 @@ from joshua.config.codes import CODES
 from joshua.schema import config_pb2, data_type_pb2
 from reference import changelog, configuration
 from reference.changelog import changelog_page
-from reference.command_line import command_line_page
+from reference.command_line import BROUGHT, command_line_page
 from reference.configuration import configuration_page, enums_of, reachable
 from reference.data_types import data_types_page
 from reference.diagnostics import diagnostics_page
@@ -89,8 +89,8 @@ def test_every_diagnostic_has_a_row():
 
 def test_every_command_and_its_options_are_listed():
     page = command_line_page()
-    for command in COMMANDS:
-        assert f"\n## joshua {command.name}\n" in page
+    for name in (*(command.name for command in COMMANDS), *BROUGHT):
+        assert f"\n## joshua {name}\n" in page
     assert "| `--validate-only` | Check the file and start nothing. |" in page
     assert "| `--from PRESET` | The preset to copy. |" in page
     assert "| 130 | interrupted before the start |" in page

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.parser import build_parser
+from joshua.cli.plugin_commands import usable_commands
 
 from reference.markdown import code, table
 
@@ -14,6 +15,9 @@ HEAD = """# Command line
 
 `joshua --config PATH` checks a file and runs it. Everything else is a subcommand.
 """
+
+# Commands of the libraries that device plugins stand on.
+BROUGHT = ("calibrate",)
 
 EXIT_CODES = {
     ExitCode.OK: "finished, or stopped by the user in good order",
@@ -27,7 +31,7 @@ EXIT_CODES = {
 
 def command_line_page() -> str:
     """Makes the page: the main command, the exit codes, and one section for each subcommand."""
-    parser = build_parser(populate=True)
+    parser = build_parser(populate=True, further=[c for c in usable_commands() if c.name in BROUGHT])
     lines = [HEAD, "## joshua --config", "", *options_table(parser), "## Exit codes", ""]
     lines += table(("Code", "Meaning"), ((str(int(number)), text) for number, text in EXIT_CODES.items()))
     for name, sub in subparsers(parser):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NoReturn
 
 import pytest
-from joshua.cli.calibration import lerobot
 from joshua.ipc import run_bases
 from joshua.ipc.state_home import state_home
 from joshua.planner.emulation import state_folder
@@ -22,7 +21,7 @@ def homeless(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     def unknown(uid: int) -> NoReturn:
         raise KeyError(f"getpwuid(): uid not found: {uid}")
 
-    for name in ("HOME", "XDG_STATE_HOME", "XDG_RUNTIME_DIR", "JOSHUA_LOG_DIR", "HF_HOME"):
+    for name in ("HOME", "XDG_STATE_HOME", "XDG_RUNTIME_DIR", "JOSHUA_LOG_DIR"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(pwd, "getpwuid", unknown)
     monkeypatch.setattr(run_bases, "_FALLBACK", tmp_path)
@@ -47,10 +46,3 @@ def test_a_folder_that_is_not_its_own_is_left_to_the_run_to_refuse(homeless: Pat
     base.mkdir(mode=0o755)
     base.chmod(0o755)
     assert log_directory(os.environ) == base / "state/log"
-
-
-def test_lerobot_keeps_nothing_for_a_user_without_a_home(
-    homeless: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert lerobot.list_files() == 2
-    assert "no calibration of LeRobot below ~/.cache/huggingface/lerobot" in capsys.readouterr().err

@@ -13,15 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua.calibration.arm_file import ArmFile
 from joshua.cli.simulation import take_calibrations
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua.devices.errors import DeviceError
 from joshua.planner.calibration_place import calibration_place
 from joshua.planner.pipeline import check_file
 from joshua.planner.request import Request
-from joshua.testing import check_actuator, check_calibration_target
+from joshua.testing import check_actuator
 from joshua.testing.domain import reserved_domain
+from joshua_calibration.arm_file import ArmFile
+from joshua_calibration.testing import check_calibration_target
 from joshua_mujoco_sim.actuator import SimActuator
 from joshua_mujoco_sim.calibration import encoder_ticks, frames, misfits
 from joshua_mujoco_sim.calibration_target import SimCalibrationTarget

@@ -15,11 +15,11 @@ from typing import Any
 import calibration_writer
 import pytest
 from calibration_writer import NODE, SteppedTarget, new_calibration, open_target, parts
-from joshua.calibration import transaction
-from joshua.calibration.arm_file import PreparedFile
-from joshua.calibration.journal import JournalRefused
-from joshua.calibration.transaction import NotWritten, Recovery, recover, values_of, write
 from joshua.devices.servo.bus import REPLY_MARGIN_S
+from joshua_calibration import transaction
+from joshua_calibration.arm_file import PreparedFile
+from joshua_calibration.journal import JournalRefused
+from joshua_calibration.transaction import NotWritten, Recovery, recover, values_of, write
 from joshua_emulator import EmulatedBus
 from patience import BRISK_S
 

@@ -7,7 +7,8 @@ from joshua.devices.bus_tools import BusTools
 from joshua.devices.calibration_target import CalibrationTarget
 from joshua.devices.serial_port import SerialPort
 from joshua.devices.usb_ports import Endpoint
-from joshua.testing import check_actuator, check_bus_tools, check_calibration_target
+from joshua.testing import check_actuator, check_bus_tools
+from joshua_calibration.testing import check_calibration_target
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus_tools import Sts3215BusTools

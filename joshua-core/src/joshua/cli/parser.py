@@ -18,7 +18,7 @@ DESCRIPTION = "One text file describes a robot and one command runs it: joshua -
 EPILOG = """exit codes: 0 good order, 1 a node failed, 2 invalid configuration or command line,
 3 a plugin or extra is missing, 4 hardware is absent or refused, 130 interrupted before start
 
-plugins bring further commands, such as find-cameras: joshua plugins lists them"""
+plugins bring further commands, such as calibrate: joshua plugins lists them"""
 
 
 class Parser(argparse.ArgumentParser):

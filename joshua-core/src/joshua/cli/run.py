@@ -45,6 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
         checked = check(arguments)
         if arguments.open and not is_calibration(checked) and not checked.examination.errors:
             return without_effect("--open shows the page of a calibration, and this file's mode is another")
+        if is_calibration(checked) and not checked.examination.errors and calibration_command() is None:
+            return ExitCode.NOT_INSTALLED
         links: dict[str, Coupling] = {}
         if arguments.sim and not checked.examination.errors:
             simulated = simulate(checked, arguments, stack)
@@ -129,11 +131,23 @@ def is_calibration(checked: Checked) -> bool:
     return checked.loaded.config.general.mode == config_pb2.MODE_CALIBRATION
 
 
+def calibration_command() -> Any:
+    """The module of ``joshua calibrate``, which a plugin brings; None where it cannot be used, said so."""
+    from importlib import import_module
+
+    from joshua.cli.plugin_commands import PluginCommandError, find_command
+
+    try:
+        command = find_command("calibrate")
+    except PluginCommandError as error:
+        sys.stderr.write(f"joshua: error: MODE_CALIBRATION: {error}\nnothing was started\n")
+        return None
+    return import_module(command.module) if command else None
+
+
 def calibrate(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
     """Calibrates the arms of the file."""
-    from joshua.cli.calibration.run import run_calibration
-
-    return run_calibration(checked, arguments, rig)
+    return int(calibration_command().run_mode(checked, arguments, rig))
 
 
 def refuse(examination: Examination, arguments: argparse.Namespace) -> int:

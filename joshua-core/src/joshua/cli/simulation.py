@@ -29,8 +29,8 @@ def start_simulation(
     Returns:
         The file and the links of emulated devices by node name; an exit code where that is refused.
     """
-    from joshua.calibration.arm_file import FileRefused
     from joshua.ipc.run_bases import RunDirectoryError, short_base_directory
+    from joshua.planner.calibration_place import FileRefused
     from joshua.planner.simulated import NoSimulatorError, SimAdapterError, simulate
     from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
     from joshua.plugins.sim_adapter import CoupledCamera
@@ -74,15 +74,15 @@ def take_calibrations(checked: Checked, names: Collection[str]) -> None:
 
     Raises FileRefused.
     """
-    from joshua.calibration.arm_file import ArmFile
     from joshua.config.checks.device_table import block_of
     from joshua.config.topics import node_entries
-    from joshua.planner.calibration_place import calibration_place
+    from joshua.planner.calibration_place import calibration_place, kept_calibrations
 
     config = checked.loaded.config
     path = calibration_place(emulate=False, simulate=True)(checked.loaded.path, config.general.id)
     simulated = [e.node.node_name for e in node_entries(config) if block_of(e.owner)[0] == "sim_config"]
-    found = {name: ArmFile(path).arm(name) for name in dict.fromkeys(simulated)} if path else {}
+    kept_there = kept_calibrations(path) if path else {}
+    found = {name: kept_there.get(name) for name in dict.fromkeys(simulated)}
     kept = [
         arm
         for arm in config.calibration.arms
@@ -90,6 +90,6 @@ def take_calibrations(checked: Checked, names: Collection[str]) -> None:
     ]
     config.ClearField("calibration")
     config.calibration.arms.extend(kept)
-    config.calibration.arms.extend(arm.to_block(name) for name, arm in found.items() if arm is not None)
+    config.calibration.arms.extend(arm for arm in found.values() if arm is not None)
     if not config.calibration.arms:
         config.ClearField("calibration")

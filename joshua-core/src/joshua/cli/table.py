@@ -43,11 +43,6 @@ COMMANDS: tuple[Command, ...] = (
         "joshua.cli.commands.doctor",
         "look at this machine and its devices: what is wrong, and what to do about it",
     ),
-    Command(
-        "calibrate",
-        "joshua.cli.commands.calibrate",
-        "calibrate arms by hand, compare file and servos, or exchange calibrations with LeRobot",
-    ),
     Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
     Command("topic", "joshua.cli.commands.topic", "list, watch and publish topics of a running graph"),
     Command("node", "joshua.cli.commands.node", "list the nodes of a running graph"),

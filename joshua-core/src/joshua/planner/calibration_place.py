@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +14,13 @@ from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
+    from joshua.schema.calibration_pb2 import ArmCalibration
 
 Place = Callable[[str, str], str]
+
+
+class FileRefused(Exception):
+    """A calibration file cannot be read or written; the message says why and what to do."""
 
 
 def calibration_place(emulate: bool, simulate: bool = False) -> Place:
@@ -22,6 +28,20 @@ def calibration_place(emulate: bool, simulate: bool = False) -> Place:
     if emulate:
         return _emulated
     return _simulated if simulate else calibration_path
+
+
+def kept_calibrations(path: str | os.PathLike[str]) -> dict[str, ArmCalibration]:
+    """The calibrations of a file by node name; {} where there is no such file. Raises FileRefused."""
+    from joshua.config.loading import load
+
+    if not os.path.exists(path):  # noqa: PTH110
+        return {}
+    loaded = load(path)
+    for item in loaded.diagnostics:
+        if item.severity is Severity.ERROR:
+            place = item.position or path
+            raise FileRefused(f"{place}: {item.message} Correct the calibration file, or move it away")
+    return {arm.node_name: arm for arm in reversed(loaded.config.calibration.arms)}
 
 
 def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Diagnostic]:

@@ -51,6 +51,7 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
         ("PERCEPTION_GAMEPAD", "PERCEPTION_KEYBOARD"),
         ("find-gamepads", "share-gamepad"),
     ),
+    KnownPlugin("joshua-calibration", commands=("calibrate",)),
     KnownPlugin("joshua-smolvla", (), ("SMOLVLA",)),
     KnownPlugin(
         "joshua-mujoco-sim",

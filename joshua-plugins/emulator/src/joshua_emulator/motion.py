@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from joshua.devices.calibration_hand import hand_paths, interpolate
+from joshua_calibration.hand import hand_paths, interpolate
 
 from joshua_emulator.arms import TICKS_PER_RADIAN
 

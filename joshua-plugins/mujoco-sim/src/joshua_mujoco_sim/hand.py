@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from joshua.devices.calibration_hand import Path
+from joshua_calibration.hand import Path
 
 from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
 

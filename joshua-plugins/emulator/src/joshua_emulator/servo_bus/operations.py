@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
-from joshua.devices.calibration_hand import interpolate
+from joshua_calibration.hand import interpolate
 
 from joshua_emulator import motion
 from joshua_emulator.arms import TICKS_PER_RADIAN

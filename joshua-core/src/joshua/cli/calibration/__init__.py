@@ -1,1 +1,0 @@
-"""Calibration on the command line: running it, comparing, recovering, exchanging with LeRobot."""

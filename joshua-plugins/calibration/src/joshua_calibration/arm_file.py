@@ -1,0 +1,238 @@
+"""The calibration file of a robot: one entry is replaced, the rest of the text stays as it is."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import tempfile
+import time
+from pathlib import Path
+
+from google.protobuf import text_format
+from joshua.config.files import decode_source, read_bytes
+from joshua.devices.calibration import ArmCalibration
+from joshua.planner.calibration_place import FileRefused, kept_calibrations
+from joshua.textproto.lexer import tokenize
+from joshua.textproto.parser import Parser
+from joshua.textproto.problems import Problems
+from joshua.textproto.source import Source
+from joshua.textproto.syntax import Block, Field, ListValue, Scalar
+from pydantic import ValidationError
+
+LOCK_TIMEOUT_S = 5.0
+
+HEADER = """# Calibration of the arms of one robot, written by joshua.
+# Every configuration with its general.id loads it.
+# Servos that remember their calibration hold the same values: calibrate again instead of changing them here.
+
+"""
+
+
+class ArmFile:
+    """The file with the calibrations of a robot's arms.
+
+    Args:
+        path: of the file, which need not exist.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+
+    def arm(self, node_name: str) -> ArmCalibration | None:
+        """Calibration of one arm; None where the file holds none.
+
+        Raises:
+            FileRefused: the file cannot be read, or its entry is no calibration.
+        """
+        return _arm(self.path, node_name, self.path)
+
+    def require_writable(self) -> None:
+        """Says that writing would fail, before a person has done all the work. Raises FileRefused."""
+        folder = next(path for path in self.path.absolute().parents if path.exists())
+        if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+            why = "may not be written by this user" if folder.is_dir() else "is no folder"
+            raise FileRefused(f"{self.path}: the calibration goes there, and {folder} {why}: put that right")
+
+    def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
+        """Writes the new content beside the file, where it waits for ``commit``; others wait meanwhile.
+
+        Raises:
+            FileRefused: the file cannot be read or written, or the new content would not be read back equal.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            target = self.path.resolve()
+            prepared = PreparedFile(target, _take(target))
+            try:
+                text = self._text(node_name, calibration)
+                mode = target.stat().st_mode & 0o7777 if target.exists() else 0o644
+                handle, name = prepared.make_temporary()
+                with os.fdopen(handle, "wb") as file:
+                    file.write(text.encode())
+                    file.flush()
+                    os.fchmod(handle, mode)
+                    os.fsync(handle)
+                if _arm(Path(name), node_name, self.path) != calibration:
+                    raise FileRefused(f"{self.path}: the new entry would not be read back as it was written")
+            except BaseException:
+                prepared.discard()
+                raise
+        except OSError as error:
+            raise FileRefused(
+                f"{self.path}: cannot be written ({error.strerror}); check the permissions of the folder and "
+                "the space on the disk"
+            ) from error
+        return prepared
+
+    def _text(self, node_name: str, calibration: ArmCalibration) -> str:
+        body = text_format.MessageToString(calibration.to_block(node_name))
+        if not self.path.exists():
+            return f"{HEADER}calibration {{\n{_indented(f'arms {_block(body)}')}}}\n"
+        kept_calibrations(self.path)  # an unreadable file is not written into
+        problems = Problems()
+        data = read_bytes(str(self.path), problems, None)
+        source = decode_source(str(self.path), data, problems, None) if data is not None else None
+        if source is None or len(problems):
+            raise FileRefused(f"{self.path}: cannot be read; correct it, or move it away")
+        return _with_arm(source, problems, node_name, body)
+
+
+class PreparedFile:
+    """New content that stands beside the file; nobody else changes the file before ``commit`` or ``discard``.
+
+    Args:
+        target: the file; lock: descriptor of its folder, locked.
+    """
+
+    def __init__(self, target: Path, lock: int) -> None:
+        self._temporary: Path | None = None
+        self._target = target
+        self._lock = lock
+
+    def make_temporary(self) -> tuple[int, str]:
+        """Makes the file for the new content; removes what runs that were killed have left."""
+        for left in self._target.parent.glob(f".{self._target.name}.*.new"):
+            left.unlink(missing_ok=True)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{self._target.name}.", suffix=".new", dir=self._target.parent
+        )
+        self._temporary = Path(name)
+        return handle, name
+
+    def commit(self) -> None:
+        """Puts the new content in the file's place in one step. Raises FileRefused; then nothing changed."""
+        assert self._temporary is not None
+        try:
+            self._temporary.replace(self._target)
+        except OSError as error:
+            raise FileRefused(f"{self._target}: cannot be replaced ({error.strerror})") from error
+        finally:
+            self._let_go()
+        with contextlib.suppress(OSError):  # the content stands; only its survival of a power cut is at stake
+            sync_folder(self._target.parent)
+
+    def discard(self) -> None:
+        """Removes the new content; does nothing after ``commit``."""
+        if self._temporary is not None:
+            self._temporary.unlink(missing_ok=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        lock, self._lock = self._lock, -1
+        if lock >= 0:
+            os.close(lock)
+
+
+def _take(target: Path) -> int:
+    """Locks the folder of a file, so that two runs do not overwrite each other's entries."""
+    lock = os.open(target.parent, os.O_RDONLY | os.O_CLOEXEC)
+    deadline_s = time.monotonic() + LOCK_TIMEOUT_S
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > deadline_s:
+                os.close(lock)
+                raise FileRefused(
+                    f"{target}: another program is writing into its folder; wait until that is done"
+                ) from None
+            time.sleep(0.02)
+        else:
+            return lock
+
+
+def sync_folder(folder: Path) -> None:
+    """Makes the names in a folder survive a power cut. Raises OSError."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _arm(read: Path, node_name: str, path: Path) -> ArmCalibration | None:
+    """The entry of an arm in the file ``read``, which is or will be ``path``."""
+    block = kept_calibrations(read).get(node_name)
+    if block is None:
+        return None
+    try:
+        return ArmCalibration.from_block(block)
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        reason = detail["msg"].removeprefix("Value error, ")
+        raise FileRefused(
+            f"{path}: the calibration of {node_name} cannot be used: {reason}. "
+            "Calibrate the arm again, or correct the file"
+        ) from error
+
+
+def _with_arm(source: Source, problems: Problems, node_name: str, body: str) -> str:
+    """The text with one arm's entry replaced, else added to the first calibration block, else at the end."""
+    fields = Parser(source, tokenize(source), problems).document()
+    text = source.text
+    blocks = [f.value for f in fields if f.name == "calibration" and isinstance(f.value, Block)]
+    for block in blocks:
+        for entry in _entries(block):
+            if _node_name(source, entry) == node_name:
+                return text[: entry.start] + _block(body, depth=1) + text[entry.end :]
+    new = _indented(f"arms {_block(body)}")
+    if not blocks:
+        return f"{text.rstrip()}\n\ncalibration {{\n{new}}}\n".lstrip("\n")
+    before, after = text[: blocks[0].end - 1].rstrip(), text[blocks[0].end - 1 :]
+    return f"{before}\n{new}{after}"
+
+
+def _entries(block: Block) -> list[Block]:
+    """Blocks of the field ``arms``, in either way of writing them."""
+    found: list[Block] = []
+    for field in block.fields:
+        if field.name == "arms" and isinstance(field.value, Block):
+            found.append(field.value)
+        elif field.name == "arms" and isinstance(field.value, ListValue):
+            found += [item for item in field.value.items if isinstance(item, Block)]
+    return found
+
+
+def _node_name(source: Source, block: Block) -> str:
+    for field in block.fields:
+        if field.name == "node_name" and isinstance(field.value, Scalar):
+            return _string(source, field)
+    return ""
+
+
+def _string(source: Source, field: Field) -> str:
+    from joshua.schema.calibration_pb2 import ArmCalibration as ArmBlock
+
+    text = source.text[field.name_start : field.end]
+    return text_format.Parse(text, ArmBlock()).node_name
+
+
+def _block(body: str, depth: int = 0) -> str:
+    lines = "".join(f"  {line}\n" for line in body.splitlines())
+    text = f"{{\n{lines}}}"
+    return text if not depth else text.replace("\n", "\n" + "  " * depth)
+
+
+def _indented(text: str) -> str:
+    return "".join(f"  {line}\n" for line in text.splitlines())

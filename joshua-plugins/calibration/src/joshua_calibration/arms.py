@@ -1,0 +1,164 @@
+"""From a checked file to the arms that a calibration works on."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.report import exit_code_of, show_findings
+from joshua.config.calibration_paths import journal_path
+from joshua.devices.actuator import Actuator
+from joshua.devices.calibration import ArmCalibration
+from joshua.devices.errors import DeviceError
+from joshua.node.implementation import load_implementation
+from joshua.plan import NodeKind, Plan
+from joshua.planner.calibration_place import FileRefused, calibration_place
+from joshua.planner.pipeline import Checked, finish
+from joshua.plugins.targets import TargetError
+
+from joshua_calibration.arm_file import ArmFile
+from joshua_calibration.journal import Journal
+from joshua_calibration.session import Arm
+from joshua_calibration.transaction import NotWritten, Recovery, recover
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua.planner.emulation import EmulatedRig
+
+
+class Refused(Exception):
+    """The command cannot go on; the message says why and what to do; "" where that has been shown.
+
+    Attributes:
+        code: exit code.
+    """
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def plan_of(checked: Checked, arguments: argparse.Namespace) -> tuple[Plan, dict[str, ArmCalibration]]:
+    """The plan, made without the calibration that is to be replaced; and that calibration, by node name.
+
+    Raises Refused.
+    """
+    config = checked.loaded.config
+    included = {}
+    for block in config.calibration.arms:
+        try:
+            included[block.node_name] = ArmCalibration.from_block(block)
+        except ValueError:  # names and directions of one that cannot be used are no loss
+            continue
+    config.ClearField("calibration")
+    examination = finish(checked)
+    if examination.plan is None:
+        show_findings(examination, arguments.format)
+        raise Refused("nothing was started", exit_code_of(examination))
+    return examination.plan, included
+
+
+def find_arms(
+    plan: Plan,
+    previous: dict[str, ArmCalibration],
+    *,
+    rig: EmulatedRig | None,
+    simulated: bool = False,
+    only: Sequence[str] = (),
+) -> list[Arm]:
+    """The arms of a plan that can be calibrated; says which nodes are left out.
+
+    Args:
+        previous: calibrations by node name; rig: emulators of the devices.
+        simulated: the simulation stands for the devices; only: names of nodes, () for all.
+
+    Raises Refused.
+    """
+    path = calibration_place(rig is not None, simulated)(plan.source, plan.robot_id)
+    if not path:
+        raise Refused(
+            'general.id names the calibration file, and this file has none: add id: "my-robot" to general',
+            ExitCode.INVALID,
+        )
+    file = ArmFile(path)
+    try:
+        file.require_writable()
+    except FileRefused as error:
+        raise Refused(str(error), ExitCode.INVALID) from error
+    guides = {emulator.device.node_name: emulator.guide for emulator in rig.emulators} if rig else {}
+    arms, left_out = [], []
+    for spec in plan.nodes:
+        if spec.kind is NodeKind.SERVICE:
+            continue
+        target = None
+        if spec.kind is NodeKind.ACTUATOR:
+            try:
+                implementation, settings = load_implementation(spec, Actuator)
+                target = implementation(settings, spec.context).calibration_target()
+            except TargetError as error:
+                raise Refused(str(error), ExitCode.NOT_INSTALLED) from error
+            except NotImplementedError:
+                target = None
+        if target is None:
+            left_out.append(spec.name)
+            continue
+        try:
+            before = file.arm(spec.name) or previous.get(spec.name)
+        except FileRefused as error:
+            raise Refused(str(error), ExitCode.INVALID) from error
+        journal = Journal(journal_path(path, spec.name))
+        guide = guides.get(spec.name) or target.hand
+        arms.append(Arm(spec.name, target, file, journal, before, guide))
+    return _chosen(arms, left_out, only)
+
+
+def _chosen(arms: list[Arm], left_out: list[str], only: Sequence[str]) -> list[Arm]:
+    names = [arm.node_name for arm in arms]
+    unknown = [name for name in only if name not in names]
+    if unknown or not arms:
+        what = (
+            f"no actuator that can be calibrated is called {unknown[0]}"
+            if unknown
+            else "nothing to calibrate"
+        )
+        raise Refused(
+            f"{what}; allowed: {', '.join(names) or 'none'}"
+            + (f" ({', '.join(left_out)}: no calibration needed or offered)" if left_out else ""),
+            ExitCode.INVALID,
+        )
+    if left_out:
+        sys.stdout.write(f"not started, for nothing is to be calibrated there: {', '.join(left_out)}\n")
+    return [arm for arm in arms if not only or arm.node_name in only]
+
+
+def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:
+    """Opens every arm and takes its torque off; says what is wrong with all of them. Raises Refused."""
+    problems = []
+    for arm in arms:
+        stack.callback(arm.target.disconnect)
+        try:
+            arm.target.connect()
+            if release:
+                arm.target.release()
+        except DeviceError as error:
+            problems.append(f"{arm.node_name}: {error}")
+    if problems:
+        raise Refused("\n".join([*problems, "nothing was calibrated"]), ExitCode.HARDWARE)
+
+
+def recover_arms(arms: Sequence[Arm]) -> list[Recovery]:
+    """Brings servos and file together where an earlier run was interrupted; says so. Raises Refused."""
+    found = []
+    for arm in arms:
+        try:
+            outcome = recover(arm.target, arm.file, arm.journal)
+        except NotWritten as error:
+            raise Refused(f"{arm.node_name}: {error}", ExitCode.HARDWARE) from error
+        found.append(outcome)
+        if outcome is not Recovery.NOTHING:
+            sys.stdout.write(f"{arm.node_name}: an earlier calibration was interrupted; {outcome.value}\n")
+    return found

@@ -1,0 +1,108 @@
+"""``joshua calibrate``: calibrate the arms of any file, compare, recover, exchange with LeRobot."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import FAULT_ALONE
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua.planner.emulation import EmulatedRig
+    from joshua.planner.pipeline import Checked
+
+SUMMARY = "calibrate arms by hand, compare file and servos, or exchange calibrations with LeRobot"
+ACTIONS = ("import-lerobot", "export-lerobot")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of ``joshua calibrate``."""
+    from joshua.cli.options import add_config_options, add_fault_option
+
+    add_config_options(parser)
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=ACTIONS,
+        metavar="ACTION",
+        help="import-lerobot or export-lerobot; without it the arms of the file are calibrated",
+    )
+    parser.add_argument(
+        "items",
+        nargs="*",
+        metavar="NODE=PATH",
+        help="node name and LeRobot file, such as leader_arm=my_leader.json",
+    )
+    work = parser.add_mutually_exclusive_group()
+    work.add_argument("--check", action="store_true", help="compare file and servos; nothing is written")
+    work.add_argument(
+        "--recover", action="store_true", help="undo or complete a calibration that was interrupted"
+    )
+    parser.add_argument(
+        "--node", dest="nodes", metavar="NAME", action="append", help="only this arm; may be repeated"
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument(
+        "--emulate", action="store_true", help="calibrate emulated arms, which move themselves"
+    )
+    parser.add_argument(
+        "--sim", action="store_true", help="calibrate simulated arms, which are moved by a simulated hand"
+    )
+    parser.add_argument("--force", action="store_true", help="replace files that export-lerobot finds there")
+    add_fault_option(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Does what was asked for; exit code 1 where ``--check`` finds differences, 4 without hardware."""
+    option = _without_effect(arguments)
+    if option:
+        what = (
+            arguments.action or (arguments.check and "--check") or (arguments.recover and "--recover") or ""
+        )
+        command = f"joshua calibrate {what}".rstrip()
+        sys.stderr.write(f"{command}: {option} has no effect here: leave it out\n")
+        return ExitCode.INVALID
+    if not arguments.config:
+        if arguments.action == "import-lerobot" and not arguments.items:
+            from joshua_calibration.exchange import list_files
+
+            return list_files()
+        sys.stderr.write("joshua calibrate: no file given: add --config PATH\n")
+        return ExitCode.INVALID
+    if arguments.action:
+        from joshua_calibration import exchange
+
+        if arguments.check or arguments.recover:
+            sys.stderr.write(f"joshua calibrate {arguments.action}: takes neither --check nor --recover\n")
+            return ExitCode.INVALID
+        return (
+            exchange.import_files(arguments) if arguments.action == ACTIONS[0] else exchange.export(arguments)
+        )
+    if arguments.faults and not arguments.emulate:
+        sys.stderr.write(f"joshua calibrate: {FAULT_ALONE}\n")
+        return ExitCode.INVALID
+    from joshua_calibration.hardware import with_arms
+
+    return with_arms(arguments)
+
+
+def run_mode(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
+    """``joshua --config`` with MODE_CALIBRATION: calibrates the arms of the file; returns the exit code."""
+    from joshua_calibration.run import run_calibration
+
+    return run_calibration(checked, arguments, rig)
+
+
+def _without_effect(arguments: argparse.Namespace) -> str:
+    """An option that belongs to another form of the command; "" for none."""
+    exchanges, looks = bool(arguments.action), arguments.check or arguments.recover
+    wrong = {
+        "--node": exchanges and arguments.nodes,
+        "--open": arguments.open and (exchanges or looks),
+        "--sim": arguments.sim and exchanges,  # the exchange is of what real servos keep
+        "--force": arguments.force and arguments.action != ACTIONS[1],
+    }
+    return next((option for option, is_wrong in wrong.items() if is_wrong), "")

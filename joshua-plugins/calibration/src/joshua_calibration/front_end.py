@@ -1,0 +1,79 @@
+"""What the session gives to those who show it, and what they ask of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from joshua_calibration.view import View
+
+
+class Ask(str, Enum):
+    """What a person can ask for."""
+
+    CONFIRM = "confirm"
+    BACK = "back"
+    REPEAT = "repeat"
+    QUIT = "quit"
+
+
+@dataclass(frozen=True)
+class Request:
+    """One thing that a person asks for; ``joint`` is the place of the joint to repeat."""
+
+    ask: Ask
+    joint: int = -1
+
+
+class ArmState(str, Enum):
+    """Where one arm of the run is."""
+
+    WAITING = "waiting"
+    ACTIVE = "active"
+    DONE = "done"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True)
+class Board:
+    """All arms of a run, and the one that is being calibrated.
+
+    Attributes:
+        title: name of the robot.
+        arms: node name and state of each arm, in order.
+        arm: place of the one in ``view``.
+        ended: what came of the run, once it is over; "" before.
+    """
+
+    title: str
+    arms: tuple[tuple[str, ArmState], ...]
+    arm: int
+    view: View
+    ended: str = ""
+
+
+class FrontEnd(ABC):
+    """Shows the board and collects requests; called from one thread, and never waits."""
+
+    @abstractmethod
+    def show(self, board: Board) -> None:
+        """Shows the newest state."""
+
+    @abstractmethod
+    def requests(self) -> Sequence[Request]:
+        """What was asked for since the last call."""
+
+    @abstractmethod
+    def say(self, text: str) -> None:
+        """Shows a line that stays."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Gives everything back; a second call does nothing."""
+
+    @property
+    @abstractmethod
+    def can_ask(self) -> bool:
+        """Whether somebody can still ask for something here."""

@@ -1,0 +1,86 @@
+"""The forms of ``joshua calibrate`` that open the arms: calibrate, ``--check``, ``--recover``."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from joshua.cli.emulation import start_rig
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.report import exit_code_of, request_of, show_findings
+from joshua.cli.simulation import start_simulation
+from joshua.devices.errors import DeviceError
+from joshua.planner.pipeline import Checked, check_file
+from joshua.planner.request import Purpose
+
+from joshua_calibration.arms import Refused, find_arms, open_arms, plan_of, recover_arms
+from joshua_calibration.comparison import compare, comparison_text
+from joshua_calibration.presence import MODE, Presence
+from joshua_calibration.transaction import Recovery
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua.planner.emulation import EmulatedRig
+    from joshua.plugins.emulator import Coupling
+
+
+def with_arms(arguments: argparse.Namespace) -> int:
+    """Opens the arms of the file and does what was asked for."""
+    if not arguments.check:
+        arguments.overrides = [*arguments.overrides, f"general.mode={MODE}"]
+    purpose = Purpose.SHOW if arguments.check else Purpose.LAUNCH
+    checked = check_file(request_of(arguments, purpose))
+    if checked.examination.errors:
+        show_findings(checked.examination, arguments.format)
+        sys.stderr.write("nothing was started\n")
+        return exit_code_of(checked.examination)
+    with ExitStack() as stack:
+        links: dict[str, Coupling] = {}
+        if arguments.sim:
+            simulated = start_simulation(checked, stack, emulated=arguments.emulate)
+            if isinstance(simulated, int):
+                return simulated
+            checked, links = simulated
+        rig = start_rig(checked, arguments, stack, links) if arguments.emulate else None
+        if isinstance(rig, int):
+            return rig
+        if not (arguments.check or arguments.recover):
+            from joshua_calibration.run import run_calibration
+
+            return run_calibration(checked, arguments, rig)
+        try:
+            return _look(checked, arguments, rig, stack)
+        except Refused as error:
+            sys.stderr.write(f"joshua calibrate: {error}\n")
+            return error.code
+
+
+def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None, stack: ExitStack) -> int:
+    plan, previous = plan_of(checked, arguments)
+    arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=arguments.nodes or ())
+    stop = threading.Event()
+    doing = "calibration is recovered" if arguments.recover else "calibration is compared"
+    Presence(plan, arms, stop.set, stack, doing=doing)
+    open_arms(arms, stack, release=False)
+    if arguments.recover:
+        outcomes = recover_arms(arms)
+        if all(outcome is Recovery.NOTHING for outcome in outcomes):
+            sys.stdout.write("no calibration of these arms was interrupted\n")
+        return ExitCode.OK
+    code = ExitCode.OK
+    for arm in arms:
+        if stop.is_set():
+            raise Refused("stopped before every arm was compared", ExitCode.FAILED)
+        # a calibration run does not load the file that it replaces; an emulator tells what it holds itself
+        wanted = arm.previous if plan.mode == MODE else previous.get(arm.node_name) or arm.previous
+        try:
+            found = compare(arm.node_name, wanted, arm.target, interrupted=arm.journal.path.exists())
+        except DeviceError as error:
+            raise Refused(f"{arm.node_name}: {error}", ExitCode.HARDWARE) from error
+        sys.stdout.write(comparison_text(found))
+        if found.problems:
+            code = ExitCode.FAILED
+    return code

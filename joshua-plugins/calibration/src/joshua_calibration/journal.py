@@ -1,0 +1,77 @@
+"""A note of a calibration that is being written: what the servos held before, and what they are to hold."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from joshua.devices.calibration_target import StoredMotor
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from joshua_calibration.arm_file import sync_folder
+
+
+class Record(BaseModel):
+    """Both states of one arm.
+
+    Attributes:
+        device_identity: of the arm; "" where it has none.
+        calibrated_at: of the new calibration, by which the file shows whether it was completed.
+        old, new: values by motor id.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    node_name: str
+    device_identity: str
+    calibrated_at: str
+    old: dict[int, StoredMotor]
+    new: dict[int, StoredMotor]
+
+
+class JournalRefused(Exception):
+    """The note cannot be read or written; the message says why and what to do."""
+
+
+class Journal:
+    """The note of one arm: it exists while servos and file may disagree.
+
+    Args:
+        path: of the note.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+
+    def read(self) -> Record | None:
+        """The note; None where there is none. Raises JournalRefused."""
+        try:
+            return Record.model_validate_json(self.path.read_bytes())
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except (OSError, ValidationError) as error:
+            raise JournalRefused(
+                f"{self.path}: the note of an interrupted calibration cannot be read. Remove it, "
+                "then calibrate the arm again"
+            ) from error
+
+    def write(self, record: Record) -> None:
+        """Leaves the note, so that it survives a power cut. Raises JournalRefused."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
+            with os.fdopen(handle, "wb") as file:
+                file.write(record.model_dump_json(indent=1).encode())
+                file.flush()
+                os.fsync(handle)
+            Path(name).replace(self.path)
+            sync_folder(self.path.parent)
+        except OSError as error:
+            raise JournalRefused(
+                f"{self.path}: cannot be written ({error.strerror}); check permissions and space"
+            ) from error
+
+    def remove(self) -> None:
+        """Removes the note: servos and file agree. Does nothing where there is none."""
+        self.path.unlink(missing_ok=True)

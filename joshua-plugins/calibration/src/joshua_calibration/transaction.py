@@ -1,0 +1,194 @@
+"""Writing a calibration: servos and file hold both the new values in the end, or both the old ones.
+
+The order: the new file is laid beside the old one; a note of both states is left; the servos are written and
+read back; the file is renamed, which decides; the note is removed. What ends this in the midst, a power cut
+or a kill included, leaves the note, and ``recover`` brings servos and file together again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from enum import Enum
+
+from joshua.devices.calibration import ArmCalibration
+from joshua.devices.calibration_target import CalibrationTarget, StoredMotor
+from joshua.devices.errors import DeviceError
+from joshua.planner.calibration_place import FileRefused
+
+from joshua_calibration.arm_file import ArmFile
+from joshua_calibration.journal import Journal, JournalRefused, Record
+
+ROLLBACK_S = 3.0  # how long an arm that has gone is waited for before the note is left to a later start
+PAUSE_S = 0.25
+
+
+class NotWritten(Exception):
+    """The calibration was not written; the message says why, and what holds now.
+
+    Attributes:
+        restored: the servos are known to hold the old values.
+    """
+
+    def __init__(self, message: str, *, restored: bool) -> None:
+        super().__init__(message)
+        self.restored = restored
+
+
+class Recovery(Enum):
+    """What ``recover`` did."""
+
+    NOTHING = "nothing was interrupted"
+    RESTORED = "the servos hold the old calibration again"
+    COMPLETED = "the servos hold the new calibration, as the file does"
+
+
+def write(
+    target: CalibrationTarget,
+    node_name: str,
+    calibration: ArmCalibration,
+    file: ArmFile,
+    journal: Journal,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> None:
+    """Writes a calibration into the device and into the file.
+
+    Args:
+        cancelled: asked before each motor; True undoes what was written so far.
+
+    Raises:
+        NotWritten: the old calibration stands, or it will after ``recover``.
+    """
+    new = values_of(calibration)
+    try:
+        target.release()
+        kept = target.stored()
+        prepared = file.prepare(node_name, calibration)
+    except (DeviceError, FileRefused) as error:
+        raise NotWritten(
+            f"{error}\nNothing was written; the old calibration stands.", restored=True
+        ) from error
+    old = {} if kept is None else {m.id: v for m, v in zip(target.motors, kept, strict=True)}
+    try:
+        if old:
+            journal.write(
+                Record(
+                    node_name=node_name,
+                    device_identity=target.identity,
+                    calibrated_at=calibration.calibrated_at,
+                    old=old,
+                    new=new,
+                )
+            )
+            _store(target, new, cancelled)
+        if cancelled():
+            raise _Cancelled("interrupted")
+        prepared.commit()
+    except (DeviceError, FileRefused, JournalRefused, _Cancelled) as error:
+        prepared.discard()
+        raise _undone(target, old, journal, error) from error
+    except BaseException:
+        prepared.discard()
+        _undone(target, old, journal, None)
+        raise
+    journal.remove()
+
+
+def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recovery:
+    """Brings servos and file together after a calibration that was interrupted while it was written.
+
+    Raises:
+        NotWritten: it was another arm's, or the servos do not take their values; the note stays.
+    """
+    try:
+        record = journal.read()
+        if record is None:
+            return Recovery.NOTHING
+        entry = file.arm(record.node_name)
+    except (JournalRefused, FileRefused) as error:
+        raise NotWritten(str(error), restored=False) from error
+    if record.device_identity and target.identity and record.device_identity != target.identity:
+        raise NotWritten(
+            f"a calibration of {record.node_name} was interrupted while it was written to "
+            f"{record.device_identity}, and this is {target.identity}. Connect that arm and run the "
+            "command again",
+            restored=False,
+        )
+    is_completed = entry is not None and entry.calibrated_at == record.calibrated_at
+    is_completed = is_completed and entry is not None and values_of(entry) == record.new
+    try:
+        target.release()
+        _store(target, record.new if is_completed else record.old, lambda: False)
+    except DeviceError as error:
+        raise NotWritten(
+            f"{error}\nThe servos of {record.node_name} hold values of two calibrations. Run the command "
+            "again as soon as the arm answers",
+            restored=False,
+        ) from error
+    journal.remove()
+    return Recovery.COMPLETED if is_completed else Recovery.RESTORED
+
+
+def values_of(calibration: ArmCalibration) -> dict[int, StoredMotor]:
+    """What the motors are to keep of a calibration, by id."""
+    return {m.id: StoredMotor(m.homing_offset, m.range_min, m.range_max) for m in calibration.motors}
+
+
+class _Cancelled(Exception):
+    """The user has interrupted the writing."""
+
+
+def _store(
+    target: CalibrationTarget, values: Mapping[int, StoredMotor], cancelled: Callable[[], bool]
+) -> None:
+    """Writes all motors, and reads all of them back at the end."""
+    for motor_id, value in values.items():
+        if cancelled():
+            raise _Cancelled("interrupted")
+        target.store(motor_id, value)
+    kept = target.stored()
+    if kept is None:
+        return
+    for motor, found in zip(target.motors, kept, strict=True):
+        if found != values.get(motor.id, found):
+            raise DeviceError(
+                f"{motor.joint_name} (id {motor.id}) holds {found} after {values[motor.id]} was written. "
+                "Check the supply voltage and try again"
+            )
+
+
+def _undone(
+    target: CalibrationTarget,
+    old: Mapping[int, StoredMotor],
+    journal: Journal,
+    error: BaseException | None,
+) -> NotWritten:
+    """Puts the old values back, waiting a little for an arm that has gone; says what holds now."""
+    reason = str(error) if error else "interrupted"
+    failure = _roll_back(target, old)
+    if failure is None:
+        journal.remove()
+        return NotWritten(
+            f"{reason}\nThe old calibration stands, in the servos and in the file.", restored=True
+        )
+    return NotWritten(
+        f"{reason}\nThe old calibration stands in the file, and the servos could not be put back yet: "
+        f"{failure}\nThe arm gets no torque before they are: connect it and run joshua calibrate --recover.",
+        restored=False,
+    )
+
+
+def _roll_back(target: CalibrationTarget, old: Mapping[int, StoredMotor]) -> DeviceError | None:
+    deadline_s = time.monotonic() + ROLLBACK_S
+    while True:
+        try:
+            if not target.connected:
+                target.connect()
+            _store(target, old, lambda: False)
+        except DeviceError as error:
+            target.disconnect()
+            if time.monotonic() >= deadline_s:
+                return error
+            time.sleep(PAUSE_S)
+        else:
+            return None
