@@ -6,9 +6,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from calibration_run import JOSHUA, CalibrationRun, environment, robot, sweep_all
 from joshua_emulator import EmulatedBus
-
-from tests.support.calibration_run import JOSHUA, CalibrationRun, environment, robot, sweep_all
 
 
 def test_a_koch_arm_is_calibrated_and_found_equal(tmp_path: Path, joshua_domain_id: int) -> None:

@@ -104,17 +104,16 @@ def test_an_active_environment_that_is_too_old_is_named(clone: Path, tmp_path: P
 @pytest.mark.timeout(600)
 def test_both_commands_set_themselves_up_in_a_fresh_clone(clone: Path):
     """The first run installs, the second does not; the test command gets as far as its sessions."""
-    variables = {"PYTHON": sys.executable}
-    first = start(clone, "run", "--validate-only", timeout_s=400, **variables)
+    first = start(clone, "run", "--validate-only", timeout_s=400, PYTHON=sys.executable)
     assert first.returncode == 0, first.stderr
     assert first.stdout.endswith("test_mock_hardware.pbtxt: valid\n")
     assert "Making the virtual environment .venv with Python 3" in first.stderr
     assert "Installing joshua-core into" in first.stderr
 
-    second = start(clone, "run", "--validate-only", **variables)
+    second = start(clone, "run", "--validate-only", PYTHON=sys.executable)
     assert (second.returncode, second.stdout, second.stderr) == (0, first.stdout, "")
 
-    sessions = start(clone, "test", "--list", timeout_s=200, **variables)
+    sessions = start(clone, "test", "--list", timeout_s=200, PYTHON=sys.executable)
     assert sessions.returncode == 0, sessions.stderr
     for name in ("lint", "types", "proto", "docs", "tests"):
         assert f"* {name} -> " in sessions.stdout

@@ -125,7 +125,7 @@ class ReadChanged(MockActuator):
         return type(self).change(super().read())
 
 
-def reads(change: Callable[[JointReading], Any]) -> type[ReadChanged]:
+def reads(change: Callable[[Any], Any]) -> type[ReadChanged]:
     return type("ReadChanged", (ReadChanged,), {"change": staticmethod(change)})
 
 

@@ -16,7 +16,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 JOY = "sensor_msgs/msg/Joy"
 COMMANDS = "/gamepad/joint_commands"
 STATE = "/arm/joint_states"
-JOINTS = [
+JOINTS: list[dict[str, Any]] = [
     {"name": "pan", "min_rad": -1.0, "max_rad": 1.0},
     {"name": "lift", "min_rad": -2.0, "max_rad": 2.0},
 ]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 from joshua.cli.table import COMMANDS
@@ -27,7 +28,7 @@ def section(name: str) -> str:
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
-def test_every_field_has_a_row_with_its_meaning(message: object):
+def test_every_field_has_a_row_with_its_meaning(message: Any):
     text = section(message.name)
     for field in message.fields:
         (row,) = re.findall(rf"^\| (?:\*\*)?`{field.name}`.*$", text, re.MULTILINE)

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from joshua.cli.main import main
@@ -58,7 +59,7 @@ class Shell:
             "ROS_DOMAIN_ID": str(domain_id),
         }
         self.processes: list[subprocess.Popen[str]] = []
-        self.nodes: list[dict[str, object]] = []
+        self.nodes: list[dict[str, Any]] = []
 
     @property
     def latches(self) -> LatchFolder:
@@ -102,7 +103,7 @@ class Shell:
         raise AssertionError(shown)
 
     def states(self) -> dict[str, str]:
-        answers = json.loads(self.joshua("status", "--format", "json").stdout)
+        answers: list[dict[str, Any]] = json.loads(self.joshua("status", "--format", "json").stdout)
         self.nodes = [node for answer in answers for node in answer["nodes"]]
         return {node["full_name"]: node["state"] for node in self.nodes}
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from joshua.cli.commands.plan import node_lines
@@ -22,7 +23,7 @@ PRESET = FOLDER / "test_mock_hardware.pbtxt"
 STRICT = {**os.environ, "PYTHONIOENCODING": "utf-8:strict"}
 
 
-def joshua(*words: str, **options: object) -> subprocess.CompletedProcess[bytes]:
+def joshua(*words: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
     command = [sys.executable, "-c", PROGRAM, *words]
     return subprocess.run(command, env=STRICT, capture_output=True, timeout=60, **options)
 

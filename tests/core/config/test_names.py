@@ -111,8 +111,8 @@ def test_broken_namespaces(name: str, rule: str) -> None:
 def test_frames() -> None:
     assert frame_fault("camera_top_optical_frame") is None
     assert frame_fault("a/b") is None
-    assert frame_fault("/base").suggestion == "base"  # type: ignore[union-attr]
-    assert frame_fault("a b").suggestion == "a_b"  # type: ignore[union-attr]
+    assert frame_fault("/base").suggestion == "base"
+    assert frame_fault("a b").suggestion == "a_b"
 
 
 def test_hidden_and_reserved_names() -> None:

@@ -237,7 +237,7 @@ def test_dtr_is_switched_and_dropped_on_close_only_where_that_is_asked(
     port = port_of(emulator)
     port.open()
     asked: list[tuple[int, bytes]] = []
-    monkeypatch.setattr(serial_port.fcntl, "ioctl", lambda _, code, value: asked.append((code, value)))
+    monkeypatch.setattr(fcntl, "ioctl", lambda _, code, value: asked.append((code, value)))
     port.set_dtr(raised, drop_on_close=drop_on_close)
     monkeypatch.undo()
     assert asked == [(request_code, struct.pack("I", termios.TIOCM_DTR))]

@@ -106,7 +106,7 @@ def test_a_virtual_sensor_samples_as_fast_as_its_fastest_publisher() -> None:
 def test_settings_are_frozen() -> None:
     settings = MockCameraSettings.from_block(config_pb2.MockCameraConfig(width=64, height=48, fps=30))
     with pytest.raises(ValidationError, match="frozen"):
-        settings.width = 3
+        settings.width = 3  # type: ignore[misc]
 
 
 def test_settings_load_without_numpy() -> None:

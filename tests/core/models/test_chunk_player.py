@@ -4,7 +4,7 @@ import numpy as np
 from joshua.models.chunk_player import ChunkPlayer
 
 
-def chunk(*steps: float) -> np.ndarray:  # type: ignore[type-arg]
+def chunk(*steps: float) -> np.ndarray:
     return np.array(steps)[:, None]
 
 

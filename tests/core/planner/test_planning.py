@@ -107,10 +107,10 @@ def test_an_actuator_knows_who_may_take_over(tmp_path):
     text = Path(path).read_text()
     Path(path).write_text(text.replace("robot {", "robot { " + second, 1))
     nodes = {node.name: node for node in examine(Request(path)).plan.nodes}
-    leader, second, follower = (nodes[name] for name in ("leader", "second", "follower"))
+    leader, other, follower = (nodes[name] for name in ("leader", "second", "follower"))
     assert follower.context["leader"]["node"] == "/leader"
     assert follower.context["take_over"] == [
-        {"node": "/second", "topic": "/leader/joint_states", "joints": second.context["joints"]}
+        {"node": "/second", "topic": "/leader/joint_states", "joints": other.context["joints"]}
     ]
     assert "take_over" not in leader.context
 

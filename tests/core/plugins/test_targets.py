@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from joshua.plugins import ActuatorSpec, SensorSpec
 from joshua.plugins.targets import TargetError, check_targets, load_target
 
 
-def sensor(implementation: str, **more: str) -> SensorSpec:
+def sensor(implementation: str, **more: Any) -> SensorSpec:
     return SensorSpec(block="lidar_config", implementation=implementation, **more)
 
 

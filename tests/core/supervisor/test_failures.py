@@ -346,7 +346,7 @@ def test_a_missing_interpreter_is_named(robot):
 
 
 def test_another_protocol_version_in_an_environment_is_named(robot, monkeypatch):
-    monkeypatch.setattr(managed_process.ipc, "PROTOCOL_VERSION", 99)
+    monkeypatch.setattr("joshua.supervisor.managed_process.ipc.PROTOCOL_VERSION", 99)
 
     report = robot.run(robot.node("Quiet"))
 

@@ -10,7 +10,12 @@ from joshua.supervisor.reactor import Reactor
 
 def climb(times, until, act=lambda ladder, rung: None):
     reactor, taken = Reactor(), []
-    ladder = StopLadder(reactor, times, lambda rung, elapsed_s: (taken.append(rung), act(ladder, rung)))
+
+    def step(rung: Rung, _elapsed_s: float) -> None:
+        taken.append(rung)
+        act(ladder, rung)
+
+    ladder = StopLadder(reactor, times, step)
     ladder.begin()
     ladder.begin()
     reactor.call_later(10.0, lambda: None)
@@ -26,7 +31,8 @@ def test_the_rungs_follow_each_other_up_to_the_kill():
 
 
 def test_a_process_that_ends_is_not_signalled():
-    reactor, taken = Reactor(), []
+    reactor = Reactor()
+    taken: list[Rung | str] = []
     ladder = StopLadder(reactor, LadderTimes(0.01, 0.01), lambda rung, elapsed_s: taken.append(rung))
     ladder.begin()
     ladder.ended()

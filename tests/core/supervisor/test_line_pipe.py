@@ -23,7 +23,8 @@ def stream():
     pipe = LinePipe(
         reading, LineBudget(5, clock), lines.append, dropped.append, lambda: floods.append(clock.now_s)
     )
-    pipe.clock, pipe.lines, pipe.dropped, pipe.floods, pipe.writing = clock, lines, dropped, floods, writing
+    parts = {"clock": clock, "lines": lines, "dropped": dropped, "floods": floods, "writing": writing}
+    vars(pipe).update(parts)
     yield pipe
     pipe.close()
     pipe.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 
 import pytest
 from joshua.supervisor.reactor import Reactor
@@ -53,9 +54,9 @@ def test_a_timer_that_raises_takes_no_other_along():
     ran = []
     reactor = Reactor()
     reactor.call_later(0.0, lambda: ran.append("before"))
-    reactor.call_later(0.0, lambda: 1 / 0)
+    reactor.call_later(0.0, lambda: 1 / 0)  # type: ignore[arg-type]
     for name in ("ladder", "last"):
-        reactor.call_later(0.0, lambda name=name: ran.append(name))
+        reactor.call_later(0.0, partial(ran.append, name))
     with pytest.raises(ZeroDivisionError):
         reactor.turn()
     reactor.turn()
@@ -64,7 +65,7 @@ def test_a_timer_that_raises_takes_no_other_along():
 
 
 def test_descriptors_are_heard_before_timers_judge(pipe):
-    order = []
+    order: list[bytes | str] = []
     reactor = Reactor()
     reactor.watch(pipe[0], lambda: order.append(os.read(pipe[0], 1)))
     reactor.call_later(0.0, lambda: order.append("timer"))
@@ -78,8 +79,13 @@ def test_a_descriptor_forgotten_in_the_same_turn_is_not_called(pipe):
     other = os.pipe()
     called = []
     reactor = Reactor()
+
+    def call(mine: int, theirs: int) -> None:
+        called.append(mine)
+        reactor.forget(theirs)
+
     for mine, theirs in ((pipe[0], other[0]), (other[0], pipe[0])):
-        reactor.watch(mine, lambda mine=mine, theirs=theirs: (called.append(mine), reactor.forget(theirs)))
+        reactor.watch(mine, partial(call, mine, theirs))
     os.write(pipe[1], b"x")
     os.write(other[1], b"x")
     reactor.turn()

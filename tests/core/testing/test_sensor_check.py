@@ -86,7 +86,7 @@ class ReadChanged(MockCamera):
         return reading and type(self).change(reading)
 
 
-def reads(change: Callable[[Reading], Any]) -> type[ReadChanged]:
+def reads(change: Callable[[Any], Any]) -> type[ReadChanged]:
     return type("ReadChanged", (ReadChanged,), {"change": staticmethod(change)})
 
 

@@ -115,7 +115,7 @@ def test_somebody_who_never_answers(camera_at: Maker, monkeypatch: pytest.Monkey
 
 def test_labels() -> None:
     def label(source: str) -> str:
-        settings = CameraSettings.model_construct(source=source, device_id=4)
+        settings = CameraSettings.model_construct(source=source, device_id=4)  # type: ignore[call-arg]
         return CameraSource.of(settings).label
 
     assert label("") == "/dev/video4"

@@ -237,7 +237,7 @@ def test_another_size_is_refused(emulator: EmulatedCamera, camera_at: Maker) -> 
 def test_a_size_that_changes_ends_the_camera(emulator: EmulatedCamera, camera_at: Maker) -> None:
     camera = camera_at(emulator.source)
     camera.connect()
-    emulator.fault("size", "160x120")
+    emulator.ask("fault", kind="size", value="160x120")
     error = until_lost(camera)
     assert "delivers 160 × 120, and the file asks for 320 × 240" in str(error)
     assert not isinstance(error, DeviceDisconnected)

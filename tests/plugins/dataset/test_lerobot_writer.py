@@ -58,6 +58,7 @@ def write(folder: Path, *, lengths: tuple[int, ...] = (3, 2)) -> LeRobotWriter:
 
 def test_the_plugin_provides_what_it_says() -> None:
     spec = load_registry().find(EpisodeWriterSpec, "data_store", "FORMAT_HUGGINGFACE")
+    assert spec is not None
     assert check_targets(spec) == []
 
 

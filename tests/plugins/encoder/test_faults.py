@@ -9,6 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from eventually import eventually
@@ -206,7 +207,7 @@ def test_an_amt21_that_answers_only_at_times(
     emulator = emulator_of("amt21", baudrate=2_000_000, resolution=16384)
     answers, refused = Amt21Source._answers, [84]
 
-    def missed(source: Amt21Source, address: int, *arguments: float, **named: int) -> bool:
+    def missed(source: Amt21Source, address: int, *arguments: Any, **named: Any) -> bool:
         if address in refused:
             refused.remove(address)
             return False

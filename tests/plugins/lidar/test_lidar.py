@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -32,10 +33,10 @@ def next_reading(lidar: SerialLidar, timeout_s: float = 60.0) -> Reading:
 def steady_reading(lidar: SerialLidar) -> Reading:
     """The next turn in which time ran evenly; before the rate of a line is known, a stall shows in it."""
     assert lidar.model is not None
-    return eventually(
-        lambda: _steady(next_reading(lidar), 1 / lidar.model.turn_hz),  # type: ignore[union-attr]
-        "a turn as long as it should be",
-    )
+    turn_s = 1 / lidar.model.turn_hz
+    reading = eventually(lambda: _steady(next_reading(lidar), turn_s), "a turn as long as it should be")
+    assert reading is not None
+    return reading
 
 
 def _steady(reading: Reading, turn_s: float) -> Reading | None:
@@ -175,6 +176,7 @@ def test_a_line_that_loses_packets_leaves_gaps(emulator_of: Start, lidar_at: Mak
 
     eventually(next_gaps, "a scan with gaps")  # one that began before the fault
     scan = eventually(next_gaps, "another one")
+    assert scan is not None
     assert np.isnan(scan.ranges_m).mean() < 0.4
     assert agrees_with_the_room(lidar, scan) > 0.95
 
@@ -216,7 +218,7 @@ def test_a_reader_that_is_held_up_again_and_again_loses_no_turn(emulator_of: Sta
         next_reading(lidar)
     readings: list[Reading] = []
     for held_up_s in (0.12, 0.05, 0.13, 0.9, 0.12, 0.04, 0.12):
-        found = eventually(lambda held_up_s=held_up_s: held_up_readings(lidar, held_up_s), "an even time")
+        found = eventually(partial(held_up_readings, lidar, held_up_s), "an even time")
         # every turn is there, at its time
         assert abs((found[-1].stamp_ns - found[0].stamp_ns) / 1e8 - (len(found) - 1)) < 0.8
         readings += found

@@ -10,6 +10,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -140,7 +141,7 @@ def test_servos_answer_while_the_simulation_makes_them_wait(tmp_path: Path) -> N
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as silent:
         silent.bind(str(tmp_path / "bus.sock"))
         silent.listen()
-        options = {
+        options: dict[str, Any] = {
             "physics": tmp_path / "bus.sock",
             "physics_actuators": JOINTS,
             "physics_start_rad": [0.0] * 6,

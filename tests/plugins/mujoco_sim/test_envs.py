@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import gymnasium
 import mujoco
@@ -140,7 +141,7 @@ def test_many_run_on_any_number_of_cores_alike() -> None:
 
 def test_reach_can_be_solved() -> None:
     """A controller that follows the Jacobian of the grip reaches the goal, so the task is possible."""
-    environment = gymnasium.make("joshua/SoArm100Reach-v0").unwrapped
+    environment: Any = gymnasium.make("joshua/SoArm100Reach-v0").unwrapped
     state = environment.state
     site = state.model.site("gripper").id
     successes = 0

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import av
 import pytest
@@ -118,7 +119,7 @@ def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> N
             )
             program = [sys.executable, "-m", "joshua.cli.main", "--config", str(path)]
             environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
-            pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+            pipes: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
             runs.append((path.parent, subprocess.Popen(program, env=environment, **pipes)))
         end_s = time.monotonic() + 100
         while not all((folder / "out/f_0006.png").exists() or run.poll() is not None for folder, run in runs):

@@ -16,7 +16,9 @@ def physics() -> Physics:
 
 
 def recording(joint: str, values: list[float]) -> Trajectory:
-    return Trajectory("wave.csv", (joint,), np.arange(len(values)) * 0.1, np.array(values)[:, None])
+    return Trajectory(
+        "wave.csv", (joint,), np.arange(len(values), dtype=float) * 0.1, np.array(values)[:, None]
+    )
 
 
 def test_time_decides_which_samples_are_placed(physics: Physics) -> None:

@@ -127,7 +127,7 @@ def test_stamps_are_simulated_time(simulation: Simulation) -> None:
             stamp = simulation.newest[topic].header.stamp
             return abs(float(stamp.sec + stamp.nanosec * 1e-9) - simulation.time_s())
 
-        simulation.wait(lambda lag_s=lag_s: lag_s() < 2.0)
+        simulation.wait(lambda: lag_s() < 2.0)
 
     def pace() -> float:
         """Simulated time against the clock; the machine may stand still in the midst of it."""

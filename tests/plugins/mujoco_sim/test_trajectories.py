@@ -17,7 +17,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 JOINTS = ("shoulder_pan", "gripper")
-TIMES = np.arange(5) * 0.1
+TIMES = np.arange(5, dtype=np.float64) * 0.1
 POSITIONS = np.column_stack([np.linspace(-1, 1, 5), np.linspace(0, 0.4, 5)])
 RANGES = {"shoulder_pan": (-2.0, 2.0), "gripper": (0.0, 1.0)}
 

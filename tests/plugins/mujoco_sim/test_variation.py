@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from joshua_mujoco_sim.model_file import load_model
@@ -61,7 +63,8 @@ def test_changes_stay_within_their_sizes() -> None:
 @pytest.mark.parametrize("part", range(4))
 def test_a_part_of_size_zero_stays_as_it_is(part: int) -> None:
     sizes = [("joint_rad",), ("object_m",), ("light",), ("camera_m", "camera_rad")][part]
-    nominal, varied, rest = physics(None), physics(3, **dict.fromkeys(sizes, 0.0)), physics(3)
+    nothing: dict[str, Any] = dict.fromkeys(sizes, 0.0)
+    nominal, varied, rest = physics(None), physics(3, **nothing), physics(3)
     touched = [slice(0, 6), slice(6, 13)]
     if part < 2:
         assert np.array_equal(varied.data.qpos[touched[part]], nominal.data.qpos[touched[part]])

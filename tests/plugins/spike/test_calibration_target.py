@@ -41,9 +41,11 @@ def test_positions_are_absolute_and_follow_the_hand(hub: EmulatedHub, target: Sp
     assert target.raw_positions() == pytest.approx((ticks(12), ticks(-25)), abs=12)
     for angle in (90, 179, -170, -5, 0):
         hub.hand("A", angle)
-        expected = pytest.approx(ticks(angle), abs=12)
-        # states that were on their way already come first
-        eventually(lambda expected=expected: target.raw_positions()[0] == expected, f"{angle} degrees")
+
+        def shown(expected: int = ticks(angle)) -> bool:
+            return target.raw_positions()[0] == pytest.approx(expected, abs=12)
+
+        eventually(shown, f"{angle} degrees")  # states that were on their way already come first
     assert [motor["powered"] for motor in hub.state()["motors"].values()] == [False, False]
 
 

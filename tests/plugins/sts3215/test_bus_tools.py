@@ -66,7 +66,7 @@ def test_servos_with_high_ids_are_found_among_others() -> None:
 def test_servos_at_different_speeds_are_found_each_at_its_own() -> None:
     with EmulatedBus(ids=(1, 2)) as emulator, tools_on(emulator) as tools:
         emulator.ask("set_register", slot=1, name="baudrate", value=4)
-        tools.set_up = replace(tools.set_up, quiet_s=0.5)  # type: ignore[misc] - patient with a busy machine
+        tools.set_up = replace(tools.set_up, quiet_s=0.5)  # type: ignore[misc]  # a busy machine is slow
         found = tools.scan((1_000_000, 115_200, 38_400))
         assert [(motor.motor_id, motor.baudrate) for motor in found] == [(1, 1_000_000), (2, 115_200)]
 
@@ -87,7 +87,7 @@ def test_a_silent_bus_and_an_adapter_with_echo() -> None:
         emulator.fault("silent")
         assert list(tools.scan()) == []
     with EmulatedBus(ids=(4, 5), echo=True) as emulator, tools_on(emulator) as tools:
-        tools.make_bus = partial(Bus, reply_margin_s=PATIENT_S)  # type: ignore[assignment]
+        tools.make_bus = partial(Bus, reply_margin_s=PATIENT_S)  # type: ignore[assignment, misc]
         assert [motor.motor_id for motor in tools.scan((1_000_000,))] == [4, 5]
 
 

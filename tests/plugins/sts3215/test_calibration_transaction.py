@@ -182,6 +182,7 @@ def test_a_power_cut_of_the_servos_is_undone(rig: Rig, asked_times: int):
 
 def test_a_file_that_cannot_be_renamed_undoes_the_servos(rig: Rig, monkeypatch: pytest.MonkeyPatch):
     def fail(self: PreparedFile) -> None:
+        assert self._temporary is not None
         os.unlink(self._temporary)
         os.mkdir(self._temporary)
         try:

@@ -17,7 +17,7 @@ position_max: 4000
 velocity: 1000
 acceleration: 200
 """
-CALIBRATION = {
+CALIBRATION: dict[str, Any] = {
     "device_identity": "usb:SN1",
     "calibrated_at": "2026-01-31T12:00:00Z",
     "motors": [
@@ -122,7 +122,7 @@ def test_a_calibration_must_know_each_motor_and_leave_it_a_range() -> None:
     assert problem.allowed == ("1", "2")
     _, (problem,) = settings_of(BLOCK.replace("min: 100", "min: 3100"), {"calibration": CALIBRATION})
     assert "The joint pan cannot move: position_min 3100" in problem.message
-    broken = {**CALIBRATION, "motors": [{**CALIBRATION["motors"][0], "range_max": 9999}]}  # type: ignore[index]
+    broken = {**CALIBRATION, "motors": [{**CALIBRATION["motors"][0], "range_max": 9999}]}
     settings, (problem, *_) = settings_of(BLOCK, {"calibration": broken})
     assert settings is None
     assert "range_max" in problem.message

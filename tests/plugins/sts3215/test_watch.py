@@ -20,7 +20,7 @@ def watch() -> HealthWatch:
 def test_feedback_is_read_with_its_signs() -> None:
     data = bytes((0x00, 0x08, 0x0A, 0x80, 0xF4, 0x05, 121, 33, 0, 0x20, 1, 0, 0, 100, 0))
     feedback = parse_feedback(data)
-    assert feedback == Feedback(2048, -10, -0.5, 12.1, 33, 0x20, True, pytest.approx(0.65))
+    assert feedback == Feedback(2048, -10, -0.5, 12.1, 33, 0x20, True, pytest.approx(0.65))  # type: ignore[arg-type]
     against = parse_feedback(data[:13] + bytes((100, 0x80)))
     assert against.current_a == pytest.approx(0.65), "the highest bit is the direction"
 

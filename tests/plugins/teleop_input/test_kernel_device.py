@@ -17,7 +17,7 @@ from joshua_teleop_input import discovery, kernel_device
 from joshua_teleop_input.codes import AXES, BUTTONS
 from joshua_teleop_input.discovery import Found, find_by_name, find_devices, open_gamepad
 from joshua_teleop_input.errors import InputDeviceError
-from joshua_teleop_input.events import AxisRange, Capabilities
+from joshua_teleop_input.events import NATIVE_RECORD, AxisRange, Capabilities
 from joshua_teleop_input.gamepad import Gamepad
 
 PROGRAM = """
@@ -48,7 +48,7 @@ def test_the_queries_are_those_of_the_kernel(tmp_path: Path) -> None:
         kernel_device.eviocgbit(1, 96),
         kernel_device.eviocgbit(3, 8),
         kernel_device.eviocgabs(3),
-        kernel_device.NATIVE_RECORD.size,
+        NATIVE_RECORD.size,
         24,
     ]
 

@@ -48,6 +48,7 @@ class Bare:
     positions: Positions = field(default_factory=Positions)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     sources: dict[str, str] = field(default_factory=dict)
+    calibration_file: str = ""
     is_readable: bool = True
 
 

@@ -272,7 +272,7 @@ def test_half_a_packet_of_a_killed_driver_does_not_swallow_the_release(
     with kind.open_bus(moving_arm) as bus:
         sent: list[bytes] = []
         send = bus.port.send
-        bus.port.send = sent.append  # type: ignore[method-assign]
+        bus.port.send = sent.append  # type: ignore[method-assign, assignment]
         goal = kind.family.goal_position
         bus.sync_write(goal.address, goal.width, dict.fromkeys((1, 2, 3, 4, 5, 6), goal.encode(2048)))
         send(sent[0][:cut])

@@ -74,7 +74,7 @@ def test_a_slow_line_is_read_once(kind: Kind) -> None:
         port = SerialPort(Endpoint(emulator.port), baudrate)
         port.open()
         bus = kind.bus(port)
-        reader = StateReader(bus, kind.family, dict.fromkeys(ids, ""), list)
+        reader = StateReader(bus, kind.family, dict.fromkeys(ids, ""), list)  # type: ignore[arg-type]
         began_s = time.monotonic()
         reader.feedback()
         took_s = time.monotonic() - began_s

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -76,7 +77,8 @@ def test_pictures_are_saved(devices: EmulatedDevices, root: Path, tmp_path: Path
     assert good["source"] == BY_ID
     assert good["device_id"] == 0
     assert good["formats"][0]["sizes"][0] == {"width": 640, "height": 480, "rates_hz": [30, 15]}
-    code_shown = read_code(cv2.imread(good["picture"]))
+    picture: Any = cv2.imread(good["picture"])
+    code_shown = read_code(picture)
     assert code_shown is not None
     assert code_shown.number == 77
     assert "is in use by another process" in busy["problem"]

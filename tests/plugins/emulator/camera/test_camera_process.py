@@ -169,7 +169,7 @@ def test_unplug_with_a_time_for_the_replug(camera: EmulatedCamera) -> None:
 
 
 def test_another_size_and_another_rate(camera: EmulatedCamera, stream: Stream) -> None:
-    camera.fault("size", "160x120")
+    camera.ask("fault", kind="size", value="160x120")
     while pixels(stream.part()).shape != (120, 160, 3):
         pass
     camera.fault("rate", 200)
