@@ -50,7 +50,7 @@ class CoupledCamera:
     camera: str
 
 
-#: What ``SimulatorSpec.sim_adapter`` names. It takes the configuration, which it changes, the devices to stand
-#: for and whether their buses are emulated, puts blocks of simulated devices in their place, and returns what
-#: each emulated device is coupled to by node name. Raises SimAdapterError.
+#: What ``SimulatorSpec.sim_adapter`` names. It takes the configuration, which it changes, the devices to
+#: stand for and whether their buses are emulated, puts blocks of simulated devices in their place, and
+#: returns what each emulated device is coupled to by node name. Raises SimAdapterError.
 SimAdapter = Callable[[Any, Sequence[RealDevice], bool], dict[str, CoupledArm | CoupledCamera]]

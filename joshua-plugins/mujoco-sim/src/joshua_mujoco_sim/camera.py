@@ -113,9 +113,7 @@ class SimCamera(Sensor):
             return self._camera_info(reading, frame_id)
         if type_name == COMPRESSED_IMAGE:
             data = io.BytesIO()
-            Image.fromarray(reading.data).save(
-                data, format="PNG", compress_level=1
-            )  # a stream
+            Image.fromarray(reading.data).save(data, format="PNG", compress_level=1)  # a stream
             encoded = np.frombuffer(data.getvalue(), np.uint8)
             return message_class(COMPRESSED_IMAGE)(header(frame_id, reading.stamp_ns), "rgb8; png", encoded)
         return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
