@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joshua.features import Feature, FeatureSet
 from joshua.messages import message_class
+from joshua.messages.arrays import load_decoder
+from joshua.messages.make import joint_state
 from joshua.models.inference_node import InferenceNode
 from joshua.models.model import Model, ModelError, Observation
 from joshua.models.random_noise_settings import RandomNoiseSettings
@@ -130,7 +133,7 @@ def test_observations_become_actions_at_the_publishers_rate(model: Any) -> None:
     end(context, node)
     assert actions(context)[:4] == [[0.1, 0.0], [0.2, 0.05], [0.1, 0.0], [0.2, 0.05]]
     observation = model.seen[0]
-    assert observation.messages["/seen"].data == 2, "the newest"
+    assert observation["observation.seen"].tolist() == [2], "the newest"
     assert observation.task == "pick it up"
     assert abs(observation.stamp_ns - time.time_ns()) < 60e9
     message = context.publishers["/action"].messages[0]
@@ -218,12 +221,50 @@ def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, messa
             {"publishers": (TopicSpec(name="/x", type_name="sensor_msgs/msg/Imu", rate_hz=1.0),)},
             "/policy cannot publish sensor_msgs/msg/Imu on /x",
         ),
+        (
+            {"subscriptions": (TopicSpec(name="/text", type_name="std_msgs/msg/String"),)},
+            "/policy cannot observe std_msgs/msg/String on /text: it holds no numbers",
+        ),
     ],
 )
 def test_a_model_that_cannot_act_is_refused(model: Any, fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         InferenceNode(RecordingContext(spec(**fields))).configure()
     assert model.calls == []
+
+
+def test_compressed_pictures_need_a_decoder(model: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    load_decoder.cache_clear()
+    seen = TopicSpec(name="/top", type_name="sensor_msgs/msg/CompressedImage")
+    with pytest.raises(ModelError, match=r"/policy: compressed images need OpenCV .* pip install opencv"):
+        InferenceNode(RecordingContext(spec(subscriptions=(seen,)))).configure()
+
+
+def test_a_message_that_does_not_fit_is_said_once_and_not_acted_on(
+    model: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    features = [Feature.joints("observation.state", ("a", "b"), topic="/arm")]
+    seen = TopicSpec(name="/arm", type_name="sensor_msgs/msg/JointState")
+    context, node = start(
+        spec(
+            subscriptions=(seen,),
+            context={"joints": JOINTS, "features": FeatureSet(features).as_json()},
+        )
+    )
+
+    def see_other_joints() -> bool:
+        context.receive("/arm", joint_state(["c"], [1.0]))
+        return any("is not used" in message for message in caplog.messages)
+
+    wait_until(see_other_joints)
+    see_other_joints()
+    assert model.seen == []
+    context.receive("/arm", joint_state(["b", "a"], [2.0, 1.0]))
+    wait_until(lambda: bool(model.seen))
+    end(context, node)
+    assert model.seen[0]["observation.state"].tolist() == [1.0, 2.0]
+    assert sum("is not used" in message for message in caplog.messages) == 1
 
 
 def test_random_noise_runs_as_a_node() -> None:

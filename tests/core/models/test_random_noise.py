@@ -8,7 +8,7 @@ from joshua.models.random_noise_settings import RandomNoiseSettings
 from joshua.schema import config_pb2
 
 JOINTS = JointSpace(("a", "b"), np.array([-1.0, 0.0]), np.array([1.0, 0.1]))
-NOTHING = Observation(0, {})
+NOTHING = Observation(0)
 
 
 def noise(**fields: float) -> RandomNoise:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua.messages import message_class
 from joshua.models.model import JointSpace, Model, ModelError, Observation
 from joshua.models.random_noise import RandomNoise
 from joshua.models.random_noise_settings import RandomNoiseSettings
@@ -20,7 +19,7 @@ SETTINGS = RandomNoiseSettings.from_block(config_pb2.RandomNoiseConfig())
 
 
 def observe() -> Observation:
-    return Observation(1, {"/count": message_class("std_msgs/msg/Int64")(7)})
+    return Observation(1, {"observation.state": np.array([7.0, 8.0])})
 
 
 def test_random_noise_conforms() -> None:
@@ -57,8 +56,8 @@ def acts(change: Callable[[Any], Any]) -> type[Acts]:
 
 class ChangesTheObservation(RandomNoise):
     def act(self, observation: Observation) -> Any:
-        for message in observation.messages.values():
-            message.data = 0
+        for value in observation.values.values():
+            value -= 7
         return super().act(observation)
 
 

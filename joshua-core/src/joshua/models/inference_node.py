@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from joshua.features.derive import features_of
+from joshua.features.feature_set import FeatureSet
+from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
+from joshua.messages.errors import MessageError
 from joshua.messages.make import joint_state
 from joshua.models.chunk_player import ChunkPlayer
 from joshua.models.model import FloatArray, JointSpace, Model, ModelError
-from joshua.models.observer import STALE_AFTER_S, Observer
+from joshua.models.observer import STALE_AFTER_S, Observer, UnfitMessageError
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below, meter_for
@@ -33,7 +38,7 @@ class InferenceNode(NodeBehaviour):
     actuator's own watchdog holds it.
 
     Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each commanded joint),
-    ``task`` (instruction in natural language), ``observation_stale_s``.
+    ``features`` (of its subscriptions), ``task`` (instruction in natural language), ``observation_stale_s``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -43,8 +48,13 @@ class InferenceNode(NodeBehaviour):
         self._joints = joint_space(facts.get("joints", ()))
         self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
         self._player = ChunkPlayer()
+        self._features = (
+            FeatureSet.from_json(facts["features"])
+            if "features" in facts
+            else features_of((), context.spec.subscriptions)
+        )
         self._observer = Observer(
-            [topic.name for topic in context.spec.subscriptions],
+            self._features,
             facts.get("observation_stale_s", STALE_AFTER_S),
             facts.get("task", ""),
         )
@@ -52,6 +62,7 @@ class InferenceNode(NodeBehaviour):
         self._received = {topic.name: RateMeter() for topic in context.spec.subscriptions}
         self._runs = False
         self._silent_about: tuple[str, ...] = ()
+        self._said: deque[str] = deque(maxlen=16)
         self._chunks = self._periods = self._gaps = 0
         self._started = False
 
@@ -71,8 +82,15 @@ class InferenceNode(NodeBehaviour):
                 f"{spec.full_name} does not know its joints: let an actuator subscribe to "
                 f"{spec.publishers[0].name}"
             )
+        for topic in spec.subscriptions:
+            if not holds_numbers(topic.type_name):
+                raise ModelError(
+                    f"{spec.full_name} cannot observe {topic.type_name} on {topic.name}: it holds no numbers"
+                )
+            if topic.type_name == COMPRESSED_IMAGE:
+                _require_decoder(spec.full_name)
         implementation, settings = load_implementation(spec, Model)
-        model: Model = implementation(settings, self._joints, dict(spec.context))
+        model: Model = implementation(settings, self._joints, self._features)
         self._model = model
         model.load()
         model.reset()
@@ -131,7 +149,12 @@ class InferenceNode(NodeBehaviour):
         while not self.context.stopping:
             if not self._player.wait_until_wanted(WAIT_S) or self._observations_missing():
                 continue
-            chunk = self._checked(model.act(self._observer.observation()))
+            try:
+                observation = self._observer.observation()
+            except UnfitMessageError as error:
+                self._say_once(str(error))
+                continue
+            chunk = self._checked(model.act(observation))
             self._chunks += 1
             self._player.put(chunk)
 
@@ -147,6 +170,11 @@ class InferenceNode(NodeBehaviour):
         if missing:
             time.sleep(0.01)
         return bool(missing)
+
+    def _say_once(self, text: str) -> None:
+        if text not in self._said:
+            self._said.append(text)
+            self.context.log.warning("%s", text)
 
     def _checked(self, actions: FloatArray) -> FloatArray:
         """Returns a model's actions clipped to the limits. Raises ModelError for any other shape or NaN."""
@@ -177,6 +205,13 @@ class InferenceNode(NodeBehaviour):
             if limit is None or limit.passes(now_ns):
                 publisher.publish(message)
                 meter.add()
+
+
+def _require_decoder(node: str) -> None:
+    try:
+        load_decoder()
+    except MessageError as error:
+        raise ModelError(f"{node}: {error}") from error
 
 
 def joint_space(joints: Any) -> JointSpace:

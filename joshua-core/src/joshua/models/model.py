@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from joshua.features.feature_set import FeatureSet
+from joshua.features.frame import Frame
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -23,27 +25,29 @@ class JointSpace:
 
 
 @dataclass(frozen=True)
-class Observation:
-    """What a model sees.
+class Observation(Frame):
+    """What a model sees: the newest value of each feature; ``stamp_ns`` is that of the newest part.
 
     Attributes:
-        stamp_ns: time of the newest part, ns since the epoch.
-        messages: newest ROS 2 message of each subscribed topic, by topic name.
         task: instruction in natural language; "" if none.
     """
 
-    stamp_ns: int
-    messages: Mapping[str, Any]
     task: str = ""
 
 
 class Model(ABC):
-    """A policy. Order: constructor (no I/O) → ``load`` → ``reset`` → ``act``… → ``close`` (idempotent)."""
+    """A policy. Order: constructor (no I/O) → ``load`` → ``reset`` → ``act``… → ``close`` (idempotent).
 
-    def __init__(self, settings: Any, joints: JointSpace, context: dict[str, Any] | None = None) -> None:
+    Args:
+        settings: made from the block of the file.
+        joints: that it commands.
+        features: what each observation holds: joints in radians, pictures as (H, W, 3) uint8, RGB.
+    """
+
+    def __init__(self, settings: Any, joints: JointSpace, features: FeatureSet | None = None) -> None:
         self.settings = settings
         self.joints = joints
-        self.plan_context: dict[str, Any] = context or {}
+        self.features = features if features is not None else FeatureSet()
 
     @abstractmethod
     def load(self) -> None:

@@ -1,12 +1,15 @@
-"""The newest message of each observed topic, and whether all of them are fresh enough to act on."""
+"""The newest value of each observed feature, and whether all of them are fresh enough to act on."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+from joshua.features.feature_set import FeatureSet
+from joshua.features.frame import Array, FeatureError, checked
+from joshua.messages.arrays import acquired_ns, array_of
+from joshua.messages.errors import MessageError
 from joshua.models.model import Observation
 
 NS_PER_S = 1_000_000_000
@@ -15,40 +18,76 @@ NS_PER_S = 1_000_000_000
 STALE_AFTER_S = 1.0
 
 
+class UnfitMessageError(Exception):
+    """A message cannot be shown to the model; says on which topic and why."""
+
+
+class _Newest(NamedTuple):
+    message: Any
+    received_ns: int
+    monotonic_ns: int
+
+
 class Observer:
     """Collects observations; messages come from transport threads, observations go to the model's.
 
+    A message becomes an array only when the model wants it, on the model's thread.
+
     Args:
-        topics: that must be fresh.
+        features: that must be fresh, each with its topic.
         stale_after_s: largest age of a message.
         task: instruction in natural language.
     """
 
-    def __init__(self, topics: Sequence[str], stale_after_s: float = STALE_AFTER_S, task: str = "") -> None:
-        self._topics = tuple(topics)
+    def __init__(self, features: FeatureSet, stale_after_s: float = STALE_AFTER_S, task: str = "") -> None:
+        self._features = tuple(features.values())
         self._stale_after_ns = round(stale_after_s * NS_PER_S)
         self._task = task
         self._lock = threading.Lock()
-        self._newest: dict[str, tuple[Any, int, int]] = {}
+        self._newest: dict[str, _Newest] = {}
+        self._arrays: dict[str, tuple[Any, Array]] = {}
 
     def add(self, topic: str, message: Any, received_ns: int) -> None:
         """Takes a message; ``received_ns`` since the epoch."""
         with self._lock:
-            self._newest[topic] = (message, received_ns, time.monotonic_ns())
+            self._newest[topic] = _Newest(message, received_ns, time.monotonic_ns())
 
     def missing(self) -> tuple[str, ...]:
         """Topics without a fresh message."""
         oldest_ns = time.monotonic_ns() - self._stale_after_ns
         with self._lock:
             return tuple(
-                topic
-                for topic in self._topics
-                if topic not in self._newest or self._newest[topic][2] < oldest_ns
+                feature.topic
+                for feature in self._features
+                if feature.topic not in self._newest or self._newest[feature.topic].monotonic_ns < oldest_ns
             )
 
     def observation(self) -> Observation:
-        """The newest message of each topic."""
+        """The newest value of each feature.
+
+        Raises:
+            UnfitMessageError: a message does not fit its feature; it is dropped, and its topic missing.
+        """
         with self._lock:
-            stamp_ns = max((received_ns for _, received_ns, _ in self._newest.values()), default=0)
-            messages = {topic: message for topic, (message, _, _) in self._newest.items()}
-        return Observation(stamp_ns or time.time_ns(), messages, self._task)
+            newest = dict(self._newest)
+        seen = [feature for feature in self._features if feature.topic in newest]
+        values, stamps_ns = {}, {}
+        for feature in seen:
+            message, received_ns, _ = newest[feature.topic]
+            known = self._arrays.get(feature.key)
+            if known is None or known[0] is not message:
+                try:
+                    known = message, checked(feature, array_of(message, feature.names))
+                except (MessageError, FeatureError) as error:
+                    self._drop(feature.topic, message)
+                    raise UnfitMessageError(f"a message on {feature.topic} is not used: {error}") from error
+                self._arrays[feature.key] = known
+            values[feature.key] = known[1]
+            stamps_ns[feature.key] = acquired_ns(message, received_ns)
+        stamp_ns = max(stamps_ns.values(), default=0) or time.time_ns()
+        return Observation(stamp_ns, values, stamps_ns, task=self._task)
+
+    def _drop(self, topic: str, message: Any) -> None:
+        with self._lock:
+            if topic in self._newest and self._newest[topic].message is message:
+                del self._newest[topic]

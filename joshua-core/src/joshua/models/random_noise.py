@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from joshua.features.feature_set import FeatureSet
 from joshua.models.model import FloatArray, JointSpace, Model, ModelError, Observation
 from joshua.models.random_noise_settings import RandomNoiseSettings
 
@@ -22,9 +21,9 @@ class RandomNoise(Model):
     settings: RandomNoiseSettings
 
     def __init__(
-        self, settings: RandomNoiseSettings, joints: JointSpace, context: dict[str, Any] | None = None
+        self, settings: RandomNoiseSettings, joints: JointSpace, features: FeatureSet | None = None
     ) -> None:
-        super().__init__(settings, joints, context)
+        super().__init__(settings, joints, features)
         self._generator: np.random.Generator | None = None
 
     def load(self) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from joshua.config.topics import Endpoint, endpoints
+from joshua.features.derive import features_of
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.planner.devices import Wanted
 from joshua.planner.findings import Findings
@@ -53,7 +54,7 @@ class NodePlanner:
         specs = [self._spec(resolved) for resolved in nodes]
         for plugin, wants in self._without_native.items():
             self._findings.native_missing(wants, plugin)
-        return specs
+        return [_with_features(spec, specs) if spec.kind is NodeKind.MODEL else spec for spec in specs]
 
     def _spec(self, resolved: Resolved) -> NodeSpec:
         want, spec = resolved.want, resolved.spec
@@ -152,6 +153,12 @@ class NodePlanner:
             and endpoint.topic in spoken
             and isinstance(endpoint.entry.owner, pb.SingleAction)
         ]
+
+
+def _with_features(model: NodeSpec, nodes: list[NodeSpec]) -> NodeSpec:
+    """A model with the features that it observes, as those who publish them describe them."""
+    features = features_of(nodes, model.subscriptions).as_json()
+    return model.model_copy(update={"context": model.context | {"features": features}})
 
 
 def _times(spec: NodePluginSpec) -> dict[str, float]:
