@@ -62,6 +62,8 @@ SIDE_BY_SIDE = (
     "tests/plugins/*/test_motors_setup.py",
     "tests/plugins/*/test_parsers.py",
     "tests/plugins/calibration",
+    "tests/plugins/serial",
+    "tests/plugins/servo",
     "tests/presets",
     "tests/tools",
 )

@@ -13,10 +13,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.servo.bus import ServoBus
-from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+from joshua_servo.bus import ServoBus
 
 IDS = (1, 2, 3, 4, 5, 6)
 ROUNDS, CYCLES = 5, 200

@@ -25,11 +25,11 @@ sys.path.append(str(Path(__file__).parents[1] / "support"))
 
 from emulated_teleop import teleoperation
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.servo.safe_stop import SafeStopRequest
 from joshua.guardian.latch import LatchFolder
 from joshua.supervisor.control_server import ask
 from joshua.supervisor.run_directory import SOCKET_NAME, all_systems
 from joshua_emulator import EmulatedBus
+from joshua_servo.safe_stop import SafeStopRequest
 from joshua_sts3215 import safe_stop
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.settings import Sts3215Settings

@@ -19,8 +19,8 @@ import sys
 import time
 from typing import Any
 
-from joshua.devices.servo.safe_stop import SafeStopRequest
 from joshua_emulator import EmulatedBus
+from joshua_servo.safe_stop import SafeStopRequest
 
 ROUNDS = 12
 IDS = (1, 2, 3, 4, 5, 6)
@@ -54,7 +54,7 @@ while True:
 
 GUARDIAN = """
 import importlib, sys
-from joshua.devices.servo.safe_stop import SafeStopRequest
+from joshua_servo.safe_stop import SafeStopRequest
 run = importlib.import_module(sys.argv[2] + ".safe_stop").run
 request = SafeStopRequest.from_json(sys.argv[1])
 print("watching", flush=True)

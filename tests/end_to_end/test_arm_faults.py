@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 from emulated_teleop import JOSHUA, teleoperation
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 from watched import Watched
 
 FOLLOWER = "robot.actions[follower_arm].sts3215_config"
@@ -95,8 +95,8 @@ def test_a_port_without_permission_names_the_remedy(follower: EmulatedBus, tmp_p
     program = """
 import os, sys
 from joshua.devices.errors import DeviceError
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 os.setgroups([])
 os.setgid(65534)
 os.setuid(65534)

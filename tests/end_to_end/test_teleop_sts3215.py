@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from emulated_teleop import teleoperation
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.registers import TORQUE_ENABLE
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from joshua.devices.bus_tools import AssignmentFailed, BusTools, FoundMotor
-from joshua.devices.serial_errors import PortDisconnected
-from joshua.devices.serial_port import SerialPort
+from joshua_serial.errors import PortDisconnected
+from joshua_serial.port import SerialPort
+from joshua_servo.bus_tools import AssignmentFailed, BusTools, FoundMotor
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from joshua.devices.servo.bus import REPLY_MARGIN_S, ServoBus
+from joshua_servo.bus import REPLY_MARGIN_S, ServoBus
 
 #: How long a reply is waited for where a servo does answer; one that is silent costs all of it, each time.
 PATIENT_S = 3.0

@@ -7,19 +7,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.servo.arm import ServoArm
-from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.family import ServoFamily
-from joshua.devices.servo.safe_stop import SafeStopReport, SafeStopRequest
-from joshua.devices.servo.settings import ServoSettings
-from joshua.devices.usb_ports import Endpoint
 from joshua_dynamixel import safe_stop as dynamixel_stop
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus import Bus as DynamixelBus
 from joshua_dynamixel.family import X_SERIES
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+from joshua_servo.arm import ServoArm
+from joshua_servo.bus import ServoBus
+from joshua_servo.family import ServoFamily
+from joshua_servo.safe_stop import SafeStopReport, SafeStopRequest
+from joshua_servo.settings import ServoSettings
 from joshua_sts3215 import safe_stop as sts3215_stop
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus import Bus as Sts3215Bus

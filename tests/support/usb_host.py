@@ -5,9 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from joshua.cli.doctor.host import Host
 
 MakeHost = Callable[..., Host]
+USER = 4711
+
+
+@pytest.fixture
+def make_host(tmp_path: Path) -> MakeHost:
+    """Writes files below the root and makes a host for an ordinary user."""
+
+    def make(files: dict[str, str] | None = None, *, groups: tuple[int, ...] = ()) -> Host:
+        for name, text in (files or {}).items():
+            path = tmp_path / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+        return Host(tmp_path, USER, groups, "ada")
+
+    return make
 
 
 def plug(

@@ -30,4 +30,4 @@ def test_a_distribution_is_typed_and_says_what_it_needs(folder: Path):
     assert list(folder.glob("*.py")) == []
     if folder.name != "joshua-core":
         assert "joshua-core" in project["dependencies"]
-        assert "joshua.plugins" in project["entry-points"]
+        assert {"joshua.plugins", "joshua.commands"} & set(project["entry-points"])

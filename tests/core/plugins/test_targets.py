@@ -48,10 +48,10 @@ def test_the_tools_of_a_bus_are_checked_like_the_rest() -> None:
     arm = ActuatorSpec(
         block="sts3215_config",
         implementation="joshua.devices.actuator:Actuator",
-        bus_tools="joshua.devices.bus_tools:BusTools",
+        bus_tools="joshua_servo.bus_tools:BusTools",
     )
     assert check_targets(arm) == []
     assert check_targets(replace(arm, bus_tools="pathlib:PurePath")) == [
         "bus_tools: pathlib:PurePath is a class derived from builtins.object, "
-        "not a class derived from joshua.devices.bus_tools:BusTools"
+        "not a class derived from joshua_servo.bus_tools:BusTools"
     ]

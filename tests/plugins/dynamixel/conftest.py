@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus import Bus
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 from patience import PATIENT_S, patient
 
 OpenBus = Callable[..., Any]

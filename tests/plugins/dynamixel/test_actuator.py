@@ -4,7 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.servo.errors import (
+from joshua_dynamixel.actuator import DynamixelActuator
+from joshua_emulator import EmulatedBus
+from joshua_servo.errors import (
     CalibrationMismatch,
     MotorCheckFailed,
     NoReply,
@@ -12,8 +14,6 @@ from joshua.devices.servo.errors import (
     NotEnabled,
     SafetyTripped,
 )
-from joshua_dynamixel.actuator import DynamixelActuator
-from joshua_emulator import EmulatedBus
 from patience import BRISK_S, PATIENT_S
 
 MIXED = ["xl330-m077", "xl430-w250", "xl430-w250"]

@@ -1,9 +1,9 @@
 from typing import Any
 
 import pytest
-from joshua.devices.servo.errors import NoReply, ServoRefused
 from joshua_dynamixel import registers as reg
 from joshua_emulator import EmulatedBus
+from joshua_servo.errors import NoReply, ServoRefused
 from patience import BRISK_S, PATIENT_S
 
 IDS = (1, 2, 3)

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from joshua.devices.bus_tools import AssignmentFailed, FoundMotor
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_dynamixel.bus_tools import DynamixelBusTools
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+from joshua_servo.bus_tools import AssignmentFailed, FoundMotor
 
 
 @contextmanager

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import pytest
 from joshua.devices.calibration_target import StoredMotor
 from joshua.devices.errors import DeviceDisconnected
-from joshua.devices.servo.errors import MotorCheckFailed
 from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
+from joshua_servo.errors import MotorCheckFailed
 from patience import BRISK_S, patient
 
 

@@ -3,16 +3,17 @@
 from typing import ClassVar
 
 from joshua.devices.actuator import Actuator
-from joshua.devices.bus_tools import BusTools
 from joshua.devices.calibration_target import CalibrationTarget
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
-from joshua.testing import check_actuator, check_bus_tools
+from joshua.testing import check_actuator
 from joshua_calibration.testing import check_calibration_target
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus_tools import DynamixelBusTools
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+from joshua_servo.bus_tools import BusTools
+from joshua_servo.testing import check_bus_tools
 from patience import patient
 
 

@@ -1,9 +1,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.devices.servo.reply import Reply
 from joshua_dynamixel.packet import PING, READ, Search, request
 from joshua_emulator.dynamixel.packets import packet, status_packet
+from joshua_servo.reply import Reply
 
 # Bytes that make headers, so that stuffing is met often.
 AWKWARD = st.lists(st.sampled_from((0xFF, 0xFD, 0x00, 0x55)), max_size=24).map(bytes)

@@ -1,4 +1,3 @@
-from joshua.devices.servo.register import Register
 from joshua.schema import config_pb2
 from joshua.textproto.field_facts import field_facts
 from joshua_dynamixel import registers
@@ -6,6 +5,7 @@ from joshua_dynamixel.models import MODELS, model_name
 from joshua_emulator.dynamixel import models as emulated_models
 from joshua_emulator.dynamixel import registers as emulated
 from joshua_emulator.servo_bus.registers import Area
+from joshua_servo.register import Register
 
 DRIVER_TABLE = [value for value in vars(registers).values() if isinstance(value, Register)]
 

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from joshua.devices.servo.safe_stop import SafeStopRequest
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.safe_stop import run, stop
 from joshua_emulator import EmulatedBus
+from joshua_servo.safe_stop import SafeStopRequest
 
 
 @pytest.fixture

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua.plugins.emulator import EmulatedDevice, EmulationError
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedEncoder, EmulatedLidar, EmulatorError
 from joshua_emulator.serial_sensors import EncoderEmulator, LidarEmulator
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from eventually import eventually
 from joshua.devices.sensor import Reading
-from joshua.devices.serial_errors import PortDisconnected
 from joshua_emulator import EmulatedEncoder
 from joshua_encoder.encoder import JOINT_STATE, SerialEncoder
+from joshua_serial.errors import PortDisconnected
 
 Start = Callable[..., EmulatedEncoder]
 Make = Callable[..., SerialEncoder]

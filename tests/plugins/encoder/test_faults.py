@@ -15,12 +15,12 @@ import pytest
 from eventually import eventually
 from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.serial_errors import PortBusy, PortNotFound
-from joshua.devices.serial_port import SerialPort
 from joshua.node.errors import StopObeyed
 from joshua_emulator import EmulatedEncoder, EmulatedLidar
 from joshua_encoder.encoder import SerialEncoder
 from joshua_encoder.sources import STALE_S, Amt21Source
+from joshua_serial.errors import PortBusy, PortNotFound
+from joshua_serial.port import SerialPort
 
 Start = Callable[..., EmulatedEncoder]
 Make = Callable[..., SerialEncoder]

@@ -14,14 +14,14 @@ import pytest
 from eventually import eventually
 from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.serial_errors import PortBusy, PortNotFound
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua.node.errors import StopObeyed
 from joshua_emulator import EmulatedLidar
 from joshua_lidar import lidar as lidar_module
 from joshua_lidar import requests
 from joshua_lidar.lidar import SerialLidar
+from joshua_serial.errors import PortBusy, PortNotFound
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 
 Start = Callable[..., EmulatedLidar]
 Make = Callable[..., SerialLidar]

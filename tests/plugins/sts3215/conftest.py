@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.settings import Sts3215Settings

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.serial_errors import PortDisconnected
-from joshua.devices.servo.bus import REPLY_MARGIN_S
-from joshua.devices.servo.errors import (
+from joshua_emulator import EmulatedBus
+from joshua_serial.errors import PortDisconnected
+from joshua_servo.bus import REPLY_MARGIN_S
+from joshua_servo.errors import (
     CalibrationMismatch,
     MotorCheckFailed,
     NoReply,
     NotCalibrated,
     NotEnabled,
 )
-from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
 from patience import BRISK_S, PATIENT_S
 

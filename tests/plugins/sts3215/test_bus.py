@@ -1,8 +1,8 @@
 from typing import Any
 
 import pytest
-from joshua.devices.servo.errors import NoReply
 from joshua_emulator import EmulatedBus
+from joshua_servo.errors import NoReply
 from joshua_sts3215 import registers as reg
 from patience import BRISK_S
 

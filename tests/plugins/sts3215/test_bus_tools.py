@@ -6,11 +6,11 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from joshua.devices.bus_tools import AssignmentFailed, FoundMotor
-from joshua.devices.serial_errors import PortDisconnected
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+from joshua_serial.errors import PortDisconnected
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+from joshua_servo.bus_tools import AssignmentFailed, FoundMotor
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.bus_tools import Sts3215BusTools
 from patience import PATIENT_S

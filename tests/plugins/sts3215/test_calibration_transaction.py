@@ -15,12 +15,12 @@ from typing import Any
 import calibration_writer
 import pytest
 from calibration_writer import NODE, SteppedTarget, new_calibration, open_target, parts
-from joshua.devices.servo.bus import REPLY_MARGIN_S
 from joshua_calibration import transaction
 from joshua_calibration.arm_file import PreparedFile
 from joshua_calibration.journal import JournalRefused
 from joshua_calibration.transaction import NotWritten, Recovery, recover, values_of, write
 from joshua_emulator import EmulatedBus
+from joshua_servo.bus import REPLY_MARGIN_S
 from patience import BRISK_S
 
 STEPS = 24  # 2 for the note, 18 for six servos, 2 for the file, 2 for the end of the note

@@ -3,13 +3,14 @@
 from typing import ClassVar
 
 from joshua.devices.actuator import Actuator
-from joshua.devices.bus_tools import BusTools
 from joshua.devices.calibration_target import CalibrationTarget
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
-from joshua.testing import check_actuator, check_bus_tools
+from joshua.testing import check_actuator
 from joshua_calibration.testing import check_calibration_target
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+from joshua_servo.bus_tools import BusTools
+from joshua_servo.testing import check_bus_tools
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus_tools import Sts3215BusTools
 from joshua_sts3215.settings import Sts3215Settings

@@ -10,10 +10,10 @@ from joshua.cli.commands import doctor
 from joshua.cli.doctor.host import Host
 from joshua.cli.parser import parse
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedBus
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 
 
 def run(emulator: EmulatedBus, *words: str) -> int:

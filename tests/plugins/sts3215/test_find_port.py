@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from joshua.cli.commands import find_port
-from joshua.cli.ports import unplug
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua_emulator import EmulatedBus
+from joshua_serial.commands import find_port
+from joshua_serial.port import SerialPort
+from joshua_serial.ports import unplug
+from joshua_serial.usb_ports import Endpoint
 
 Hand = Callable[..., None]
 
@@ -139,7 +139,7 @@ def test_pulling_nothing_or_everything_is_said(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     left, right = two_arms
-    monkeypatch.setattr("joshua.cli.ports.unplug.find_by_unplugging.__defaults__", (0.5,))
+    monkeypatch.setattr("joshua_serial.ports.unplug.find_by_unplugging.__defaults__", (0.5,))
     assert run(left, "--unplug") == 4
     assert "no plug was pulled within 0.5 s" in capsys.readouterr().err
 

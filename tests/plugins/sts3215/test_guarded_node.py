@@ -30,7 +30,7 @@ STOP = {
 BEGIN = """
 import logging, sys
 from joshua.devices.actuator_node import ActuatorNode
-from joshua.devices.servo.errors import NoReply
+from joshua_servo.errors import NoReply
 from joshua.plan import NodeSpec
 from joshua.testing.recording_context import RecordingContext
 logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.devices.servo.joint_map import JointMap
+from joshua_servo.joint_map import JointMap
 from joshua_sts3215.settings import Sts3215Settings
 
 CALIBRATION = {

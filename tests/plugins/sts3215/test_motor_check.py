@@ -2,9 +2,9 @@ import re
 from typing import Any
 
 import pytest
-from joshua.devices.servo.errors import MotorCheckFailed
-from joshua.devices.servo.motor_check import check_motors, find_baudrates
 from joshua_emulator import EmulatedBus
+from joshua_servo.errors import MotorCheckFailed
+from joshua_servo.motor_check import check_motors, find_baudrates
 from patience import BRISK_S
 
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.errors import DeviceError
-from joshua.devices.servo.errors import MotorCheckFailed, NoReply, SafetyTripped
 from joshua_emulator import EmulatedBus
+from joshua_servo.errors import MotorCheckFailed, NoReply, SafetyTripped
 from joshua_sts3215.registers import StatusBit
 from patience import BRISK_S
 

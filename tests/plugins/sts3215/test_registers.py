@@ -2,9 +2,9 @@ import pytest
 import scservo_sdk as sdk
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.devices.servo.register import Register
 from joshua_emulator.feetech import registers as emulated
 from joshua_emulator.servo_bus.registers import Area
+from joshua_servo.register import Register
 from joshua_sts3215 import registers
 from joshua_sts3215.registers import GOAL_POSITION, HOMING_OFFSET, STATUS_BITS, StatusBit
 

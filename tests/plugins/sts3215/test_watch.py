@@ -3,10 +3,10 @@ import re
 import numpy as np
 import pytest
 from joshua.devices.diagnostics import ERROR, OK, WARN
-from joshua.devices.servo.counters import BusCounters
-from joshua.devices.servo.diagnostics import bus_row, joint_rows
-from joshua.devices.servo.feedback import Feedback
-from joshua.devices.servo.watch import HealthLimits, HealthWatch
+from joshua_servo.counters import BusCounters
+from joshua_servo.diagnostics import bus_row, joint_rows
+from joshua_servo.feedback import Feedback
+from joshua_servo.watch import HealthLimits, HealthWatch
 from joshua_sts3215.feedback import parse_feedback
 from joshua_sts3215.registers import STATUS_BITS, StatusBit
 

@@ -29,16 +29,6 @@ COMMANDS: tuple[Command, ...] = (
     Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
     Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
     Command(
-        "find-port",
-        "joshua.cli.commands.find_port",
-        "list the USB serial adapters of this machine and the motors that answer there",
-    ),
-    Command(
-        "motors",
-        "joshua.cli.commands.motors",
-        "list the motors of a bus, or give them ids and line speed one at a time",
-    ),
-    Command(
         "doctor",
         "joshua.cli.commands.doctor",
         "look at this machine and its devices: what is wrong, and what to do about it",

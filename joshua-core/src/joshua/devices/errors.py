@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 from joshua.node.errors import EXIT_DEVICE_REFUSED, NodeError
@@ -19,6 +20,18 @@ class DeviceDisconnected(DeviceError):
 
 class DeviceSilent(DeviceDisconnected):
     """A device that is still connected did not answer; it may do so in a moment."""
+
+
+class DeviceBusy(DeviceError):
+    """Another process holds the device.
+
+    Args:
+        processes: ids of the processes that hold it, as far as they are known.
+    """
+
+    def __init__(self, text: str, *, processes: Sequence[int] = ()) -> None:
+        super().__init__(text)
+        self.processes = tuple(processes)
 
 
 class SafetyTripped(DeviceError):

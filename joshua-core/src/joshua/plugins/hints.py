@@ -39,6 +39,8 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
         ),
         ("RANDOM_NOISE", "ACTION_MOCK"),
     ),
+    KnownPlugin("joshua-serial", commands=("find-port",)),
+    KnownPlugin("joshua-servo", commands=("motors",)),
     KnownPlugin("joshua-sts3215", ("sts3215_config",)),
     KnownPlugin("joshua-dynamixel", ("dynamixel_config",)),
     KnownPlugin("joshua-spike", ("spike_motor_config",), ("ACTION_SPIKE",)),

@@ -15,7 +15,7 @@ ROLES = {
     "implementation": "",
     "native": "",
     "safe_stop": "",
-    "bus_tools": "joshua.devices.bus_tools:BusTools",
+    "bus_tools": "joshua_servo.bus_tools:BusTools",
     "packaged_files": "",
     "sim_adapter": "",
 }
@@ -71,7 +71,9 @@ def check_targets(spec: PluginSpec) -> list[str]:
 
 
 def _derives(target: object, base_string: str) -> bool:
-    return isinstance(target, type) and issubclass(target, load_target(base_string))
+    """Whether a class derives from another, by name: what it derives from has been imported with it."""
+    bases = target.__mro__ if isinstance(target, type) else ()
+    return base_string in (f"{base.__module__}:{base.__qualname__}" for base in bases)
 
 
 def _describe(target: object) -> str:

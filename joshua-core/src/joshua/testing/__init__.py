@@ -1,8 +1,7 @@
 """The conformance kit for plugin authors and the pytest fixtures; loads nothing until a check is used.
 
-``check_actuator(factory)``, ``check_sensor(factory)``, ``check_model(factory)`` and
-``check_bus_tools(factory)`` run what a plugin brings through the contract of its base class, and raise
-``ConformanceError`` with every clause that it violates.
+``check_actuator(factory)``, ``check_sensor(factory)`` and ``check_model(factory)`` run what a plugin
+brings through the contract of its base class, and raise ``ConformanceError`` with every clause that it violates.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from joshua.testing.actuator_check import check_actuator as check_actuator
-    from joshua.testing.bus_tools_check import check_bus_tools as check_bus_tools
     from joshua.testing.conformance import ConformanceError as ConformanceError
     from joshua.testing.model_check import check_model as check_model
     from joshua.testing.recording_context import RecordingContext as RecordingContext
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "check_actuator": "actuator_check",
-    "check_bus_tools": "bus_tools_check",
     "check_model": "model_check",
     "check_sensor": "sensor_check",
     "ConformanceError": "conformance",
@@ -30,7 +27,6 @@ __all__ = [
     "ConformanceError",
     "RecordingContext",
     "check_actuator",
-    "check_bus_tools",
     "check_model",
     "check_sensor",
 ]

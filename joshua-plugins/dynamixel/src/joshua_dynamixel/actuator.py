@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.servo.arm import ServoArm
-from joshua.devices.servo.feedback import Feedback
-from joshua.devices.servo.inspection import ServoSetup, check_start
-from joshua.devices.servo.torque import MoveValues
+from joshua_serial.port import SerialPort
+from joshua_servo.arm import ServoArm
+from joshua_servo.feedback import Feedback
+from joshua_servo.inspection import ServoSetup, check_start
+from joshua_servo.torque import MoveValues
 
 from joshua_dynamixel.bus import Bus
 from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
-from joshua.devices.bus_tools import FoundMotor
-from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.errors import NoReply
+from joshua_servo.bus import ServoBus
+from joshua_servo.bus_tools import FoundMotor
+from joshua_servo.errors import NoReply
 
 from joshua_dynamixel.models import model_name
 from joshua_dynamixel.packet import (

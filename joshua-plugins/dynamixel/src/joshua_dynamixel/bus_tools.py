@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from joshua.devices.bus_tools import FoundMotor
-from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.bus_tools import ServoBusTools, SetUp
-from joshua.devices.servo.register import Register
+from joshua_servo.bus import ServoBus
+from joshua_servo.bus_tools import FoundMotor
+from joshua_servo.register import Register
+from joshua_servo.servo_bus_tools import ServoBusTools, SetUp
 
 from joshua_dynamixel.bus import Bus
 from joshua_dynamixel.feedback import parse_feedback

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.servo.calibration_target import ServoCalibrationTarget
-from joshua.devices.servo.errors import MotorCheckFailed
-from joshua.devices.servo.inspection import ServoSetup
-from joshua.devices.servo.register import Register
+from joshua_serial.port import SerialPort
+from joshua_servo.calibration_target import ServoCalibrationTarget
+from joshua_servo.errors import MotorCheckFailed
+from joshua_servo.inspection import ServoSetup
+from joshua_servo.register import Register
 
 from joshua_dynamixel.bus import Bus
 from joshua_dynamixel.family import X_SERIES

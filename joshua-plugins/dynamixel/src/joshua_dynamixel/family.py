@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.devices.servo.family import ServoFamily
+from joshua_servo.family import ServoFamily
 
 from joshua_dynamixel.feedback import parse_feedback
 from joshua_dynamixel.registers import (

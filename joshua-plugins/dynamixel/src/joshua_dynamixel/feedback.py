@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from joshua.devices.servo.feedback import Feedback
+from joshua_servo.feedback import Feedback
 
 from joshua_dynamixel.models import Model
 from joshua_dynamixel.registers import VELOCITY_TICKS_S

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua.devices.servo.errors import NoReply
-from joshua.devices.servo.inspection import ServoSetup, check_setups, refuse_setup
-from joshua.devices.servo.motor_check import check_motors
-from joshua.devices.servo.register import Register
-from joshua.devices.servo.watch import HealthLimits
+from joshua_servo.errors import NoReply
+from joshua_servo.inspection import ServoSetup, check_setups, refuse_setup
+from joshua_servo.motor_check import check_motors
+from joshua_servo.register import Register
+from joshua_servo.watch import HealthLimits
 
 from joshua_dynamixel.bus import Bus
 from joshua_dynamixel.registers import (

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from dynamixel_sdk import protocol2_packet_handler as handler
 from dynamixel_sdk import robotis_def
-from joshua.devices.servo.reply import Reply
+from joshua_servo.reply import Reply
 
 PING: int = robotis_def.INST_PING
 READ: int = robotis_def.INST_READ

@@ -5,9 +5,9 @@ Source: the vendor's control tables; the models that ``models`` lists agree in a
 
 from __future__ import annotations
 
-from joshua.devices.servo.register import Register
-from joshua.devices.servo.status_bits import StatusBits
 from joshua.devices.units import TICKS_PER_TURN
+from joshua_servo.register import Register
+from joshua_servo.status_bits import StatusBits
 
 BAUDRATES = {0: 9_600, 1: 57_600, 2: 115_200, 3: 1_000_000, 4: 2_000_000, 5: 3_000_000, 6: 4_000_000}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from joshua.devices.servo import safe_stop
-from joshua.devices.servo.safe_stop import SafeStopReport, SafeStopRequest
+from joshua_servo import safe_stop
+from joshua_servo.safe_stop import SafeStopReport, SafeStopRequest
 
 from joshua_dynamixel.bus import Bus
 from joshua_dynamixel.family import X_SERIES

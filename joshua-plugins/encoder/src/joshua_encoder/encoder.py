@@ -11,9 +11,9 @@ from typing import Any
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
 from joshua.messages.make import joint_state
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 
 from joshua_encoder.settings import AMT21, LINE, EncoderSettings
 from joshua_encoder.sources import Amt21Source, Counts, LineSource, Source

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
-from joshua.devices.serial_settings import SerialSettings
 from joshua.plugins.settings import FieldError, FromField
+from joshua_serial.settings import SerialSettings
 from pydantic import model_validator
 from typing_extensions import Self
 

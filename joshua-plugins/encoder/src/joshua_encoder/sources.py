@@ -9,9 +9,9 @@ from typing import NamedTuple
 from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.patience import machine_is_busy
-from joshua.devices.serial_errors import PortUnusable
-from joshua.devices.serial_port import SerialPort
 from joshua.devices.stamps import StampClock
+from joshua_serial.errors import PortUnusable
+from joshua_serial.port import SerialPort
 
 from joshua_encoder.amt21 import ANSWER_LENGTH, position
 from joshua_encoder.lines import MAGNET_FOUND, Count, LineParser

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from joshua.devices.serial_port import BITS_PER_BYTE
+from joshua_serial.port import BITS_PER_BYTE
 
 from joshua_lidar.samples import Offsets
 

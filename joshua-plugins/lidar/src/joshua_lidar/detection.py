@@ -7,8 +7,8 @@ import time
 from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceError
 from joshua.devices.patience import machine_is_busy
-from joshua.devices.serial_errors import PortUnusable
-from joshua.devices.serial_port import SerialPort
+from joshua_serial.errors import PortUnusable
+from joshua_serial.port import SerialPort
 
 from joshua_lidar import requests
 from joshua_lidar.models import MODELS, RPLIDAR_NUMBERS, YDLIDAR_NUMBERS, Model, same_stream

@@ -13,11 +13,11 @@ from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
-from joshua.devices.serial_port import BITS_PER_BYTE, SerialPort
 from joshua.devices.stamps import StampClock
-from joshua.devices.usb_ports import Endpoint
 from joshua.messages import message_class
 from joshua.messages.make import header
+from joshua_serial.port import BITS_PER_BYTE, SerialPort
+from joshua_serial.usb_ports import Endpoint
 
 from joshua_lidar.arrivals import Arrivals
 from joshua_lidar.assembly import Beams, Scan, TurnAssembler

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from joshua.devices.errors import DeviceError
-from joshua.devices.serial_port import SerialPort
+from joshua_serial.port import SerialPort
 
 from joshua_lidar import requests
 from joshua_lidar.models import EXPRESS, RPLIDAR_NUMBERS, YDLIDAR_NUMBERS, Model

@@ -15,8 +15,8 @@ from typing import Any
 
 from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceError
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.usb_ports import Endpoint
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
 
 #: How long the port of a driver that was killed may still be in use.
 PATIENCE_S = 3.0

@@ -8,7 +8,7 @@ from operator import xor
 from typing import NamedTuple
 
 from joshua.devices.awake_clock import AwakeClock
-from joshua.devices.serial_port import SerialPort
+from joshua_serial.port import SerialPort
 
 STOP, RESET, SCAN, EXPRESS_SCAN = 0x25, 0x40, 0x20, 0x82
 GET_INFO, GET_HEALTH, GET_CONF = 0x50, 0x52, 0x84

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from joshua.devices.bus_tools import FoundMotor
-from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.register import Register
+from joshua_servo.bus import ServoBus
+from joshua_servo.bus_tools import FoundMotor
+from joshua_servo.register import Register
 
 from joshua_sts3215.packet import (
     BROADCAST_ID,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from joshua.devices.bus_tools import FoundMotor
-from joshua.devices.servo.bus import ServoBus
-from joshua.devices.servo.bus_tools import ServoBusTools, SetUp
+from joshua_servo.bus import ServoBus
+from joshua_servo.bus_tools import FoundMotor
+from joshua_servo.servo_bus_tools import ServoBusTools, SetUp
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.feedback import parse_feedback

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua.devices.serial_port import SerialPort
-from joshua.devices.servo.calibration_target import ServoCalibrationTarget
-from joshua.devices.servo.inspection import ServoSetup
-from joshua.devices.servo.register import Register
+from joshua_serial.port import SerialPort
+from joshua_servo.calibration_target import ServoCalibrationTarget
+from joshua_servo.inspection import ServoSetup
+from joshua_servo.register import Register
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.family import STS3215

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from joshua.devices.servo.feedback import Feedback
+from joshua_servo.feedback import Feedback
 
 _LAYOUT = struct.Struct("<HHHBBBBBHH")  # from present position to present current
 CURRENT_UNIT_A = 0.0065

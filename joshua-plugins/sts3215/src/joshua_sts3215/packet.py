@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.devices.servo.reply import Reply
+from joshua_servo.reply import Reply
 from scservo_sdk import scservo_def
 
 PING: int = scservo_def.INST_PING

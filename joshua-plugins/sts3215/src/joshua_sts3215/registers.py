@@ -5,8 +5,8 @@ Source: the vendor's memory table of the magnetic-encoder STS series.
 
 from __future__ import annotations
 
-from joshua.devices.servo.register import Register
-from joshua.devices.servo.status_bits import StatusBits
+from joshua_servo.register import Register
+from joshua_servo.status_bits import StatusBits
 
 MODEL_NUMBER = 777
 MODEL_NAMES = {777: "STS3215", 1284: "SCS0009", 2825: "STS3250", 11272: "SM8512BL"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from joshua.devices.servo.settings import ServoSettings
 from joshua.plugins.settings import FromField
+from joshua_servo.settings import ServoSettings
 
 from joshua_sts3215.registers import BAUDRATES, MAX_SPEED_TICKS_S, MODEL_NAMES, MODEL_NUMBER
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.exit_codes import ExitCode
 from joshua.devices.actuator import Actuator
-from joshua.devices.errors import DeviceError
-from joshua.devices.port_holders import holders
-from joshua.devices.serial_errors import PortBusy
+from joshua.devices.errors import DeviceBusy, DeviceError
 from joshua.node.implementation import load_implementation
 from joshua.plan import NodeKind
 from joshua.plugins.targets import TargetError
 
 if TYPE_CHECKING:
+    from joshua.cli.doctor.parts import NodeCheck
     from joshua.plan import NodeSpec
     from joshua.planner.pipeline import Examination
 
@@ -23,7 +22,9 @@ NAME = "devices"
 WARN = 1  # of diagnostic_msgs/msg/DiagnosticStatus; above it are errors
 
 
-def check_configuration(examination: Examination, *, opens: bool) -> Iterator[Finding]:
+def check_configuration(
+    examination: Examination, *, opens: bool, further: Sequence[NodeCheck] = ()
+) -> Iterator[Finding]:
     """One finding for each error of the file; else, where devices may be opened, some for each actuator."""
     for diagnostic in examination.errors:
         place = f"{diagnostic.position}: " if diagnostic.position else ""
@@ -40,10 +41,10 @@ def check_configuration(examination: Examination, *, opens: bool) -> Iterator[Fi
         return
     for spec in examination.plan.nodes:
         if spec.kind is NodeKind.ACTUATOR:
-            yield from check_actuator(spec)
+            yield from check_actuator(spec, further)
 
 
-def check_actuator(spec: NodeSpec) -> Iterator[Finding]:
+def check_actuator(spec: NodeSpec, further: Sequence[NodeCheck] = ()) -> Iterator[Finding]:
     """Opens an actuator with its driver, which compares motors, EEPROM and calibration; reads it once."""
     try:
         implementation, settings = load_implementation(spec, Actuator)
@@ -55,21 +56,21 @@ def check_actuator(spec: NodeSpec) -> Iterator[Finding]:
         actuator.connect()
         actuator.read()
         findings = [*_diagnosed(spec, actuator), *_advice(spec, settings)]
+        for check in further:
+            findings += check(spec, settings)
         yield from findings or [Finding(Level.OK, NAME, spec.full_name, _summary(actuator))]
-    except PortBusy as error:
-        yield _busy(spec, settings, error)
+    except DeviceBusy as error:
+        yield _busy(spec, error)
     except DeviceError as error:
         yield Finding(Level.ERROR, NAME, spec.full_name, str(error))
     finally:
         actuator.disconnect()
 
 
-def _busy(spec: NodeSpec, settings: Any, error: PortBusy) -> Finding:
-    from joshua.cli.ports.running import node_that_holds
+def _busy(spec: NodeSpec, error: DeviceBusy) -> Finding:
+    from joshua.cli.running_nodes import node_that_holds
 
-    path = str(getattr(settings, "port", ""))
-    running = node_that_holds(holders(path)) if path else ""
-    if running:
+    if running := node_that_holds(error.processes):
         return Finding(Level.NOTE, NAME, spec.full_name, f"was not looked at: {running}")
     return Finding(Level.ERROR, NAME, spec.full_name, str(error))
 
@@ -102,17 +103,6 @@ def _advice(spec: NodeSpec, settings: Any) -> Iterator[Finding]:
             spec.full_name,
             "is not calibrated, so it gets no torque",
             "run a MODE_CALIBRATION configuration, such as the preset calibrate_so_arm100",
-        )
-    by_path = getattr(settings, "port", "") and not (
-        getattr(settings, "serial_number", "") or getattr(settings, "vid_pid", "")
-    )
-    if by_path and "/by-id/" not in settings.port and settings.port.startswith("/dev/tty"):
-        yield Finding(
-            Level.NOTE,
-            NAME,
-            spec.full_name,
-            f"is named by its path, {settings.port}, which changes from plug to plug",
-            f"joshua find-port --write CONFIG --node {spec.name}",
         )
 
 

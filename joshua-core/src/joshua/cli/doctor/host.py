@@ -7,10 +7,7 @@ import os
 import pwd
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-
-from joshua.devices.usb_ports import PortEntry, list_ports
 
 
 def _user_name() -> str:
@@ -33,11 +30,6 @@ class Host:
     uid: int = field(default_factory=os.getuid)
     groups: tuple[int, ...] = field(default_factory=lambda: (os.getgid(), *os.getgroups()))
     user: str = field(default_factory=_user_name)
-
-    @cached_property
-    def ports(self) -> list[PortEntry]:
-        """USB serial ports."""
-        return list_ports(str(self.root))
 
     def read(self, path: str) -> str:
         """Content of a file below the root without white space at its ends; "" where there is none."""

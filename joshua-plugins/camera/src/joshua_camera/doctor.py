@@ -1,0 +1,52 @@
+"""What ``joshua doctor`` says of cameras: permissions, and the bandwidth that they share."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.host import Host
+from joshua.cli.doctor.permissions import may_open
+
+NAME = "USB"
+HIGH_SPEED_MBIT_S = 480
+
+
+def check_permissions(host: Host) -> Iterator[Finding]:
+    """Compares owner, group and mode of each camera with the user's session."""
+    for path in sorted((host.root / "dev").glob("video[0-9]*")):
+        yield may_open(host, str(path))
+
+
+def check_bandwidth(host: Host) -> Iterator[Finding]:
+    """Counts cameras on each USB 2 bus."""
+    cameras = defaultdict(set)
+    for node in (host.root / "sys/class/video4linux").glob("*"):
+        place = _usb_place(node)
+        if place:
+            cameras[place.partition("-")[0]].add(place)
+    for bus, places in sorted(cameras.items()):
+        speeds = {host.read(f"sys/bus/usb/devices/{place}/speed") for place in places}
+        if len(places) > 1 and speeds & {"12", str(HIGH_SPEED_MBIT_S)}:
+            yield Finding(
+                Level.NOTE,
+                NAME,
+                f"bus {bus}",
+                f"{len(places)} cameras share the {HIGH_SPEED_MBIT_S} Mbit/s of one bus; "
+                "uncompressed pictures of 640x480 at 30 Hz take 150 of them each",
+                'set pixel_format: "MJPG", or plug a camera into a socket of another bus (lsusb -t)',
+            )
+
+
+def _usb_place(node: Path) -> str:
+    """Socket of the USB device behind a node of sysfs; "" where there is none."""
+    device = (node / "device").resolve()
+    for folder in (device, *device.parents):
+        if (folder / "idVendor").is_file():
+            return folder.name
+    return ""
+
+
+CHECKS = (check_permissions, check_bandwidth)

@@ -1,0 +1,67 @@
+"""What ``joshua doctor`` says of serial ports: permissions, delays, and how a file names them."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.exit_codes import ExitCode
+
+from joshua_serial.doctor import brltty, latency_timer, modem_manager, permissions, usb
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from joshua.cli.doctor.host import Host
+    from joshua.plan import NodeSpec
+
+CHECKS = (permissions.check, latency_timer.check, brltty.check, modem_manager.check, usb.check)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that choose a port, and that write udev rules."""
+    parser.add_argument(
+        "--port", dest="ports", metavar="PATH", action="append", default=[], help="look at this port only"
+    )
+    parser.add_argument(
+        "--udev",
+        metavar="PATH",
+        nargs="?",
+        const="-",
+        default="",
+        help="print udev rules that give each adapter a lasting name, or write them to a file or folder",
+    )
+
+
+def begin(arguments: argparse.Namespace, host: Host) -> int | None:
+    """Refuses options that contradict each other; writes the udev rules in place of the checks."""
+    if arguments.config and arguments.ports:
+        sys.stderr.write(
+            "joshua doctor: --config looks at the devices of the file, --port at a port: leave one out\n"
+        )
+        return ExitCode.INVALID
+    if not arguments.udev:
+        return None
+    from joshua_serial.doctor.udev_command import write_rules
+
+    return write_rules(arguments, host)
+
+
+def check_name(spec: NodeSpec, settings: Any) -> Iterator[Finding]:
+    """Advises to name an adapter by its identity."""
+    by_path = getattr(settings, "port", "") and not (
+        getattr(settings, "serial_number", "") or getattr(settings, "vid_pid", "")
+    )
+    if by_path and "/by-id/" not in settings.port and settings.port.startswith("/dev/tty"):
+        yield Finding(
+            Level.NOTE,
+            "devices",
+            spec.full_name,
+            f"is named by its path, {settings.port}, which changes from plug to plug",
+            f"joshua find-port --write CONFIG --node {spec.name}",
+        )
+
+
+NODE_CHECKS = (check_name,)

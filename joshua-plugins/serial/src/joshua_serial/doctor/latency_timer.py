@@ -1,0 +1,34 @@
+"""How long an FTDI adapter holds bytes back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.host import Host
+
+from joshua_serial.usb_ports import list_ports
+
+NAME = "latency timer"
+LONGEST_MS = 1
+
+
+def check(host: Host) -> Iterator[Finding]:
+    """Reads the timer of every port that has one; it delays each reply of a bus."""
+    for entry in list_ports(str(host.root)):
+        name = Path(entry.path).name
+        file = f"sys/bus/usb-serial/devices/{name}/latency_timer"
+        text = host.read(file)
+        if not text.isdigit():
+            continue
+        if int(text) <= LONGEST_MS:
+            yield Finding(Level.OK, NAME, entry.path, f"{text} ms")
+            continue
+        yield Finding(
+            Level.WARNING,
+            NAME,
+            entry.path,
+            f"the adapter holds bytes back for up to {text} ms, so a bus cycle takes at least that long",
+            f"echo {LONGEST_MS} | sudo tee /{file}; to keep it, install the rules of joshua doctor --udev",
+        )

@@ -1,0 +1,31 @@
+"""Does ModemManager talk to adapters that are no modems?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.host import Host
+
+from joshua_serial.usb_ports import list_ports
+
+NAME = "ModemManager"
+
+
+def check(host: Host) -> Iterator[Finding]:
+    """Looks for the service, and for a rule that keeps it off each adapter."""
+    if "ModemManager" not in host.process_names():
+        return
+    lines = [line for line in host.udev_rules().splitlines() if "ID_MM_DEVICE_IGNORE" in line]
+    for entry in list_ports(str(host.root)):
+        vendor, _, product = entry.vid_pid.partition(":")
+        if any(vendor in line and (product in line or "idProduct" not in line) for line in lines):
+            yield Finding(Level.OK, NAME, entry.path, "leaves this adapter alone")
+            continue
+        yield Finding(
+            Level.WARNING,
+            NAME,
+            entry.path,
+            "ModemManager runs and asks a new port for some seconds whether it is a modem",
+            "install the rules of joshua doctor --udev, or sudo systemctl disable --now ModemManager",
+        )

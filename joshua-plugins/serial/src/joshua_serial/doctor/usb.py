@@ -1,0 +1,27 @@
+"""Adapters behind many hubs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.host import Host
+
+from joshua_serial.usb_ports import list_ports
+
+NAME = "USB"
+MOST_HUBS = 2
+
+
+def check(host: Host) -> Iterator[Finding]:
+    """Counts the hubs between the computer and each adapter."""
+    for entry in list_ports(str(host.root)):
+        hubs = entry.place.count(".")
+        if hubs >= MOST_HUBS:
+            yield Finding(
+                Level.NOTE,
+                NAME,
+                entry.path,
+                f"{hubs} hubs lie between the computer and this adapter (socket {entry.place})",
+                "plug it nearer to the computer: each hub adds delay and may cut the power",
+            )

@@ -1,0 +1,38 @@
+"""A motor that answers on a bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FoundMotor:
+    """A motor that answers on a bus.
+
+    Attributes:
+        motor_id: what it answers to; baudrate: line speed at which it does, bit/s.
+        model: name of the model, or ``model 1234`` where it is unknown; firmware: "" where unknown.
+        voltage_v, temperature_c: None where the motor does not measure it, or does not say.
+        max_temperature_c, min_voltage_v, max_voltage_v: limits beyond which it protects itself; None where
+            it has none, or does not say.
+        status: what the motor complains about, such as ``overloaded``; "" for nothing.
+        shared: several motors answer to this id, so that their replies collide; all else is unknown.
+    """
+
+    motor_id: int
+    baudrate: int
+    model: str = ""
+    firmware: str = ""
+    voltage_v: float | None = None
+    temperature_c: float | None = None
+    max_temperature_c: float | None = None
+    min_voltage_v: float | None = None
+    max_voltage_v: float | None = None
+    status: str = ""
+    shared: bool = False
+
+    def __str__(self) -> str:
+        if self.shared:
+            return f"{self.motor_id} (several motors)"
+        firmware = f", firmware {self.firmware}" if self.firmware else ""
+        return f"{self.motor_id} ({self.model}{firmware})"

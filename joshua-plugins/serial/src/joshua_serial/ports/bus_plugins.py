@@ -1,0 +1,34 @@
+"""The bus tools of the installed plugins."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from joshua.plugins import ActuatorSpec, load_registry
+from joshua.plugins.targets import TargetError, load_target
+
+if TYPE_CHECKING:
+    from joshua.plugins import Registry
+
+
+def installed_bus_tools(registry: Registry | None = None) -> dict[str, type[Any]]:
+    """Bus tools by the configuration block whose driver brings them, such as ``sts3215_config``.
+
+    One that cannot be imported is named on standard error and left out.
+    """
+    found: dict[str, type[Any]] = {}
+    for row in (registry or load_registry()).rows():
+        for spec in row.specs:
+            if not isinstance(spec, ActuatorSpec) or not spec.bus_tools or spec.block in found:
+                continue
+            try:
+                found[spec.block] = load_target(spec.bus_tools)
+            except TargetError as error:
+                sys.stderr.write(f"{row.distribution}: {error}\n")
+    return found
+
+
+def short_name(block: str) -> str:
+    """What a user calls a family on the command line: ``sts3215`` for ``sts3215_config``."""
+    return block.removesuffix("_config").rpartition(".")[2]

@@ -1,0 +1,84 @@
+"""Ports and motors for people and for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from joshua.supervisor.tables import clean
+
+from joshua_serial.found_motor import FoundMotor
+from joshua_serial.ports.survey import Families, PortSurvey
+
+NOTHING = """no USB serial adapter was found
+
+Plug one in and switch on the arm's supply. If it is plugged in already:
+  - lsusb shows whether the computer sees it; if not, try another cable or socket
+  - in a container or a virtual machine, pass the device on (such as docker run --device /dev/ttyACM0)
+  - a port that is no USB adapter, such as a board's own UART, is named: joshua find-port --port /dev/ttyAMA0
+"""
+
+
+def paragraph(found: PortSurvey, families: Families) -> str:
+    """One port: what to write into ``comm.serial``, the lasting name first; then what answers there."""
+    entry = found.entry
+    about = [entry.product, f"driver {entry.driver}" if entry.driver else ""]
+    lines = ["  ".join([entry.path, ", ".join(part for part in about if part)]).rstrip()]
+    if entry.serial_number:
+        lines.append(f'  serial_number: "{entry.serial_number}"')
+    if entry.vid_pid:
+        lines.append(f'  vid_pid: "{entry.vid_pid}"')
+    lines.append(f'  port: "{entry.by_id or entry.path}"')
+    if found.problem:
+        lines.append("  " + found.problem.removeprefix(f"{entry.path}: ").replace("\n", "\n  "))
+    elif found.is_scanned:
+        lines += motor_lines(found, families)
+    return "\n".join(map(clean, lines)) + "\n"
+
+
+def motor_lines(found: PortSurvey, families: Families) -> list[str]:
+    """The motors of one port, one line for each family and line speed, then what is wrong with any."""
+    if not found.motors:
+        names = ", ".join(tools.family for tools in families.values())
+        return [f"  no motor answers ({names} were looked for at every line speed): is the supply on?"]
+    groups: dict[tuple[str, int], list[FoundMotor]] = {}
+    for block, motor in found.motors:
+        groups.setdefault((block, motor.baudrate), []).append(motor)
+    lines = []
+    for (block, baudrate), motors in groups.items():
+        ids = ", ".join(str(motor.motor_id) for motor in motors)
+        word = "id" if len(motors) == 1 else "ids"
+        lines.append(f"  {families[block].family} at {baudrate} bit/s: {word} {ids}{_volts(motors)}")
+        lines += [
+            f"    id {motor.motor_id}: {text}" for motor in motors for text in remarks(motor, families[block])
+        ]
+    if len(groups) > 1:
+        lines.append(
+            "  motors of one bus need one line speed and one family: joshua motors setup gives them theirs"
+        )
+    return lines
+
+
+def _volts(motors: Sequence[FoundMotor]) -> str:
+    volts = [f"{motor.voltage_v:.1f}" for motor in motors if motor.voltage_v is not None]
+    if not volts:
+        return ""
+    low, high = min(volts, key=float), max(volts, key=float)
+    return f" ({low} V)" if low == high else f" ({low} to {high} V)"
+
+
+def remarks(motor: FoundMotor, tools: type[Any]) -> list[str]:
+    """What is wrong with a motor, each with what to do."""
+    if motor.shared:
+        return ["several motors answer: connect one alone and give it another id with joshua motors setup"]
+    found = [motor.status] if motor.status else []
+    if motor.model not in tools.expected_models:
+        found.append(f"is a {motor.model}, which this driver does not drive")
+    return found
+
+
+def as_json(found: PortSurvey) -> dict[str, Any]:
+    """One port for programs."""
+    motors: Sequence[dict[str, Any]] = [{"block": block, **asdict(motor)} for block, motor in found.motors]
+    return {**asdict(found.entry), "problem": found.problem, "motors": motors if found.is_scanned else None}

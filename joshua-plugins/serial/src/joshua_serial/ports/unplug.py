@@ -1,0 +1,62 @@
+"""``joshua find-port --unplug``: which adapter is whose, found by pulling its plug."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+from joshua_serial.usb_ports import PortEntry, list_ports
+
+POLL_S = 0.2
+TIMEOUT_S = 60.0
+
+
+class NothingHappened(Exception):
+    """No plug was pulled or put back, or several were; the message says what to do."""
+
+
+def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEntry:
+    """Asks for the plug to be pulled and put back; returns the adapter under its present name.
+
+    Raises:
+        NothingHappened: in time nothing changed, or it is not clear what did.
+    """
+    before = list_ports(device_root)
+    if not before:
+        raise NothingHappened("no USB serial adapter is plugged in: plug all of them in first")
+    _say(f"pull the plug of one adapter out ({len(before)} are plugged in)")
+    after = _wait(lambda ports: len(ports) < len(before), device_root, timeout_s, "no plug was pulled")
+    gone = [port for port in before if not any(_same(port, other) for other in after)]
+    if len(gone) != 1:
+        listing = ", ".join(map(str, gone)) or "none that was known"
+        raise NothingHappened(f"{listing} went away at once: pull one plug, not that of a hub")
+    _say(f"it was {gone[0]}; put the plug in again")
+    ports = _wait(lambda ports: len(ports) > len(after), device_root, timeout_s, "no plug was put in")
+    (back,) = [port for port in ports if not any(_same(port, other) for other in after)][:1]
+    return back
+
+
+def _wait(
+    holds: Callable[[Sequence[PortEntry]], bool], device_root: str, timeout_s: float, otherwise: str
+) -> list[PortEntry]:
+    """Looks at the ports until something holds, and once more after a moment in which all may settle."""
+    deadline_s = time.monotonic() + timeout_s
+    while not holds(list_ports(device_root)):
+        if time.monotonic() > deadline_s:
+            raise NothingHappened(f"{otherwise} within {timeout_s:g} s")
+        time.sleep(POLL_S)
+    time.sleep(2 * POLL_S)
+    ports = list_ports(device_root)
+    if not holds(ports):
+        raise NothingHappened("the plug went in and out: try again")
+    return ports
+
+
+def _same(port: PortEntry, other: PortEntry) -> bool:
+    return (port.path, port.serial_number, port.place) == (other.path, other.serial_number, other.place)
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

@@ -1,0 +1,194 @@
+"""``joshua find-port --write``: the lasting identity of adapters into a configuration, all or nothing."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.config.format_file import replace_file
+
+from joshua_serial.ports.identity import Ambiguous, NodePort, adapter_of, lasting_name
+from joshua_serial.ports.text_edit import Edit, EditError, apply_edits, set_strings
+from joshua_serial.usb_ports import PortEntry, list_ports
+
+if TYPE_CHECKING:
+    import argparse
+
+    from joshua.config import LoadedConfig
+
+
+class Refused(Exception):
+    """Nothing is written; the message says why. ``code`` is the exit code."""
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> int:
+    """Writes the identities, and shows the change. Exit code 0; 2 and 4 where nothing was written."""
+    try:
+        changed = _write(arguments, named, device_root)
+    except Refused as error:
+        sys.stderr.write(f"joshua find-port: {error}\nnothing was written\n")
+        return error.code
+    if not changed:
+        sys.stdout.write(f"{arguments.write_to}: names its adapters already; nothing to write\n")
+    return ExitCode.OK
+
+
+def node_ports(loaded: LoadedConfig) -> Iterator[NodePort]:
+    """The nodes of a file that have a serial link."""
+    from joshua.planner.devices import wanted_nodes
+
+    for want in wanted_nodes(loaded.config, devices=True, models=False):
+        comm: Any = getattr(want.block, "comm", None)
+        if comm is not None and comm.HasField("serial"):
+            serial = comm.serial
+            yield NodePort(
+                want.entry.node.node_name,
+                f"{want.block_path}.comm.serial",
+                serial.port,
+                serial.serial_number,
+                serial.vid_pid,
+            )
+
+
+def _write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> bool:
+    loaded = _load(arguments.write_to)
+    nodes = _chosen_nodes(list(node_ports(loaded)), arguments)
+    chosen = named[0] if arguments.ports else None
+    ports = list_ports(device_root)
+    values, problems = _identities(nodes, ports, chosen, device_root, is_named=bool(arguments.node))
+    if problems:
+        raise Refused("\n".join(problems), ExitCode.INVALID if ports else ExitCode.HARDWARE)
+    try:
+        texts = _new_texts(loaded, values)
+    except EditError as error:
+        raise Refused(str(error)) from error
+    for name, text in texts.items():
+        _show(name, loaded.sources[name], text)
+    if texts and not arguments.show_only:
+        _replace_all(loaded, texts, values)
+        sys.stdout.write("".join(f"{name}: written\n" for name in texts))
+    return bool(texts)
+
+
+def _load(path: str) -> LoadedConfig:
+    from joshua.config import load
+    from joshua.config.diagnostics import render_text
+    from joshua.plugins import load_registry
+
+    loaded = load(path, message_types=load_registry().message_modules())
+    if loaded.diagnostics:
+        raise Refused(
+            f"{path} cannot be read:\n" + render_text(loaded.diagnostics, loaded.sources, color=False)
+        )
+    return loaded
+
+
+def _chosen_nodes(nodes: Sequence[NodePort], arguments: argparse.Namespace) -> Sequence[NodePort]:
+    names = [node.node for node in nodes]
+    if not nodes:
+        raise Refused(
+            f"{arguments.write_to}: no node has comm {{ serial {{ … }} }}, so there is nothing to name"
+        )
+    if arguments.node:
+        nodes = [node for node in nodes if node.node == arguments.node]
+        if not nodes:
+            near = difflib.get_close_matches(arguments.node, names, n=1)
+            hint = f"; nearest: {near[0]}" if near else ""
+            raise Refused(
+                f"{arguments.write_to} has no node {arguments.node} with a serial link{hint}. "
+                f"Nodes with one: {', '.join(names)}"
+            )
+    if len(arguments.ports) > 1 or (arguments.ports and len(nodes) > 1):
+        raise Refused(
+            "which adapter is whose? Give one --port with one --node; "
+            f"nodes with a serial link: {', '.join(names)}"
+        )
+    return nodes
+
+
+def _identities(
+    nodes: Sequence[NodePort],
+    ports: Sequence[PortEntry],
+    chosen: PortEntry | None,
+    device_root: str,
+    *,
+    is_named: bool,
+) -> tuple[dict[str, dict[str, str]], list[str]]:
+    """Fields to write by path of the ``serial`` block, and what cannot be told."""
+    values: dict[str, dict[str, str]] = {}
+    problems: list[str] = []
+    owners: dict[str, str] = {}
+    for node in nodes:
+        try:
+            entry = adapter_of(node, ports, device_root, is_named=is_named, chosen=chosen)
+            fields = lasting_name(entry, ports, node)
+        except Ambiguous as error:
+            problems.append(str(error))
+            continue
+        real = str(Path(entry.path).resolve())
+        if real in owners:
+            problems.append(f"{node.node} and {owners[real]} both mean {entry}: two nodes cannot share a bus")
+        owners[real] = node.node
+        if node.port and Path(node.port).resolve() != Path(entry.path).resolve():
+            fields["port"] = entry.path
+        known = {"serial_number": node.serial_number, "vid_pid": node.vid_pid, "port": node.port}
+        fields = {name: value for name, value in fields.items() if known[name] != value}
+        if fields:
+            values[node.path] = fields
+    return values, problems
+
+
+def _new_texts(loaded: LoadedConfig, values: dict[str, dict[str, str]]) -> dict[str, str]:
+    edits: dict[str, list[Edit]] = {}
+    for path, fields in values.items():
+        for edit in set_strings(loaded.positions, path, fields):
+            edits.setdefault(edit.file, []).append(edit)
+    return {name: apply_edits(loaded.sources[name], items) for name, items in edits.items()}
+
+
+def _show(name: str, old: str, new: str) -> None:
+    lines = difflib.unified_diff(
+        old.splitlines(keepends=True), new.splitlines(keepends=True), name, name, n=2
+    )
+    for line in lines:
+        sys.stdout.write(line if line.endswith("\n") else line + "\n")
+
+
+def _replace_all(loaded: LoadedConfig, texts: dict[str, str], values: dict[str, dict[str, str]]) -> None:
+    """Replaces the files, and reads them back; puts all of them back where anything is not as meant.
+
+    Raises Refused.
+    """
+    originals = {name: Path(name).read_bytes() for name in texts}
+    texts = {name: _in_style_of(originals[name], text) for name, text in texts.items()}
+    try:
+        for name, text in texts.items():
+            replace_file(name, text)
+        _check(loaded.path, values)
+    except (OSError, Refused) as error:
+        for name, data in originals.items():
+            if Path(name).read_bytes() != data:
+                replace_file(name, data.decode())
+        raise Refused(f"the file was put back: {error}") from error
+
+
+def _in_style_of(original: bytes, text: str) -> str:
+    """Line ends and byte order mark as the file had them."""
+    mark = "\ufeff" if original.startswith(b"\xef\xbb\xbf") else ""
+    return mark + (text.replace("\n", "\r\n") if b"\r\n" in original else text)
+
+
+def _check(path: str, values: dict[str, dict[str, str]]) -> None:
+    found = {node.path: node for node in node_ports(_load(path))}
+    for serial_path, fields in values.items():
+        for name, value in fields.items():
+            if getattr(found.get(serial_path), name, None) != value:
+                raise Refused(f"{serial_path}.{name} did not become {value!r}")

@@ -1,0 +1,52 @@
+"""Settings that every device with a serial link has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from google.protobuf.message import Message
+from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from pydantic import model_validator
+from typing_extensions import Self
+
+
+class SerialSettings(BlockSettings):
+    """Settings of a device with a serial link.
+
+    Attributes:
+        port, serial_number, vid_pid, baudrate: of the link.
+        device_root: folder that holds ``dev`` and ``sys``; an emulated device brings one of its own.
+    """
+
+    port: Annotated[str, FromField("comm.serial.port")] = ""
+    serial_number: Annotated[str, FromField("comm.serial.serial_number")] = ""
+    vid_pid: Annotated[str, FromField("comm.serial.vid_pid")] = ""
+    baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 115_200
+    device_root: str = "/"
+
+    @classmethod
+    def called(cls) -> str:
+        """What the device is called in messages, such as "a laser scanner"."""
+        raise NotImplementedError(f"{cls.__name__} has no name for messages: override called")
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds the place of emulated devices from the plan's context."""
+        result = super().si_values(values, node, context)
+        if context.get("device_root"):
+            result["device_root"] = context["device_root"]
+        return result
+
+    @model_validator(mode="after")
+    def _names_a_port(self) -> Self:
+        if not (self.port or self.serial_number or self.vid_pid):
+            raise FieldError(
+                "comm",
+                f"{self.called()} needs a serial port, by its path or by its adapter's identity",
+                allowed=("serial { port: … }", "serial { serial_number: … }", "serial { vid_pid: … }"),
+                remedy="add comm { serial { … } }; joshua find-port lists the ports",
+            )
+        return self

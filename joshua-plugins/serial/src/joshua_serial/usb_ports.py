@@ -1,0 +1,215 @@
+"""Serial ports of the host and the USB adapters behind them; a port by its adapter's identity."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from joshua_serial.errors import PortNotFound
+
+
+@dataclass(frozen=True)
+class PortEntry:
+    """One serial port.
+
+    Attributes:
+        path: device path, such as ``/dev/ttyACM0``.
+        serial_number, vid_pid: of the USB adapter, "" where it has none or is no USB device.
+        by_id: path by the adapter's identity below ``/dev/serial/by-id``, "" where there is none.
+        product: what the adapter calls itself; driver: of the kernel, such as ``cdc_acm``.
+        place: where it is plugged in, such as ``1-2.3``: bus, then socket by socket; "" where unknown.
+    """
+
+    path: str
+    serial_number: str = ""
+    vid_pid: str = ""
+    by_id: str = ""
+    product: str = ""
+    driver: str = ""
+    place: str = ""
+
+    @property
+    def identity(self) -> str:
+        """Identity that stays with the adapter, such as ``usb:5A46082345``; "" where it has none."""
+        return f"usb:{self.serial_number}" if self.serial_number else ""
+
+    def __str__(self) -> str:
+        facts = ", ".join(
+            text
+            for text in (
+                f"serial_number {self.serial_number}" if self.serial_number else "",
+                f"vid_pid {self.vid_pid}" if self.vid_pid else "",
+            )
+            if text
+        )
+        return f"{self.path} ({facts})" if facts else self.path
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """How the configuration names a port: the identity decides where one is given.
+
+    Attributes:
+        device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
+        known_as: identity of the adapter, as its calibration remembers it: where nothing is at the path, the
+            adapter is looked for by it.
+    """
+
+    path: str = ""
+    serial_number: str = ""
+    vid_pid: str = ""
+    device_root: str = "/"
+    known_as: str = ""
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether the adapter is found again: by its identity, or by a name that a rule gives it."""
+        return bool(self.serial_number or self.vid_pid or self.known_as) or is_lasting_name(self.path)
+
+    def __str__(self) -> str:
+        parts = [
+            f"serial_number {self.serial_number}" if self.serial_number else "",
+            f"vid_pid {self.vid_pid}" if self.vid_pid else "",
+        ]
+        return " and ".join(part for part in parts if part) or self.path
+
+
+def is_lasting_name(path: str) -> bool:
+    """Whether a path is a name that udev keeps for one adapter, not one in the order of plugging in."""
+    return bool(path) and not Path(path).name.startswith(("tty", "cu."))
+
+
+def list_ports(device_root: str = "/") -> list[PortEntry]:
+    """Lists the USB serial ports of the host, by path."""
+    root = Path(device_root)
+    classes = root / "sys/class/tty"
+    if not classes.is_dir() and device_root == "/":
+        return _list_by_pyserial()
+    by_id = _by_id_links(root / "dev/serial/by-id")
+    entries = []
+    for node in sorted(classes.iterdir()) if classes.is_dir() else ():
+        with contextlib.suppress(OSError):  # an adapter that is pulled just now vanishes file by file
+            entry = _entry(node, root / "dev" / node.name, by_id)
+            if entry is not None:
+                entries.append(entry)
+    return entries
+
+
+def resolve(endpoint: Endpoint) -> PortEntry:
+    """Finds the port that an endpoint names.
+
+    Raises:
+        PortNotFound: no adapter fits, or several do; the message lists the ports that there are.
+    """
+    ports = list_ports(endpoint.device_root)
+    if not (endpoint.serial_number or endpoint.vid_pid):
+        return _by_path(endpoint, ports)
+    fitting = [port for port in ports if _fits(port, endpoint)]
+    if len(fitting) > 1 and endpoint.path:  # adapters whose maker gave all of them one serial number
+        real = Path(endpoint.path).resolve()
+        fitting = [port for port in fitting if Path(port.path).resolve() == real] or fitting
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        numbers = {port.serial_number for port in fitting}
+        which = "serial_number" if len(numbers) == len(fitting) else "port"
+        raise PortNotFound(
+            f"{endpoint}: {len(fitting)} adapters fit, the file must name one: {_listing(fitting)}. "
+            f"Give {which} as well, or unplug the others."
+        )
+    raise PortNotFound(
+        f"{endpoint}: no adapter of this identity is plugged in. Ports here: {_listing(ports)}. "
+        "Plug the device in and check its supply, or correct comm.serial; joshua find-port lists the ports."
+    )
+
+
+def _by_path(endpoint: Endpoint, ports: Iterable[PortEntry]) -> PortEntry:
+    real = Path(endpoint.path).resolve()
+    for port in ports:
+        if Path(port.path).resolve() == real:
+            return replace(port, path=endpoint.path)
+    if endpoint.known_as and not real.exists():
+        moved = [port for port in ports if port.identity == endpoint.known_as]
+        if len(moved) == 1:
+            return moved[0]
+    return PortEntry(endpoint.path)
+
+
+def _fits(port: PortEntry, endpoint: Endpoint) -> bool:
+    return (not endpoint.serial_number or port.serial_number == endpoint.serial_number) and (
+        not endpoint.vid_pid or port.vid_pid.lower() == endpoint.vid_pid.lower()
+    )
+
+
+def _listing(ports: Iterable[PortEntry]) -> str:
+    return ", ".join(str(port) for port in ports) or "none"
+
+
+def describe_ports(device_root: str) -> str:
+    """Names the USB serial ports of the host in one line, "none" where there are none."""
+    return _listing(list_ports(device_root))
+
+
+def _entry(node: Path, path: Path, by_id: Mapping[Path, str]) -> PortEntry | None:
+    """The port of a tty of sysfs; None where it is no USB adapter."""
+    usb = _usb_device(node)
+    if usb is None or not path.exists():
+        return None
+    return PortEntry(
+        str(path),
+        _read(usb / "serial"),
+        f"{_read(usb / 'idVendor')}:{_read(usb / 'idProduct')}",
+        by_id.get(path.resolve(), ""),
+        _read(usb / "product"),
+        _driver(node),
+        usb.name,
+    )
+
+
+def _usb_device(node: Path) -> Path | None:
+    """Folder of the USB device behind a tty of sysfs, None where there is no USB device."""
+    device = node / "device"
+    if not device.exists():
+        return None
+    place = device.resolve()
+    for folder in (place, *place.parents):
+        if (folder / "idVendor").is_file():
+            return folder
+    return None
+
+
+def _driver(node: Path) -> str:
+    """Name of the kernel's driver of a tty; the tty of a USB-serial converter is a device of its own."""
+    device = (node / "device").resolve()
+    for folder in (device, device.parent):
+        if (folder / "driver").exists():
+            return (folder / "driver").resolve().name
+    return ""
+
+
+def _by_id_links(folder: Path) -> dict[Path, str]:
+    with contextlib.suppress(OSError):  # udev removes it with its last link
+        return {link.resolve(): str(link) for link in sorted(folder.iterdir())}
+    return {}
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace").strip() if path.is_file() else ""
+
+
+def _list_by_pyserial() -> list[PortEntry]:
+    from serial.tools import list_ports as tools
+
+    return [
+        PortEntry(
+            port.device,
+            port.serial_number or "",
+            f"{port.vid:04x}:{port.pid:04x}",
+            product=port.product or "",
+            place=port.location or "",
+        )
+        for port in sorted(tools.comports())
+        if port.vid is not None
+    ]

@@ -1,0 +1,400 @@
+"""The actuator of a servo bus: an arm of servos, in radians."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
+from joshua.devices.diagnostics import DiagnosticStatus
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+
+from joshua_servo.bus import ServoBus
+from joshua_servo.diagnostics import bus_row, joint_rows
+from joshua_servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
+from joshua_servo.family import ServoFamily
+from joshua_servo.feedback import Feedback
+from joshua_servo.handover import open_unguarded
+from joshua_servo.inspection import ServoSetup
+from joshua_servo.joint_map import JointMap, TickArray
+from joshua_servo.safe_stop import SafeStopRequest
+from joshua_servo.settings import ServoSettings
+from joshua_servo.state import StateReader
+from joshua_servo.torque import MoveValues, TorqueSwitch
+from joshua_servo.watch import HealthLimits, HealthWatch
+
+TORQUE_CHECK_S = 0.5  # how often torque is looked at while all replies come
+MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
+
+
+class ServoArm(Actuator):
+    """An arm on one bus; a driver adds the bus of its protocol and the registers of its servos.
+
+    Args:
+        settings: the arm.
+        context: of the plan. ``allow_uncalibrated`` lets an arm without calibration be energised, in radians
+            about the middle of its range; ``dry_run`` does everything with torque off; ``remembered``, the
+            safe-stop request of the driver before in the same run, tells the adapter.
+    """
+
+    settings: ServoSettings
+    #: The family of the servos.
+    family: ClassVar[ServoFamily]
+
+    def __init__(self, settings: ServoSettings, context: dict[str, Any] | None = None) -> None:
+        super().__init__(settings, context)
+        self._ids = settings.motor_ids
+        self._map = JointMap(settings)
+        self._watch = HealthWatch(settings.joint_names, [HealthLimits()] * len(self._ids), self.family.status)
+        adapter = self.plan_context.get("remembered", {})  # of the driver before, which had found it
+        self._port = SerialPort(
+            Endpoint(
+                settings.port,
+                settings.serial_number or adapter.get("serial_number", ""),
+                settings.vid_pid or adapter.get("vid_pid", ""),
+                settings.device_root,
+                settings.calibration.device_identity if settings.calibration else "",
+            ),
+            settings.baudrate,
+        )
+        self._bus = self.make_bus(self._port)
+        names = dict(zip(self._ids, settings.joint_names, strict=True))
+        self._torque = TorqueSwitch(self._bus, self.family, names)
+        self._state = StateReader(self._bus, self.family, names, self.parse)
+        self._lock = threading.RLock()
+        self._enabled = False
+        self._tripped = ""
+        self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
+        self._goal_ticks, self._written_s = np.zeros(len(self._ids), np.int64), 0.0
+        self._readings: list[Feedback] = []
+        self._setups: list[ServoSetup] = []
+        self._lost_reported = self._lost_checked = 0
+        self._torque_checked_s = 0.0
+
+    @abstractmethod
+    def make_bus(self, port: SerialPort) -> ServoBus:
+        """Makes the bus of the servos' protocol."""
+
+    @abstractmethod
+    def inspect(self) -> list[ServoSetup]:
+        """Checks the servos on the open bus and reads what their EEPROM says, in joint order.
+
+        Raises:
+            DeviceError: they are not those of the configuration, or of the calibration.
+        """
+
+    @abstractmethod
+    def move_values(self) -> list[MoveValues]:
+        """Values of the registers of a move beside the goal, in joint order."""
+
+    def parse(self, values: Sequence[bytes]) -> list[Feedback]:
+        """Reads the blocks of feedback of all servos, in joint order."""
+        parse_feedback = self.family.parse_feedback
+        return [parse_feedback(value) for value in values]
+
+    def clear_faults(self, readings: Sequence[Feedback]) -> bool:
+        """Before torque: clears faults that servos keep until they are told; whether it did anything."""
+        del readings
+        return False
+
+    def check_start(self, positions: Sequence[int]) -> None:
+        """Refuses positions in ticks from which a servo cannot start. Raises DeviceError."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints: the calibration's, else ``joint_<id>``."""
+        return self.settings.joint_names
+
+    @property
+    def limits(self) -> JointLimits:
+        """The tightest of configuration, calibration and, once connected, the servos' EEPROM."""
+        return self._map.limits()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is open."""
+        return self._port.is_open
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the joints were energised by this driver and still are, as far as it knows."""
+        return self._enabled
+
+    @property
+    def identity(self) -> str:
+        """Identity of the adapter, such as ``usb:5A46082345``; "" where it has none or is not known yet."""
+        return self._port.entry.identity
+
+    @property
+    def bus(self) -> ServoBus:
+        """The bus, for set-up and calibration."""
+        return self._bus
+
+    def connect(self) -> None:
+        """Opens the port, checks the motors and takes their limits; writes nothing.
+
+        After a disconnection the adapter is looked for by its identity, under whatever name it came back.
+
+        Raises:
+            DeviceError: the device is open already, or one of its kinds with cause and remedy.
+        """
+        if self.connected:
+            raise DeviceError(f"{type(self).__name__}.connect: the device is open already")
+        with self._lock:
+            open_unguarded(self._port, self.stopping)
+            try:
+                try:
+                    self.check()
+                except NoReply:  # a machine that starts a run may stand still for a moment
+                    self.check()
+            except BaseException:
+                self._port.close()
+                raise
+            self._enabled = False
+            self._tripped = ""
+            self._follow_identity()
+
+    def check(self) -> None:
+        """Checks the motors as at the start, and takes their limits; writes nothing. Raises DeviceError."""
+        self.require_connected("check")
+        with self._lock:
+            setups = self.inspect()
+            positions = self._state.positions()
+            self._map = JointMap(self.settings)
+            self._setups = setups
+            self._map.tighten(
+                [setup.min_position for setup in setups],
+                [setup.max_position for setup in setups],
+                [setup.max_speed for setup in setups],
+            )
+            self._map.follow_turns(positions, [setup.turns for setup in setups])
+            self._watch = HealthWatch(
+                self.joint_names, [setup.health for setup in setups], self.family.status
+            )
+
+    def read(self) -> JointReading:
+        """Reads the state of all joints; effort is the fraction of stall torque.
+
+        Raises:
+            DeviceDisconnected: the port is gone.
+            NoReply: a servo does not answer.
+            SafetyTripped: a protection has just taken the torque off; reading goes on after that.
+        """
+        self.require_connected("read")
+        with self._lock:
+            readings, stamp_ns = self._state.feedback()
+            self._readings = readings
+            if self._enabled:
+                self._trip_where_needed(readings)
+        return JointReading(
+            stamp_ns,
+            self._map.radians([reading.position for reading in readings]),
+            self._map.radians_per_second([reading.speed for reading in readings]),
+            self._map.directed([reading.load for reading in readings]),
+        )
+
+    def prepare(self) -> None:
+        """Clears faults that servos keep until they are told, and finds the turns that they count in now.
+
+        Raises NotCalibrated, unless the plan waives the calibration, and DeviceDisconnected.
+        """
+        self.require_connected("prepare")
+        self._require_calibration()
+        with self._lock:
+            readings = self._state.settled_feedback()
+            if not self._dry_run and self.clear_faults(readings):
+                readings = self._state.settled_feedback()
+            positions = [reading.position for reading in readings]
+            self._map.follow_turns(positions, [setup.turns for setup in self._setups])
+
+    def enable(self) -> None:
+        """Prepares the joints and energises them where they are, verified by reading back.
+
+        Raises:
+            SafetyTripped: a protection would trip at once.
+            DeviceError: as ``prepare``, or a servo did not take it; then all joints are released.
+        """
+        self.require_connected("enable")
+        with self._lock:
+            self.prepare()
+            readings = self._state.settled_feedback()
+            self._watch.reset()
+            if reason := self._watch.trip_reason(readings):
+                raise SafetyTripped(
+                    f"{self._port}: torque stays off: {reason}. Put it right, then enable again."
+                )
+            present = np.array([reading.position for reading in readings], dtype=np.int64)
+            self.check_start(present.tolist())
+            if not self._dry_run:
+                self._torque.switch_on(present.tolist(), self.move_values())
+            self._enabled = True
+            self._tripped = ""
+            self._remember(self._map.radians(present), present)
+
+    def write(self, goal_rad: FloatArray) -> FloatArray:
+        """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
+
+        Raises:
+            ValueError: a wrong shape or a value that is not finite.
+            SafetyTripped, NotEnabled: torque is off; a written goal would switch it on in the servo.
+            DeviceDisconnected: the port is gone.
+        """
+        self.require_connected("write")
+        goal = self.checked_goal(goal_rad)
+        with self._lock:
+            if self._tripped:
+                raise SafetyTripped(
+                    f"{self._port}: torque was taken off: {self._tripped}. Enable it again first."
+                )
+            if not self._enabled:
+                raise NotEnabled(f"{self._port}: the joints have no torque: call enable first")
+            elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
+            step = self._map.speed_rad_s * elapsed_s
+            goal = np.clip(goal, self._goal - step, self._goal + step)
+            ticks = self._map.ticks(goal, self._goal_ticks)
+            self._send_goals(ticks)
+            self._remember(goal, ticks)
+            return self._map.radians(ticks)
+
+    def hold(self) -> None:
+        """Stops where the joints are; without torque it does nothing. Raises DeviceDisconnected."""
+        self.require_connected("hold")
+        with self._lock:
+            if not self._enabled:
+                return
+            present = np.array(self._state.positions(), dtype=np.int64)
+            self._send_goals(present)
+            self._remember(self._map.radians(present), present)
+
+    def release(self) -> None:
+        """Takes torque off all joints and verifies it; does nothing on a closed device.
+
+        Raises:
+            DeviceDisconnected: a servo does not say that it has let go.
+        """
+        with self._lock:
+            self._enabled = False
+            if self.connected:
+                self._torque.switch_off()
+
+    def read_torque(self) -> dict[str, bool]:
+        """Reads back which joints have torque. Raises DeviceDisconnected."""
+        self.require_connected("read_torque")
+        with self._lock:
+            return self._torque.read()
+
+    def disconnect(self) -> None:
+        """Closes the port, torque as it is; a second call does nothing."""
+        with self._lock:
+            self._enabled = False
+            self._port.close()
+
+    def diagnostics(self) -> list[DiagnosticStatus]:
+        """One row for each joint as last read, and one for the bus."""
+        with self._lock:
+            hardware_id = self.identity or self._port.entry.path
+            row = bus_row(self._bus.counters, self._lost_reported, hardware_id)
+            self._lost_reported = self._lost
+            if not self._readings:
+                return [row]
+            motion = (
+                self._map.radians([reading.position for reading in self._readings]),
+                self._map.radians_per_second([reading.speed for reading in self._readings]),
+            )
+            names, ids = self.joint_names, self._ids
+            return [*joint_rows(names, ids, self._readings, motion, self._watch, hardware_id), row]
+
+    def safe_stop_request(
+        self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
+    ) -> SafeStopRequest:
+        """What a guardian needs to bring this arm into its safe state without this driver.
+
+        Args:
+            action: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``.
+            park_pose_rad: pose of PARK_THEN_RELEASE, one angle for each joint.
+            timeout_s: by when it is to be done.
+        """
+        park: Mapping[int, int] = {}
+        if len(park_pose_rad):
+            ticks = self._map.ticks(self.checked_goal(np.array(park_pose_rad)))
+            park = dict(zip(self._ids, ticks.tolist(), strict=True))
+        endpoint = self._port.endpoint
+        return SafeStopRequest(
+            action=action,
+            ids=self._ids,
+            baudrate=self.settings.baudrate,
+            path=self._port.entry.path,
+            serial_number=endpoint.serial_number,
+            vid_pid=endpoint.vid_pid,
+            device_root=endpoint.device_root,
+            park_ticks=park,
+            timeout_s=timeout_s,
+        )
+
+    @property
+    def _dry_run(self) -> bool:
+        return bool(self.plan_context.get("dry_run"))
+
+    def _follow_identity(self) -> None:
+        """From now on looks for this very adapter, whatever name it has."""
+        entry, endpoint = self._port.entry, self._port.endpoint
+        if entry.serial_number:
+            self._port.endpoint = Endpoint(
+                endpoint.path, entry.serial_number, entry.vid_pid, endpoint.device_root
+            )
+
+    def _require_calibration(self) -> None:
+        if self.settings.calibration is None and not self.plan_context.get("allow_uncalibrated"):
+            raise NotCalibrated(
+                f"{self._port}: the arm is not calibrated, so its joints are not energised. Run a "
+                "MODE_CALIBRATION configuration (joshua presets names calibrate_so_arm100), or pass "
+                "--allow-uncalibrated to drive it about the middle of position_min and position_max."
+            )
+
+    def _trip_where_needed(self, readings: Sequence[Feedback]) -> None:
+        reason = self._watch.trip_reason(readings) or self._lapse()
+        if not reason:
+            return
+        self._tripped = reason
+        self._enabled = False
+        self.letting_go()
+        try:
+            self._torque.switch_off()
+        except DeviceDisconnected as error:
+            text = f"{self._port}: {reason}; taking the torque off could not be verified: {error}"
+            raise SafetyTripped(text, released=False) from error
+        raise SafetyTripped(
+            f"{self._port}: {reason}. The torque of this arm was taken off; look for the cause (a blocked "
+            "joint, heat, the supply)."
+        )
+
+    def _lapse(self) -> str:
+        """Looks at the torque itself now and then, and after each lost reply: a power cut resets servos."""
+        lost, now_s = self._lost, time.monotonic()
+        if self._dry_run or (lost == self._lost_checked and now_s - self._torque_checked_s < TORQUE_CHECK_S):
+            return ""
+        self._lost_checked, self._torque_checked_s = lost, now_s
+        lapsed = self._torque.lapsed()
+        text = "lost torque or settings without a command: its supply was interrupted"
+        return f"{lapsed} {text}" if lapsed else ""
+
+    @property
+    def _lost(self) -> int:
+        return sum(self._bus.counters.lost.values())
+
+    def _send_goals(self, ticks: TickArray) -> None:
+        if self._dry_run:
+            return
+        goal = self.family.goal_position
+        rows = {i: goal.encode(t) for i, t in zip(self._ids, ticks.tolist(), strict=True)}
+        self._bus.sync_write(goal.address, goal.width, rows)
+
+    def _remember(self, goal_rad: FloatArray, ticks: TickArray) -> None:
+        self._goal, self._goal_ticks = goal_rad, ticks
+        self._written_s = time.monotonic()

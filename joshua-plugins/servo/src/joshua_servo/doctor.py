@@ -1,0 +1,159 @@
+"""The motors on each port: which answer, and what they say of themselves."""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.host import Host
+from joshua_serial.ports.bus_plugins import installed_bus_tools
+from joshua_serial.ports.survey import Families, PortSurvey, chosen_ports, survey
+from joshua_serial.ports.text import remarks
+from joshua_serial.usb_ports import PortEntry
+
+from joshua_servo.bus_tools import FoundMotor
+
+NAME = "motors"
+NEAR_C = 10  # degrees below the limit
+NEAR_V = 0.5
+DROP_V = 1.0  # between the motors of one chain
+
+
+def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[Finding]:
+    """Looks for motors on the chosen ports."""
+    root = str(host.root)
+    entries, families = chosen_ports(arguments.ports, root), installed_bus_tools()
+    if entries and families:
+        yield from check_buses(entries, families, root)
+
+
+def check_buses(
+    entries: Sequence[PortEntry], families: Families, device_root: str = "/"
+) -> Iterator[Finding]:
+    """Scans ports; one finding for each bus that is in order, one for each thing that is not."""
+    for found in survey(entries, families, device_root):
+        path = found.entry.path
+        if found.problem:
+            text = found.problem.removeprefix(f"{path}: ")
+            if "which runs now" in text:
+                yield Finding(Level.NOTE, NAME, path, f"was not looked at: {text}")
+            else:
+                yield Finding(Level.ERROR, NAME, path, text)
+        elif not found.motors:
+            yield Finding(
+                Level.NOTE,
+                NAME,
+                path,
+                "no motor answers, at no line speed",
+                "if this is the adapter of an arm: switch the supply on, check the first cable",
+            )
+        else:
+            yield from _judge(found, families)
+
+
+def _judge(found: PortSurvey, families: Families) -> Iterator[Finding]:
+    path = found.entry.path
+    motors = [motor for _, motor in found.motors]
+    findings = [*_each(found, families), *_together(path, motors)]
+    yield from findings
+    if not findings:
+        ids = ", ".join(str(motor.motor_id) for motor in motors)
+        versions = {motor.firmware for motor in motors if motor.firmware}
+        firmware = "".join(f", firmware {version}" for version in versions)
+        family = families[found.motors[0][0]].family
+        yield Finding(Level.OK, NAME, path, f"{family} {ids} at {motors[0].baudrate} bit/s{firmware}")
+
+
+def _each(found: PortSurvey, families: Families) -> Iterator[Finding]:
+    for block, motor in found.motors:
+        subject = f"{found.entry.path} id {motor.motor_id}"
+        for text in remarks(motor, families[block]):
+            what, _, remedy = text.partition(": ")
+            yield Finding(Level.ERROR, NAME, subject, what, remedy or _remedy(motor))
+        yield from _temperature(subject, motor)
+        yield from _voltage(subject, motor)
+
+
+def _remedy(motor: FoundMotor) -> str:
+    if motor.status:
+        return "look for the cause (a blocked joint, heat, the supply), then cut the supply for a moment"
+    return "exchange it, or install the plugin for it"
+
+
+def _temperature(subject: str, motor: FoundMotor) -> Iterator[Finding]:
+    present, most = motor.temperature_c, motor.max_temperature_c
+    if present is None or most is None or present <= most - NEAR_C:
+        return
+    level = Level.ERROR if present > most else Level.WARNING
+    yield Finding(
+        level,
+        NAME,
+        subject,
+        f"{present:.0f} °C, at most {most:.0f} °C",
+        "let it cool down; what load does it hold?",
+    )
+
+
+def _voltage(subject: str, motor: FoundMotor) -> Iterator[Finding]:
+    present, least, most = motor.voltage_v, motor.min_voltage_v, motor.max_voltage_v
+    if present is None or least is None or most is None:
+        return
+    allowed = f"{present:.1f} V, allowed {least:.1f} to {most:.1f} V"
+    if not least <= present <= most:
+        yield Finding(Level.ERROR, NAME, subject, allowed, "use the supply that the motors are made for")
+    elif present < least + NEAR_V:
+        yield Finding(
+            Level.WARNING,
+            NAME,
+            subject,
+            allowed,
+            "check the supply: it sinks further as soon as the arm moves",
+        )
+
+
+def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[Finding]:
+    """What shows only when the motors of one bus are compared."""
+    speeds, versions = defaultdict(list), defaultdict(list)
+    for motor in motors:
+        speeds[motor.baudrate].append(motor.motor_id)
+        if motor.firmware:
+            versions[motor.model, motor.firmware].append(motor.motor_id)
+    if len(speeds) > 1:
+        text = "; ".join(f"{rate} bit/s: {_ids(ids)}" for rate, ids in speeds.items())
+        yield Finding(
+            Level.ERROR,
+            NAME,
+            path,
+            f"motors have different line speeds: {text}",
+            "joshua motors setup gives them one",
+        )
+    models = {model for model, _ in versions}
+    if len(versions) > len(models):
+        text = "; ".join(f"{firmware}: {_ids(ids)}" for (_, firmware), ids in versions.items())
+        yield Finding(
+            Level.WARNING,
+            NAME,
+            path,
+            f"motors have different firmware, {text}",
+            "bring all of them to the newest with the vendor's program",
+        )
+    volts = [(motor.voltage_v, motor.motor_id) for motor in motors if motor.voltage_v is not None]
+    if volts and max(volts)[0] - min(volts)[0] > DROP_V:
+        low, high = min(volts), max(volts)
+        yield Finding(
+            Level.WARNING,
+            NAME,
+            path,
+            f"the voltage drops along the chain: {high[0]:.1f} V at id {high[1]}, "
+            f"{low[0]:.1f} V at id {low[1]}",
+            "check plugs and cables between them, or feed the chain from both ends",
+        )
+
+
+def _ids(ids: Sequence[int]) -> str:
+    return "ids " + ", ".join(map(str, ids)) if len(ids) > 1 else f"id {ids[0]}"
+
+
+DEVICE_CHECKS = (check_ports,)

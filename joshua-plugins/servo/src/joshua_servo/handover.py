@@ -1,0 +1,35 @@
+"""Taking a port over from the guardian of a driver that has failed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from joshua.node.errors import StopObeyed
+from joshua_serial.errors import PortBusy, PortGuarded
+from joshua_serial.port import SerialPort
+
+POLL_S = 0.05
+
+#: A node that is not ready after 20 s is ended, and says then what it waits for.
+PATIENCE_S = 15.0
+
+
+def open_unguarded(port: SerialPort, stopping: Callable[[], bool]) -> None:
+    """Opens a port as soon as no guardian is at work on it. Raises what opening raises, and StopObeyed."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    was_guarded = False
+    while True:
+        try:
+            port.open()
+        except PortBusy as error:
+            was_guarded |= isinstance(error, PortGuarded)  # one that ends cannot be told from others
+            if not was_guarded:
+                raise
+            if stopping():
+                raise StopObeyed from None
+            if time.monotonic() > deadline_s:
+                raise
+            time.sleep(POLL_S)
+        else:
+            return

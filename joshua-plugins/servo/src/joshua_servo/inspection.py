@@ -1,0 +1,152 @@
+"""What the servos' EEPROM says against configuration and calibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from joshua.devices.calibration import MotorCalibration
+
+from joshua_servo.bus import ServoBus
+from joshua_servo.errors import CalibrationMismatch, MotorCheckFailed, SafetyTripped
+from joshua_servo.settings import ServoSettings
+from joshua_servo.watch import HealthLimits
+
+
+@dataclass(frozen=True)
+class ServoSetup:
+    """What one servo's EEPROM says; positions in ticks.
+
+    Attributes:
+        max_speed: fastest move that it takes, ticks/s.
+        turns: it counts turns, so that a position may be whole turns away from that of the calibration.
+    """
+
+    servo_id: int
+    min_position: int
+    max_position: int
+    homing_offset: int
+    health: HealthLimits
+    max_speed: float = math.inf
+    turns: bool = False
+
+
+def refuse_setup(bus: ServoBus, problems: Sequence[str]) -> None:
+    """Refuses servos that work in another way than the driver expects. Raises MotorCheckFailed."""
+    if problems:
+        raise MotorCheckFailed(
+            "\n  ".join(
+                [
+                    f"{bus.port}: servos are set up for something else",
+                    *problems,
+                    "joshua motors setup puts it right.",
+                ]
+            )
+        )
+
+
+def check_start(
+    bus: ServoBus,
+    names: Sequence[str],
+    setups: Sequence[ServoSetup],
+    positions: Sequence[int],
+    tolerance_ticks: int = 0,
+) -> None:
+    """Refuses a servo that stands beyond its own limits: it would not take its position for a goal.
+
+    Args:
+        names, setups, positions: of all servos, in joint order; positions in ticks.
+        tolerance_ticks: how far beyond is still good.
+
+    Raises SafetyTripped.
+    """
+    for name, setup, position in zip(names, setups, positions, strict=True):
+        low, high = setup.min_position - tolerance_ticks, setup.max_position + tolerance_ticks
+        if not setup.turns and not low <= position <= high:
+            raise SafetyTripped(
+                f"{bus.port}: {name} (id {setup.servo_id}) stands at {position} ticks, beyond the "
+                f"limits of its servo, {setup.min_position} to {setup.max_position}: torque stays off. "
+                "Move the joint into its range by hand, then try again."
+            )
+
+
+def check_setups(bus: ServoBus, settings: ServoSettings, setups: Sequence[ServoSetup]) -> None:
+    """Compares the servos with calibration and configuration.
+
+    Raises:
+        CalibrationMismatch: the calibration is not that of these servos.
+        MotorCheckFailed: no position of a joint is allowed.
+    """
+    _check_calibration(bus, settings, setups)
+    _check_ranges(bus, settings, setups)
+
+
+def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[ServoSetup]) -> None:
+    calibration = settings.calibration
+    if calibration is None:
+        return
+    problems = [
+        problem
+        for setup in setups
+        if (motor := calibration.motor(setup.servo_id)) is not None
+        for problem in _differences(motor, setup)
+    ]
+    found, made_for = bus.port.entry.identity, calibration.device_identity
+    is_other = bool(made_for and found and made_for != found)
+    if not problems and not is_other:
+        return
+    cause = "the servos were calibrated anew since, or the file is of another arm"
+    remedy = "Calibrate again, or include the right file"
+    if is_other:
+        cause = f"it was made for {made_for}, and this is {found}"
+        remedy = "Connect the other arm, or include the calibration of this one"
+        if not problems:
+            remedy += f'; if only the adapter was exchanged, write device_identity: "{found}" into the file'
+    raise CalibrationMismatch(
+        "\n  ".join(
+            [
+                f"{bus.port}: the calibration is not that of these servos: {cause}",
+                *problems,
+                f"{remedy}; joshua calibrate --check compares file and servos.",
+            ]
+        )
+    )
+
+
+def _differences(motor: MotorCalibration, setup: ServoSetup) -> list[str]:
+    """How the file and one servo disagree; a file may narrow the servo's range, and never widen it."""
+    name = f"{motor.joint_name} (id {motor.id})"
+    found = []
+    if motor.homing_offset != setup.homing_offset:
+        found.append(
+            f"{name}: homing_offset {motor.homing_offset} in the calibration "
+            f"and {setup.homing_offset} in the servo"
+        )
+    if not setup.turns and (motor.range_min < setup.min_position or motor.range_max > setup.max_position):
+        found.append(
+            f"{name}: range {motor.range_min} to {motor.range_max} in the calibration "
+            f"and {setup.min_position} to {setup.max_position} in the servo"
+        )
+    return found
+
+
+def _check_ranges(bus: ServoBus, settings: ServoSettings, setups: Sequence[ServoSetup]) -> None:
+    problems = [
+        f"{name} (id {setup.servo_id}): {low} to {high} allowed by the configuration, "
+        f"{setup.min_position} to {setup.max_position} by the servo"
+        for name, setup, (low, high) in zip(
+            settings.joint_names, setups, settings.ranges_ticks(), strict=True
+        )
+        if max(low, setup.min_position) >= min(high, setup.max_position)
+    ]
+    if problems:
+        raise MotorCheckFailed(
+            "\n  ".join(
+                [
+                    f"{bus.port}: joints without any position that is allowed, in ticks",
+                    *problems,
+                    "Widen position_min and position_max, or calibrate the arm, which sets these limits.",
+                ]
+            )
+        )

@@ -1,0 +1,132 @@
+"""Checks that the servos on a bus are those of the configuration, and says what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from joshua_serial.errors import PortUnusable
+
+from joshua_servo.bus import ServoBus
+from joshua_servo.bus_tools import FoundMotor
+from joshua_servo.errors import MotorCheckFailed, NoReply
+
+LOOKS = 2  # a machine that is busy with the start of a run may stand still for longer than a request is tried
+SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on
+
+
+def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
+    """Looks at each servo of the configuration, in cable order.
+
+    Args:
+        models: expected model of each servo by its id.
+
+    Raises:
+        MotorCheckFailed: a servo is missing, shares its id or is of another model; the message names each,
+            with the expected and the found list, and the place where the chain breaks.
+        PortDisconnected: the port is gone.
+    """
+    ids = tuple(models)
+    seen: dict[int, FoundMotor] = {}
+    shared: list[int] = []
+    for _ in range(LOOKS):
+        for servo_id in ids:
+            if servo_id in seen or servo_id in shared:
+                continue
+            corrupt = bus.counters.corrupt
+            try:
+                seen[servo_id] = bus.identify(servo_id)
+            except NoReply:
+                if bus.counters.corrupt - corrupt > bus.retries:
+                    shared.append(servo_id)
+    found = [seen[servo_id] for servo_id in ids if servo_id in seen]
+    missing = [servo_id for servo_id in ids if servo_id not in seen and servo_id not in shared]
+    wrong = [motor for motor in found if motor.model != models[motor.motor_id]]
+    if not (missing or shared or wrong):
+        return found
+    strangers = [] if len(missing) == len(ids) else _strangers(bus, ids)
+    problems = [
+        *_missing_text(bus, ids, missing),
+        *(
+            f"two motors share the id {servo_id}: connect one alone and give it another id"
+            for servo_id in shared
+        ),
+        *(
+            f"wrong model: id {motor.motor_id} is a {motor.model}, expected {models[motor.motor_id]}"
+            for motor in wrong
+        ),
+    ]
+    raise MotorCheckFailed(
+        "\n  ".join(
+            [
+                f"{bus.port}: motor check failed at {bus.port.baudrate} bit/s",
+                *problems,
+                f"expected: {_list(f'{servo_id} ({model})' for servo_id, model in models.items())}",
+                f"found: {_list([*found, *strangers])}",
+                "joshua motors setup gives ids and baud rates; joshua doctor looks at cable and supply.",
+            ]
+        )
+    )
+
+
+def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:
+    """Finds ids that answer at other line speeds: ids by speed. The line speed is put back afterwards."""
+    usual = bus.port.baudrate
+    answers: dict[int, list[int]] = {}
+    wanted = list(ids)
+    try:
+        for _ in range(LOOKS):
+            for baudrate in bus.baudrates:
+                if baudrate != usual and (heard := _heard_at(bus, baudrate, wanted)):
+                    answers[baudrate] = heard
+            if answers:
+                break
+    finally:
+        bus.port.set_baudrate(usual)
+    return answers
+
+
+def _heard_at(bus: ServoBus, baudrate: int, wanted: Sequence[int]) -> list[int]:
+    """Those ids that answer at a line speed; where one does, the others are asked once more."""
+    try:
+        bus.port.set_baudrate(baudrate)
+    except PortUnusable:
+        return []  # a speed that the adapter cannot run at cannot be the one in use
+    heard = bus.roll_call(wanted, bus.reply_margin_s)
+    if heard:
+        heard |= bus.roll_call([i for i in wanted if i not in heard], bus.reply_margin_s)
+    return [servo_id for servo_id in wanted if servo_id in heard]
+
+
+def _missing_text(bus: ServoBus, ids: Sequence[int], missing: list[int]) -> list[str]:
+    if not missing:
+        return []
+    if len(missing) == len(ids):
+        answers = find_baudrates(bus, ids)
+        if not answers:
+            return ["no servo answers, at no line speed: check the supply, and the cable to the first servo"]
+        return [
+            f"no servo answers at {bus.port.baudrate} bit/s, but ids {_list(heard)} answer at {baudrate}: "
+            f"set baudrate: {baudrate}, or change the servos with joshua motors setup"
+            for baudrate, heard in answers.items()
+        ]
+    texts = [f"missing ids: {_list(missing)}"]
+    first = list(ids).index(missing[0])
+    if first and list(ids[first:]) == missing:
+        before = ids[first - 1]
+        texts.append(f"the chain breaks after id {before}: check the cable between {before} and {missing[0]}")
+    return texts
+
+
+def _strangers(bus: ServoBus, ids: Sequence[int]) -> list[FoundMotor]:
+    strangers = []
+    heard = bus.roll_call([i for i in SCANNED_IDS if i not in ids], bus.reply_margin_s)
+    for servo_id in sorted(heard.difference(ids)):
+        try:
+            strangers.append(bus.identify(servo_id))
+        except NoReply:
+            continue  # it answered once and then no more: not one to report as found
+    return strangers
+
+
+def _list(items: Iterable[object]) -> str:
+    return ", ".join(str(item) for item in items) or "none"

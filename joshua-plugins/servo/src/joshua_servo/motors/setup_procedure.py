@@ -1,0 +1,156 @@
+"""Gives the motors of an arm their ids, one at a time; whoever connects them is asked by a dialogue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from joshua_servo.bus_tools import AssignmentFailed, BusTools, FoundMotor
+from joshua_servo.motors.dialogue import Dialogue, interrupts_deferred
+
+
+@dataclass(frozen=True)
+class WantedMotor:
+    """A motor of the arm: the id that it is to have, and the name of its joint."""
+
+    motor_id: int
+    joint: str
+
+    def __str__(self) -> str:
+        return f"{self.joint} (id {self.motor_id})"
+
+
+class SetupProcedure:
+    """Works from the last motor to the first: new motors have the id 1, which is given last.
+
+    So a motor that was done and left on the cable is never taken for the next one.
+
+    Args:
+        wanted: the motors in cable order; baudrate: line speed that all of them are to have.
+    """
+
+    def __init__(
+        self, tools: BusTools, wanted: Sequence[WantedMotor], baudrate: int, dialogue: Dialogue
+    ) -> None:
+        self._tools = tools
+        self._wanted = tuple(wanted)
+        self._baudrate = baudrate
+        self._dialogue = dialogue
+        self.done: list[WantedMotor] = []
+
+    @property
+    def remaining(self) -> list[WantedMotor]:
+        """Motors that have no id yet, in the order of the work."""
+        return sorted(
+            (motor for motor in self._wanted if motor not in self.done),
+            key=lambda motor: motor.motor_id,
+            reverse=True,
+        )
+
+    def run(self) -> None:
+        """Gives every motor its id, then checks the whole chain.
+
+        Raises:
+            NoAnswer: nobody connects what is asked for.
+            DeviceError: the port is gone.
+        """
+        found: list[FoundMotor] | None = self._look()
+        self._take_what_is_done(found or [])
+        if self._dialogue.asks:  # a motor that happens to be there is not changed unasked
+            found = None
+        while self.remaining:
+            self._give(self.remaining[0], found)
+            found = None
+        self._check_chain()
+
+    def _look(self) -> list[FoundMotor]:
+        return list(self._tools.scan((self._baudrate, *self._other_speeds())))
+
+    def _other_speeds(self) -> list[int]:
+        return [speed for speed in self._tools.baudrates if speed != self._baudrate]
+
+    def _take_what_is_done(self, found: list[FoundMotor]) -> None:
+        """Several motors that all have one of the wanted ids were done in an earlier run."""
+        ids = {motor.motor_id: motor for motor in self._wanted}
+        good = [motor for motor in found if motor.motor_id in ids and self._is_set(motor)]
+        if len(found) > 1 and len(good) == len(found):
+            self.done = [ids[motor.motor_id] for motor in good]
+            self._dialogue.say(f"done already: {_list(self.done)}")
+
+    def _is_set(self, motor: FoundMotor) -> bool:
+        known = motor.model in self._tools.expected_models
+        return motor.baudrate == self._baudrate and not motor.shared and known
+
+    def _give(self, wanted: WantedMotor, found: list[FoundMotor] | None) -> None:
+        """Waits until exactly one new motor is connected, and gives it an id."""
+        request = f"connect only the motor of {wanted}"
+        while True:
+            if found is None:
+                self._dialogue.wait_for(request)
+                found = self._look()
+            problem = self._problem(found, wanted)
+            if not problem and self._assign(found[0], wanted):
+                return
+            if problem:
+                request = f"{problem}: connect only the motor of {wanted}"
+            found = None
+
+    def _problem(self, found: list[FoundMotor], wanted: WantedMotor) -> str:
+        """Why what is connected cannot be given an id; "" where it can."""
+        if not found:
+            return "no motor answers, at no line speed (is the supply on, and the cable in?)"
+        listing = ", ".join(f"{motor} at {motor.baudrate} bit/s" for motor in found)
+        if len(found) > 1 or found[0].shared:
+            return f"several motors are connected, {listing}"
+        (motor,) = found
+        if motor.model not in self._tools.expected_models:
+            expected = " or ".join(self._tools.expected_models)
+            return f"{motor} is connected, expected a {expected}"
+        others = {other.motor_id: other for other in self._wanted if other != wanted}
+        other = others.get(motor.motor_id)
+        if other is None or not self._is_set(motor):
+            return ""
+        if motor.motor_id == self._tools.factory_id and other not in self.done:
+            return ""  # a new motor; the id is given to another one at the very end
+        if other not in self.done:
+            self.done.append(other)
+        return f"this motor has its id already, that of {other}"
+
+    def _assign(self, motor: FoundMotor, wanted: WantedMotor) -> bool:
+        was = f"id {motor.motor_id} at {motor.baudrate} bit/s"
+        try:
+            with interrupts_deferred():
+                now = self._tools.assign(motor, wanted.motor_id, self._baudrate)
+                self.done.append(wanted)
+        except AssignmentFailed as error:
+            self._dialogue.say(str(error))
+            return False
+        self._dialogue.say(
+            f"{wanted}: was {was}, is id {now.motor_id} at {now.baudrate} bit/s now, verified "
+            f"({now.model}, firmware {now.firmware})"
+        )
+        return True
+
+    def _check_chain(self) -> None:
+        """Looks at all motors on one cable."""
+        if len(self._wanted) < 2:
+            return
+        request = "connect all motors in a chain"
+        while True:
+            found = {motor.motor_id: motor for motor in self._tools.scan((self._baudrate,))}
+            missing = [motor for motor in self._wanted if motor.motor_id not in found]
+            shared = [
+                motor for motor in self._wanted if motor not in missing and found[motor.motor_id].shared
+            ]
+            if not missing and not shared:
+                self._dialogue.say(f"all {len(self._wanted)} motors answer at {self._baudrate} bit/s")
+                return
+            if shared:
+                request = f"{_list(shared)}: several motors answer to it; connect each motor once"
+            elif len(missing) < len(self._wanted) - 1:
+                request = f"{_list(missing)} does not answer; check its cable"
+            self._dialogue.wait_for(request)
+
+
+def _list(motors: Sequence[WantedMotor]) -> str:
+    return ", ".join(map(str, motors))

@@ -1,0 +1,249 @@
+"""Brings an arm into its safe state without its driver: for the process that outlives a killed one.
+
+Needs the port and nothing of the driver's state. Light to import: no numpy, no pydantic.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from joshua.devices.errors import DeviceError
+from joshua_serial.errors import PortDisconnected
+from joshua_serial.port import SerialPort
+from joshua_serial.usb_ports import Endpoint
+
+from joshua_servo.bus import ServoBus
+from joshua_servo.family import ServoFamily
+from joshua_servo.register_read import read_registers
+
+ACTIONS = ("HOLD", "RELEASE", "PARK_THEN_RELEASE")
+RETRY_S = 0.01  # between attempts to open a port that its dying owner still holds
+RELEASE_RESERVE_S = 0.15  # of the time for parking, kept for letting go and verifying
+PADDING = bytes(64)  # longer than any packet of a driver
+ARRIVED_TICKS = 30  # about 2.6°
+PARK_SPEED_TICKS_S = 500  # about 0.8 rad/s
+
+
+@dataclass(frozen=True)
+class SafeStopRequest:
+    """What is to be done to which servos.
+
+    Attributes:
+        action: ``HOLD`` (stay where they are; joints without torque stay so), ``RELEASE``, or
+            ``PARK_THEN_RELEASE``.
+        path, serial_number, vid_pid, device_root, baudrate: the port.
+        park_ticks: pose of PARK_THEN_RELEASE by servo id; park_speed_ticks_s: how fast.
+        timeout_s: by when the result must stand.
+    """
+
+    action: str
+    ids: tuple[int, ...]
+    baudrate: int = 1_000_000
+    path: str = ""
+    serial_number: str = ""
+    vid_pid: str = ""
+    device_root: str = "/"
+    park_ticks: Mapping[int, int] = field(default_factory=dict)
+    park_speed_ticks_s: int = PARK_SPEED_TICKS_S
+    timeout_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.action not in ACTIONS:
+            raise ValueError(f"unknown safe-stop action {self.action!r}; allowed: {', '.join(ACTIONS)}")
+
+    def to_json(self) -> str:
+        """The request as one line."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> SafeStopRequest:
+        """Reads what ``to_json`` wrote. Raises ValueError and TypeError."""
+        values = json.loads(text)
+        values["ids"] = tuple(values["ids"])
+        values["park_ticks"] = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
+        return cls(**values)
+
+
+@dataclass
+class SafeStopReport:
+    """What was reached, as read back from the servos.
+
+    Attributes:
+        joints: ``held``, ``released``, ``was off`` or ``not verified`` by servo id.
+        duration_s: from the call to the verification.
+        detail: what stood in the way, "" where nothing did.
+    """
+
+    action: str
+    joints: dict[int, str]
+    duration_s: float = 0.0
+    detail: str = ""
+
+    @property
+    def complete(self) -> bool:
+        """Whether every servo has confirmed its safe state."""
+        return all(state != "not verified" for state in self.joints.values())
+
+    def to_json(self) -> str:
+        """The report as one line."""
+        return json.dumps({**asdict(self), "complete": self.complete})
+
+
+def run(request: SafeStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> SafeStopReport:
+    """Takes the port, applies the safe state and verifies it; never raises for what a device does.
+
+    Bounded by ``timeout_s`` plus the time of one request to every servo.
+    """
+    start_s = time.monotonic()
+    stop = _SafeStop(request, family, make_bus, start_s + request.timeout_s)
+    try:
+        stop.run()
+    except DeviceError as error:
+        stop.report.detail = str(error)
+    finally:
+        stop.close()
+    stop.report.duration_s = time.monotonic() - start_s
+    if not stop.report.complete and not stop.report.detail:
+        silent = ", ".join(str(i) for i, state in stop.report.joints.items() if state == "not verified")
+        stop.report.detail = f"ids {silent} did not confirm; cut the arm's supply by hand if it holds"
+    return stop.report
+
+
+class _SafeStop:
+    def __init__(
+        self, request: SafeStopRequest, family: ServoFamily, make_bus: type[ServoBus], deadline_s: float
+    ) -> None:
+        self.request = request
+        self._family = family
+        self.report = SafeStopReport(request.action, dict.fromkeys(request.ids, "not verified"))
+        self._deadline_s = deadline_s
+        endpoint = Endpoint(request.path, request.serial_number, request.vid_pid, request.device_root)
+        self._port = SerialPort(endpoint, request.baudrate)
+        self._bus = make_bus(self._port, retries=1)
+
+    def run(self) -> None:
+        """Acts; begins anew where the adapter goes away meanwhile and comes back in time."""
+        while True:
+            try:
+                self._act()
+            except PortDisconnected:
+                if not self._time_left():
+                    raise
+                time.sleep(RETRY_S)
+            else:
+                return
+
+    def _act(self) -> None:
+        self._open()
+        # A driver that was killed may have left half a packet: servos would take ours for the rest of it.
+        self._port.send(PADDING)
+        if self.request.action == "RELEASE":
+            self._send_release()  # first of all; whether the adapter echoes matters only for what is read
+        self._bus.detect_echo()
+        if self.request.action == "HOLD":
+            self._hold()
+        if self.request.action == "PARK_THEN_RELEASE":
+            self._park()
+        if self.request.action != "HOLD":
+            self._release()
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _open(self) -> None:
+        """Opens the port as soon as its last owner is gone, or the adapter is back and open to this user."""
+        while True:
+            try:
+                self._port.open()
+            except DeviceError:
+                if time.monotonic() >= self._deadline_s:
+                    raise
+                time.sleep(RETRY_S)
+            else:
+                return
+
+    def _time_left(self) -> bool:
+        return time.monotonic() < self._deadline_s
+
+    def _states(self, ids: tuple[int, ...]) -> dict[int, tuple[bool, int, int]]:
+        """Torque, goal and present position in ticks of the servos that answer."""
+        family = self._family
+        torque, goal, present = family.torque_enable, family.goal_position, family.present_position
+        found = read_registers(self._bus, family, (torque, goal, present), ids)
+        return {
+            servo_id: (
+                torque.decode(values[torque]) != 0,
+                goal.decode(values[goal]),
+                present.decode(values[present]),
+            )
+            for servo_id, values in found.items()
+        }
+
+    def _hold(self) -> None:
+        seeded: dict[int, int] = {}
+        waiting = self.request.ids
+        while waiting:
+            for servo_id, (torque, goal, present) in self._states(waiting).items():
+                if not torque:
+                    self.report.joints[servo_id] = "was off"  # a goal would switch it on
+                elif seeded.get(servo_id) == goal:
+                    self.report.joints[servo_id] = "held"
+                else:
+                    seeded.setdefault(servo_id, present)
+            waiting = tuple(i for i in waiting if self.report.joints[i] == "not verified")
+            self._send_goals({i: seeded[i] for i in waiting if i in seeded})
+            if not self._time_left():
+                return
+
+    def _park(self) -> None:
+        """Moves energised joints to the park pose; gives up in time to let go within the deadline."""
+        deadline_s = self._deadline_s - RELEASE_RESERVE_S
+        going = {i: ticks for i, ticks in self.request.park_ticks.items() if i in self.report.joints}
+        register = self._family.speed
+        speed = register.encode(self._family.speed_of(self.request.park_speed_ticks_s))
+        while going and time.monotonic() < deadline_s:
+            states = self._states(tuple(going))
+            for servo_id, (torque, _, present) in states.items():
+                if not torque or abs(present - going[servo_id]) <= ARRIVED_TICKS:
+                    del going[servo_id]
+            stray = {i: ticks for i, ticks in going.items() if i in states and states[i][1] != ticks}
+            if stray:
+                self._bus.sync_write(register.address, register.width, dict.fromkeys(stray, speed))
+                self._send_goals(stray)
+        if going:
+            ids = ", ".join(str(servo_id) for servo_id in going)
+            self.report.detail = f"released before ids {ids} reached the park pose"
+
+    def _send_goals(self, goals_ticks: Mapping[int, int]) -> None:
+        goal = self._family.goal_position
+        if goals_ticks:
+            rows = {i: goal.encode(ticks) for i, ticks in goals_ticks.items()}
+            self._bus.sync_write(goal.address, goal.width, rows)
+
+    def _send_release(self) -> None:
+        torque = self._family.torque_enable
+        self._bus.sync_write(torque.address, torque.width, dict.fromkeys(self.request.ids, torque.encode(0)))
+
+    def _release(self) -> None:
+        waiting = self.request.ids
+        torque = self._family.torque_enable
+        while True:
+            self._send_release()
+            found = self._bus.sync_read(torque.address, torque.width, waiting)
+            for servo_id, state in found.items():
+                if torque.decode(state) == 0:
+                    self.report.joints[servo_id] = "released"
+            waiting = tuple(i for i in waiting if self.report.joints[i] == "not verified")
+            if not waiting or not self._time_left():
+                return
+
+
+def stop(values: Mapping[str, Any], family: ServoFamily, make_bus: type[ServoBus]) -> dict[str, Any]:
+    """Runs a request of plain values, as a guardian does. Raises ValueError and TypeError."""
+    request = SafeStopRequest.from_json(json.dumps(dict(values)))
+    report: dict[str, Any] = json.loads(run(request, family, make_bus).to_json())
+    return report

@@ -1,0 +1,266 @@
+"""Servo buses outside a run: which servos are there, and giving one its id and line speed."""
+
+from __future__ import annotations
+
+import contextlib
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.patience import machine_is_busy
+from joshua_serial.errors import PortDisconnected, PortUnusable
+
+from joshua_servo.bus import REPLY_MARGIN_S, ServoBus
+from joshua_servo.bus_tools import AssignmentFailed, BusTools, FoundMotor
+from joshua_servo.errors import NoReply
+from joshua_servo.register import Register
+
+SWEEP_MARGIN_S = 0.008  # for pings of all ids, most of which nobody has
+LIKELY_IDS = range(21)  # asked again with the full margin: a busy host may miss a reply
+ATTEMPTS = 3
+
+#: For a servo that was heard and does not answer now: that is more often a busy host than a servo that left.
+PATIENT_MARGIN_S = 0.06
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """What setting up a servo of one family needs.
+
+    Attributes:
+        torque_enable, motor_id, baudrate: registers; codes: line speeds by their code in the register.
+        lock: register that keeps the EEPROM from being written while it is 1; None where torque does that.
+        working: what a servo of an arm needs beside its id: it moves to positions, and answers at once.
+        quiet_s: a line without a byte for this long has nobody who answers a call to all.
+        calls: how often all are called before nobody is believed to be there.
+        looks: how often a scan goes through the line speeds while it finds nobody at any of them, or on a
+            busy machine through those at which it found nobody.
+    """
+
+    torque_enable: Register
+    motor_id: Register
+    baudrate: Register
+    codes: Mapping[int, int]
+    working: Mapping[Register, int]
+    lock: Register | None = None
+    quiet_s: float = 0.06
+    calls: int = 2
+    looks: int = 2
+
+
+class ServoBusTools(BusTools):
+    """Servos of one family on one port; a driver adds the bus of its protocol and its registers."""
+
+    #: Makes the bus of the family's protocol.
+    make_bus: ClassVar[type[ServoBus]]
+    set_up: ClassVar[SetUp]
+
+    @abstractmethod
+    def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
+        """Reads what a servo says of itself. Raises NoReply and PortDisconnected."""
+
+    def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
+        """Looks for servos at each line speed; yields each as it is found. Raises PortDisconnected."""
+        with self._line_speed_kept():
+            speeds = tuple(baudrates or self.baudrates)
+            for _ in range(self.set_up.looks):
+                found = set()
+                for motor in self._look(speeds):
+                    found.add(motor.baudrate)
+                    yield motor
+                if found and not machine_is_busy():
+                    return
+                speeds = tuple(speed for speed in speeds if speed not in found)
+
+    def assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
+        """Gives one servo its id and line speed, position mode and immediate replies.
+
+        Raises:
+            AssignmentFailed: it did not take them, or the id is taken.
+            PortDisconnected: the adapter was unplugged meanwhile.
+        """
+        self._require_possible(motor, motor_id, baudrate)
+        with self._line_speed_kept():
+            self._require_free(motor, motor_id, baudrate)
+            try:
+                return self._assign(motor, motor_id, baudrate)
+            except PortDisconnected:
+                raise
+            except DeviceError as error:
+                raise AssignmentFailed(
+                    f"{self.port}: id {motor.motor_id} did not become id {motor_id} at {baudrate} bit/s: "
+                    f"{error} {self._roll_back(motor, motor_id, baudrate)}"
+                ) from error
+
+    def _assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
+        bus = self._bus_at(motor.baudrate)
+        assert bus is not None, "the motor was found at this speed"
+        set_up = self.set_up
+        _put(bus, motor.motor_id, set_up.torque_enable, 0)
+        self._put_lock(bus, motor.motor_id, 0)
+        for register, value in set_up.working.items():
+            _put(bus, motor.motor_id, register, value)
+        _put(bus, motor.motor_id, set_up.motor_id, motor_id, answers_as=motor_id)
+        self._put_baudrate(bus, motor_id, baudrate)
+        self._put_lock(bus, motor_id, 1)
+        found = self._describe(bus, motor_id)
+        if found is None or found.shared:
+            raise NoReply("it was silent when it was looked at again.")
+        return found
+
+    def _put_lock(self, bus: ServoBus, servo_id: int, value: int) -> None:
+        if self.set_up.lock is not None:
+            _put(bus, servo_id, self.set_up.lock, value)
+
+    def _put_baudrate(self, bus: ServoBus, servo_id: int, baudrate: int) -> None:
+        """Writes the line speed and follows it. Raises DeviceError; the port then has the former speed."""
+        former = self.port.baudrate
+        if baudrate == former:
+            return
+        register = self.set_up.baudrate
+        code = next(code for code, speed in self.set_up.codes.items() if speed == baudrate)
+        for _ in range(ATTEMPTS):
+            bus.try_write(servo_id, register, code)
+            self.port.set_baudrate(baudrate)
+            with contextlib.suppress(NoReply):
+                if bus.read(servo_id, register) == code:
+                    return
+            self.port.set_baudrate(former)
+        raise NoReply(f"id {servo_id} does not answer at {baudrate} bit/s.")
+
+    def _roll_back(self, motor: FoundMotor, motor_id: int, baudrate: int) -> str:
+        """Puts id and line speed back as far as the servo answers; says what it answers to now."""
+        for speed in dict.fromkeys((motor.baudrate, baudrate)):
+            for servo_id in dict.fromkeys((motor.motor_id, motor_id)):
+                bus = self._bus_at(speed)
+                if bus is None or not any(bus.ping(servo_id) for _ in range(ATTEMPTS)):
+                    continue
+                try:
+                    self._put_lock(bus, servo_id, 0)
+                    _put(bus, servo_id, self.set_up.motor_id, motor.motor_id, answers_as=motor.motor_id)
+                    self._put_baudrate(bus, motor.motor_id, motor.baudrate)
+                    self._put_lock(bus, motor.motor_id, 1)
+                except NoReply:
+                    return (
+                        f"It could not be put back either and was last heard as id {servo_id} at {speed} "
+                        "bit/s. Check its cable and the supply, then try again."
+                    )
+                return (
+                    f"It answers as id {motor.motor_id} at {motor.baudrate} bit/s as before. "
+                    "Check its cable and the supply, then try again."
+                )
+        return "It does not answer any more. Check its cable and the supply, then try again."
+
+    def _require_possible(self, motor: FoundMotor, motor_id: int, baudrate: int) -> None:
+        if motor.shared:
+            raise AssignmentFailed(
+                f"{self.port}: several motors answer to id {motor.motor_id}, and all of them would take the "
+                "new id. Connect one alone."
+            )
+        if motor_id not in self.ids:
+            raise AssignmentFailed(
+                f"{self.port}: {motor_id} is no id of a servo: allowed 0 to {self.ids[-1]}."
+            )
+        if baudrate not in self.baudrates:
+            allowed = ", ".join(map(str, self.baudrates))
+            raise AssignmentFailed(f"{self.port}: no speed of {baudrate} bit/s: allowed {allowed}.")
+
+    def _require_free(self, motor: FoundMotor, motor_id: int, baudrate: int) -> None:
+        if (motor.motor_id, motor.baudrate) == (motor_id, baudrate):
+            return
+        for speed in dict.fromkeys((motor.baudrate, baudrate)):
+            bus = self._bus_at(speed)
+            if bus is None:
+                raise AssignmentFailed(
+                    f"{self.port}: this adapter cannot run at {speed} bit/s. Choose another line speed."
+                )
+            itself = (motor.motor_id, motor.baudrate) == (motor_id, speed)
+            if not itself and any(bus.ping(motor_id) for _ in range(2)):
+                raise AssignmentFailed(
+                    f"{self.port}: id {motor_id} is taken by another motor at {speed} bit/s; two motors with "
+                    "one id cannot be told apart. Choose another id, or disconnect that motor."
+                )
+
+    def _bus_at(self, baudrate: int) -> ServoBus | None:
+        """A fresh bus at a line speed; None where the adapter cannot run at it."""
+        try:
+            self.port.set_baudrate(baudrate)
+        except PortUnusable:
+            return None
+        bus = self.make_bus(self.port)
+        bus.detect_echo()
+        bus.reply_margin_s = max(bus.reply_margin_s, PATIENT_MARGIN_S)
+        return bus
+
+    def _look(self, baudrates: Sequence[int]) -> Iterator[FoundMotor]:
+        """Goes through the line speeds once."""
+        for baudrate in baudrates:
+            bus = self._bus_at(baudrate)
+            if bus is None:
+                continue
+            for servo_id in self._heard_ids(bus):
+                motor = self._describe(bus, servo_id)
+                if motor is not None:
+                    yield motor
+
+    def _heard_ids(self, bus: ServoBus) -> list[int]:
+        """Ids of the servos at the present line speed."""
+        for _ in range(self.set_up.calls):
+            ids, is_garbled = bus.call_all(self.set_up.quiet_s)
+            if is_garbled:
+                return self._sweep(bus)
+            if ids:
+                return ids
+        return []
+
+    def _sweep(self, bus: ServoBus) -> list[int]:
+        """Pings every id there is."""
+        heard = bus.roll_call(self.ids, SWEEP_MARGIN_S)
+        for _ in range(ATTEMPTS - 1):
+            heard |= bus.roll_call((i for i in LIKELY_IDS if i not in heard), REPLY_MARGIN_S)
+        return sorted(heard)
+
+    def _describe(self, bus: ServoBus, servo_id: int) -> FoundMotor | None:
+        """What a servo says of itself; None where it does not answer any more."""
+        for _ in range(ATTEMPTS):
+            corrupt = bus.counters.corrupt
+            try:
+                return self.read_motor(bus, servo_id)
+            except NoReply:
+                if bus.counters.corrupt - corrupt > bus.retries:
+                    return FoundMotor(servo_id, bus.port.baudrate, shared=True)
+        return None
+
+    @contextlib.contextmanager
+    def _line_speed_kept(self) -> Iterator[None]:
+        usual = self.port.baudrate
+        try:
+            yield
+        finally:
+            with contextlib.suppress(PortUnusable, DeviceDisconnected):
+                self.port.set_baudrate(usual)
+
+
+def _put(
+    bus: ServoBus, servo_id: int, register: Register, value: int, *, answers_as: int | None = None
+) -> None:
+    """Writes a register unless it holds the value already, and reads it back. Raises NoReply.
+
+    Args:
+        answers_as: id under which the servo answers once the register holds the value.
+    """
+    reader = servo_id if answers_as is None else answers_as
+    if reader == servo_id and bus.read(reader, register) == value:
+        return
+    kept: int | None = None
+    for _ in range(ATTEMPTS):
+        bus.try_write(servo_id, register, value)  # a servo that acknowledges nothing is told to do so here
+        with contextlib.suppress(NoReply):
+            kept = bus.read(reader, register)
+            if kept == value:
+                return
+    if kept is None:
+        raise NoReply(f"it was silent after {register.name} was written.")
+    raise NoReply(f"it keeps {register.name} at {kept} instead of {value}.")

@@ -1,0 +1,159 @@
+"""Settings of a servo bus's driver, made from its block and the plan's calibration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+from google.protobuf.message import Message
+from joshua.devices.calibration import ArmCalibration
+from joshua.devices.units import TICKS_PER_TURN, ticks_to_rad
+from joshua.plugins.settings import FieldError, FromField
+from joshua_serial.settings import SerialSettings
+from pydantic import Field, model_validator
+from typing_extensions import Self
+
+MIDDLE_TICK = TICKS_PER_TURN // 2
+
+_VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")
+
+
+class ServoSettings(SerialSettings):
+    """What the driver is set to. Ticks stay ticks here: the servo counts in them.
+
+    Attributes:
+        calibration: None where the arm is not calibrated.
+    """
+
+    #: Name of the servos in messages.
+    servo_name: ClassVar[str]
+    #: Line speeds that they know, and the one that they leave the factory with, bit/s.
+    line_speeds: ClassVar[tuple[int, ...]]
+    factory_speed: ClassVar[int]
+
+    baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 1_000_000
+    motor_ids: tuple[int, ...] = Field(min_length=1)
+    position_min_ticks: Annotated[int, FromField("position_min")] = 0
+    position_max_ticks: Annotated[int, FromField("position_max")] = TICKS_PER_TURN - 1
+    calibration: ArmCalibration | None = None
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Adds the calibration from the plan's context."""
+        result = super().si_values(values, node, context)
+        if context.get("calibration"):
+            known = ArmCalibration.model_fields
+            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
+        return result
+
+    @classmethod
+    def called(cls) -> str:
+        """What the device is called in messages."""
+        return f"a bus of {cls.servo_name} servos"
+
+    @model_validator(mode="after")
+    def _names_its_adapter(self) -> Self:
+        if self.vid_pid and not _VID_PID.fullmatch(self.vid_pid):
+            raise FieldError(
+                "comm.serial.vid_pid",
+                "a USB identity is two numbers of four hexadecimal digits",
+                allowed=('"1a86:55d3"',),
+                remedy="write vendor and product id as lsusb shows them",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _suits_the_servo(self) -> Self:
+        if self.baudrate not in self.line_speeds:
+            near = sorted(self.line_speeds, key=lambda rate: abs(rate - self.baudrate))
+            raise FieldError(
+                "comm.serial.baudrate",
+                f"{self.servo_name} servos have no line speed of {self.baudrate} bit/s",
+                allowed=tuple(str(rate) for rate in near),
+                remedy="set the speed that the servos are set to; "
+                f"they leave the factory at {self.factory_speed}",
+            )
+        if self.position_min_ticks >= self.position_max_ticks:
+            raise FieldError(
+                "position_max",
+                f"the range is empty: position_min {self.position_min_ticks} is not below it",
+                allowed=(f"{self.position_min_ticks + 1} to {TICKS_PER_TURN - 1}",),
+                remedy="swap the two values, or widen the range",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _fits_its_calibration(self) -> Self:
+        if self.calibration is None:
+            return self
+        unknown = [servo_id for servo_id in self.motor_ids if self.calibration.motor(servo_id) is None]
+        if unknown:
+            raise FieldError(
+                "motor_ids",
+                f"the calibration of this arm has no motor {', '.join(map(str, unknown))}",
+                allowed=tuple(str(motor.id) for motor in self.calibration.motors),
+                remedy="calibrate the arm with all its motors, or correct motor_ids",
+            )
+        for servo_id, (low, high) in zip(self.motor_ids, self.ranges_ticks(), strict=True):
+            if low >= high:
+                motor = self.calibration.motor(servo_id)
+                assert motor is not None
+                raise FieldError(
+                    "position_max",
+                    f"the joint {motor.joint_name} cannot move: position_min {self.position_min_ticks} and "
+                    f"position_max {self.position_max_ticks} leave nothing of its calibrated range, "
+                    f"{motor.range_min} to {motor.range_max}",
+                    remedy="widen position_min and position_max; the calibrated range holds anyway",
+                )
+        return self
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of motor_ids: the calibration's, else ``joint_<id>``."""
+        motors = [self.calibration.motor(i) if self.calibration else None for i in self.motor_ids]
+        return tuple(
+            motor.joint_name if motor else f"joint_{servo_id}"
+            for servo_id, motor in zip(self.motor_ids, motors, strict=True)
+        )
+
+    @property
+    def zero_ticks(self) -> float:
+        """Position that stands for zero radians: 2048 once calibrated, else the middle of the range."""
+        if self.calibration is not None:
+            return float(MIDDLE_TICK)
+        return (self.position_min_ticks + self.position_max_ticks) / 2
+
+    def speeds_ticks_s(self) -> list[float]:
+        """Fastest move of each motor, in the order of motor_ids."""
+        raise NotImplementedError(f"{type(self).__name__} knows no speeds: override speeds_ticks_s")
+
+    def inverted(self, servo_id: int) -> bool:
+        """Whether a motor turns against its joint."""
+        motor = self.calibration.motor(servo_id) if self.calibration else None
+        return motor is not None and motor.inverted
+
+    def ranges_ticks(self) -> list[tuple[int, int]]:
+        """Range of each motor: the tightest of configuration and calibration."""
+        ranges = []
+        for servo_id in self.motor_ids:
+            low, high = self.position_min_ticks, self.position_max_ticks
+            motor = self.calibration.motor(servo_id) if self.calibration else None
+            if motor is not None:
+                low, high = max(low, motor.range_min), min(high, motor.range_max)
+            ranges.append((low, high))
+        return ranges
+
+    def joints(self) -> list[dict[str, Any]]:
+        """Names and limits in radians of all joints, for the plan."""
+        joints = []
+        for servo_id, name, (low, high) in zip(
+            self.motor_ids, self.joint_names, self.ranges_ticks(), strict=True
+        ):
+            ends = [ticks_to_rad(tick, zero_ticks=self.zero_ticks) for tick in (low, high)]
+            if self.inverted(servo_id):
+                ends = [-ends[1], -ends[0]]
+            joints.append({"name": name, "min_rad": ends[0], "max_rad": ends[1]})
+        return joints

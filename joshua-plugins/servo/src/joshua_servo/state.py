@@ -1,0 +1,125 @@
+"""Reads the state of all servos of an arm, and says which of them are gone."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from joshua.devices.stamps import StampClock
+
+from joshua_servo.bus import ServoBus
+from joshua_servo.errors import NoReply
+from joshua_servo.family import ServoFamily
+from joshua_servo.feedback import Feedback
+
+#: So often an arm is asked where nothing is in a hurry: about as long as its control loop bears a silence.
+SETTLED_ATTEMPTS = 10
+
+#: A control loop that is silent for 0.2 s counts as hung; all retries take less where nobody else is busy.
+CYCLE_S = 0.06
+
+#: Distance of two requests while servos are silent: requests must not run out of lengths that tell a late
+#: reply to one of them from the reply to another (see ``bus``), for as long as a node bears a silence.
+SILENT_PERIOD_S = 0.08
+
+#: Positions further apart in time than this and the line's own time are read once more: one stamp would be
+#: true of none of them.
+COHERENT_NS = 30_000_000
+
+
+class StateReader:
+    """The state of one arm.
+
+    Args:
+        names: joint names by servo id, in joint order.
+        parse: reads the blocks of feedback of all servos, in joint order.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        family: ServoFamily,
+        names: Mapping[int, str],
+        parse: Callable[[Sequence[bytes]], list[Feedback]],
+    ) -> None:
+        self._bus = bus
+        self._family = family
+        self._names = names
+        self._ids = tuple(names)
+        self._parse = parse
+        self._stamps = StampClock()
+        self._missed = False
+        self._next_s = 0.0
+        self._reason = ""
+
+    def settled_feedback(self) -> list[Feedback]:
+        """Feedback where nothing is in a hurry, and a machine that starts a run may stand still for a moment.
+
+        Raises NoReply and PortDisconnected.
+        """
+        for _ in range(SETTLED_ATTEMPTS - 1):
+            with contextlib.suppress(NoReply):
+                return self.feedback()[0]
+            self._missed = False
+        return self.feedback()[0]
+
+    def feedback(self) -> tuple[list[Feedback], int]:
+        """Feedback in joint order, and its time in ns since the epoch.
+
+        After a servo did not answer it is asked once for each call: who reads has more to do than to wait.
+        Replies that took long to come are read anew, so that the time is that of all positions; the quicker
+        of both readings counts.
+        Raises NoReply and PortDisconnected.
+        """
+        if self._missed and time.monotonic() < self._next_s:
+            raise NoReply(self._reason)
+        found, stamp_ns, spread_ns = self._timed(retries=0 if self._missed else None)
+        self._missed = len(found) < len(self._ids)
+        self._next_s = time.monotonic() + SILENT_PERIOD_S
+        values = self._all(found)
+        if spread_ns > COHERENT_NS and spread_ns > COHERENT_NS + self._wire_ns():
+            again, again_ns, again_spread_ns = self._timed(retries=0)
+            if len(again) == len(self._ids) and again_spread_ns < spread_ns:
+                values, stamp_ns = self._all(again), again_ns
+        return self._parse(values), stamp_ns
+
+    def _wire_ns(self) -> int:
+        """Time that the replies take on the line."""
+        size = self._family.feedback[1] + self._bus.reply_overhead
+        return round(self._bus.port.wire_time_s(size * len(self._ids)) * 1e9)
+
+    def _timed(self, *, retries: int | None) -> tuple[dict[int, bytes], int, int]:
+        """Feedback of the servos that answer, the middle of the time that it took, and that time."""
+        address, length = self._family.feedback
+        before_ns = self._stamps.now_ns()
+        found = self._bus.sync_read(address, length, self._ids, retries=retries, within_s=CYCLE_S)
+        spread_ns = self._stamps.now_ns() - before_ns
+        return found, before_ns + spread_ns // 2, spread_ns
+
+    def positions(self) -> list[int]:
+        """Positions in ticks, as the servos count. Raises NoReply and PortDisconnected."""
+        present = self._family.present_position
+        values = self._all(self._bus.sync_read(present.address, present.width, self._ids))
+        return [present.decode(value) for value in values]
+
+    def _all(self, values: Mapping[int, bytes]) -> list[bytes]:
+        """Values in joint order. Raises NoReply where some are missing."""
+        missing = [servo_id for servo_id in self._ids if servo_id not in values]
+        if not missing:
+            return [values[servo_id] for servo_id in self._ids]
+        port = self._bus.port
+        if len(missing) == len(self._ids):
+            self._reason = (
+                f"{port}: no servo answers any more. Check the supply and the cable to the first servo."
+            )
+            raise NoReply(self._reason)
+        names = ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in missing)
+        first = self._ids.index(missing[0])
+        broken = (
+            f"; the chain breaks after id {self._ids[first - 1]}"
+            if missing == list(self._ids[first:])
+            else ""
+        )
+        self._reason = f"{port}: {names} does not answer any more{broken}. Check cable and supply."
+        raise NoReply(self._reason)

@@ -1,0 +1,330 @@
+"""The conformance check of bus tools: finding motors on a bus, and giving one its id and line speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+
+from joshua.devices.errors import DeviceDisconnected
+from joshua.testing import resources
+from joshua.testing.conformance import Checklist, name_of, refuses, require
+
+from joshua_servo.bus_tools import AssignmentFailed, BusTools, FoundMotor
+from joshua_servo.testing_values import check_description, check_motor
+
+BusToolsFactory = Callable[[], BusTools]
+
+
+def check_bus_tools(
+    factory: BusToolsFactory,
+    *,
+    unplug: Callable[[BusTools], None] | None = None,
+    only: Collection[str] = (),
+) -> None:
+    """Checks a driver's tools against the contract of ``joshua_servo.bus_tools.BusTools``.
+
+    The bus needs two motors or more, at one line speed. The first of them gets another id and another line
+    speed, and its own again. No torque is switched on.
+
+    Args:
+        factory: makes tools on an open port of the bus; each call new ones on a port of their own, which is
+            closed before the next call.
+        unplug: makes the adapter of an open port vanish; without it the clause about disconnection is left
+            out.
+        only: names of the clauses to check, such as ``("scan",)`` while one is mended; empty for all.
+
+    Raises:
+        ConformanceError: lists every violated clause: what was observed, why it is wrong, the likely cause.
+    """
+    clauses = _BusToolsClauses(factory)
+    checklist = Checklist(name_of(factory, lambda tools: tools.port.close()), only)
+    if not checklist.run("constructor", clauses.constructor):
+        checklist.finish()  # without a port there is nothing to look at
+        return
+    checklist.run("description", clauses.description)
+    if checklist.run("scan", clauses.scan):
+        checklist.run("chosen speeds", clauses.chosen_speeds)
+        checklist.run("line speed", clauses.line_speed)
+        checklist.run("assign", clauses.assign)
+        checklist.run("assign again", clauses.assign_again)
+        checklist.run("assign speed", clauses.assign_speed)
+        checklist.run("refused", clauses.refused)
+        if unplug is not None:
+            checklist.run("disconnection", lambda: clauses.disconnection(unplug))
+    checklist.finish()
+
+
+class _BusToolsClauses:
+    """One method for each clause; each makes its own tools."""
+
+    def __init__(self, factory: BusToolsFactory) -> None:
+        self._factory = factory
+        self._found: list[FoundMotor] = []
+
+    def constructor(self) -> None:
+        """The tools work on the port that they are given, and begin nothing by themselves."""
+        with self._tools() as tools:
+            require(
+                isinstance(tools, BusTools),
+                f"the factory made {type(tools).__name__}",
+                why="joshua find-port, motors and doctor work with BusTools",
+                cause="the class does not derive from joshua_servo.bus_tools.BusTools",
+            )
+            require(
+                tools.port.is_open,
+                "the port is closed after the constructor",
+                why="whoever opened the port closes it, with whatever else it is used for",
+                cause="the constructor closes the port, or the factory does not open it",
+            )
+            before = resources.take()
+            type(tools)(tools.port)
+            left = resources.take().since(before)
+            require(
+                not left,
+                f"the constructor opened {left}",
+                why="tools of every family are made for a port until one of them finds a motor",
+                cause="work that belongs into scan stands in __init__",
+            )
+
+    def description(self) -> None:
+        """What the motors are called and can be set to."""
+        with self._tools() as tools:
+            check_description(tools)
+
+    def scan(self) -> None:
+        """Motors are yielded one by one, by line speed and then by id, each with what it says of itself."""
+        with self._tools() as tools:
+            found = tools.scan()
+            require(
+                isinstance(found, Iterator),
+                f"scan() returned {type(found).__name__}",
+                why="a motor is shown as soon as it is found; looking at every speed takes long",
+                cause="all motors are collected first: yield each instead",
+            )
+            motors = list(found)
+            require(
+                len(motors) >= 2,
+                f"scan() found {[str(motor) for motor in motors]}",
+                why="this check needs two motors or more at one line speed, and scan finds all there are",
+                cause="the bus has fewer, they have no supply, or replies are given up too early",
+            )
+            for motor in motors:
+                check_motor(motor, tools)
+            require(
+                len({motor.baudrate for motor in motors}) == 1,
+                f"scan() found motors at {sorted({motor.baudrate for motor in motors})} bit/s",
+                why="this check needs motors at one line speed",
+                cause="the bus is mixed, or a motor is found at a speed that it does not have",
+            )
+            order = [(tools.baudrates.index(motor.baudrate), motor.motor_id) for motor in motors]
+            require(
+                order == sorted(set(order)),
+                f"scan() yielded {_places(motors)} (id, bit/s)",
+                why="each motor is shown once, by line speed and then by id",
+                cause="ids are asked in another order, or a motor is found at two speeds",
+            )
+            self._found = motors
+
+    def chosen_speeds(self) -> None:
+        """Only the line speeds that were asked for are looked at, and the same motors are there again."""
+        with self._tools() as tools:
+            home, *others = self._speeds(tools)
+            for asked in ((others[0],), (others[0], home)) if others else ((home,),):
+                seen = _places(tools.scan(asked))
+                wanted = [place for place in _places(self._motors(tools)) if place[1] in asked]
+                require(
+                    seen == wanted,
+                    f"scan({asked}) found {seen} (id, bit/s); expected {wanted}",
+                    why="where the speed is known, looking at all of them only takes time, and to look for "
+                    "motors changes none of them",
+                    cause="the argument is not looked at, a late reply of one motor is taken for the next "
+                    "one's, or scan writes something",
+                )
+
+    def line_speed(self) -> None:
+        """The port has its own line speed again, whatever happened."""
+        with self._tools() as tools:
+            speeds = self._speeds(tools)
+            for speed in speeds:
+                tools.port.set_baudrate(speed)
+                list(tools.scan(speeds[1:]))
+                self._require_speed(tools, speed, "scan")
+            found = tools.scan(speeds)
+            next(found)
+            getattr(found, "close", lambda: None)()
+            self._require_speed(tools, speeds[-1], "a scan that was left half-way")
+
+    def assign(self) -> None:
+        """The motor answers to its new id and to no other, and the others are as before."""
+        with self._tools() as tools:
+            motor, *others = self._motors(tools)
+            free, speed = self._free_ids(tools)[0], tools.port.baudrate
+            with self._put_back(tools):
+                after = tools.assign(motor, free, motor.baudrate)
+                self._require_speed(tools, speed, "assign")
+                seen = _places(tools.scan((motor.baudrate,)))
+                wanted = sorted([*_places(others), (free, motor.baudrate)])
+                require(
+                    _places([after]) == [(free, motor.baudrate)] and seen == wanted,
+                    f"after assign({motor.motor_id} → {free}) it said {after.motor_id}, and there are {seen} "
+                    f"(id, bit/s); expected {wanted}",
+                    why="the user puts a label with the new id on the motor",
+                    cause="the motor's memory was locked again too early, or another motor took the id, too",
+                )
+            tools.assign(after, motor.motor_id, motor.baudrate)
+
+    def assign_again(self) -> None:
+        """A motor that has its id already is left as it is."""
+        with self._tools() as tools:
+            motor = self._motors(tools)[0]
+            after = tools.assign(motor, motor.motor_id, motor.baudrate)
+            require(
+                (after.motor_id, after.baudrate, after.model)
+                == (motor.motor_id, motor.baudrate, motor.model),
+                f"assign of the id and speed that {motor} has already returned {after}",
+                why="joshua motors setup may be run again after it was broken off",
+                cause="the motor's own id is taken for that of another motor",
+            )
+
+    def assign_speed(self) -> None:
+        """The motor answers at its new line speed and at no other."""
+        with self._tools() as tools:
+            motor, *others = self._motors(tools)
+            home, *more = self._speeds(tools)
+            if not more:
+                return
+            other, speed = more[0], tools.port.baudrate
+            with self._put_back(tools):
+                after = tools.assign(motor, motor.motor_id, other)
+                self._require_speed(tools, speed, "assign")
+                seen = _places(tools.scan((home, other)))
+                wanted = [*_places(others), (motor.motor_id, other)]
+                require(
+                    _places([after]) == wanted[-1:] and seen == wanted,
+                    f"after assign({motor.motor_id}, {other}) it said {after.motor_id} at {after.baudrate}, "
+                    f"and there are {seen} (id, bit/s); expected {wanted}",
+                    why="the motor is looked for at the speed that it was given",
+                    cause="the code of the speed is that of another one, or the port is not switched over to "
+                    "ask at the new speed",
+                )
+            tools.assign(after, motor.motor_id, motor.baudrate)
+
+    def refused(self) -> None:
+        """What cannot be, or would make two motors one, is refused and changes nothing."""
+        with self._tools() as tools:
+            motor, other, *_ = self._motors(tools)
+            home, speed = motor.baudrate, tools.port.baudrate
+            free, another = self._free_ids(tools)[:2]
+            foreign, shared = max(tools.baudrates) + 1, replace(motor, shared=True)
+            unchecked = "the value goes to the motor unchecked, which takes its lowest bits"
+            for what, one, motor_id, baudrate, cause in (
+                (f"the id {tools.ids[-1] + 1}", motor, tools.ids[-1] + 1, home, unchecked),
+                ("the id -1", motor, -1, home, unchecked),
+                (f"{foreign} bit/s", motor, free, foreign, unchecked),
+                (
+                    f"the id {other.motor_id}, which another motor has",
+                    motor,
+                    other.motor_id,
+                    home,
+                    "nobody asks whether the id is free before it is written",
+                ),
+                (
+                    "an id for several motors at once",
+                    shared,
+                    free,
+                    home,
+                    "FoundMotor.shared is not looked at",
+                ),
+                (
+                    "an id to a motor that does not answer",
+                    replace(motor, motor_id=another),
+                    free,
+                    home,
+                    "the write is sent without waiting for a reply, or to all motors at once",
+                ),
+            ):
+                refuses(
+                    lambda args=(one, motor_id, baudrate): tools.assign(*args),  # type: ignore[misc]
+                    AssignmentFailed,
+                    f"assign of {what}",
+                    why="two motors of one id, or one that nobody finds again, cost the user an evening",
+                    cause=cause,
+                )
+                self._require_speed(tools, speed, f"a refused assign of {what}")
+            seen, wanted = _places(tools.scan(self._speeds(tools))), _places(self._motors(tools))
+            require(
+                seen == wanted,
+                f"all of that was refused, and yet there are {seen} (id, bit/s) in place of {wanted}",
+                why="all or nothing: what is refused leaves the motor as it was",
+                cause="the value is looked at after it was written",
+            )
+
+    def disconnection(self, unplug: Callable[[BusTools], None]) -> None:
+        """An adapter that was pulled out ends everything."""
+        with self._tools() as tools:
+            motor = self._motors(tools)[0]
+            unplug(tools)
+            for what, call in (
+                ("scan()", lambda: list(tools.scan())),
+                ("assign(motor)", lambda: tools.assign(motor, motor.motor_id, motor.baudrate)),
+            ):
+                refuses(
+                    call,
+                    DeviceDisconnected,
+                    f"after the unplugging {what}",
+                    why="the user is told that the adapter is gone, and not that there are no motors",
+                    cause="errors of the port are taken for motors that do not answer",
+                )
+
+    # -- what the clauses share ---------------------------------------------------------------------------
+
+    @contextmanager
+    def _tools(self) -> Iterator[BusTools]:
+        tools = self._factory()
+        try:
+            yield tools
+        finally:
+            tools.port.close()
+
+    @contextmanager
+    def _put_back(self, tools: BusTools) -> Iterator[None]:
+        """Where the clause fails, the first motor gets its id and speed again as far as it is found."""
+        try:
+            yield
+        except BaseException:
+            with suppress(Exception):  # what has failed already says more
+                motor, *others = self._motors(tools)
+                for found in list(tools.scan(self._speeds(tools))):
+                    if _places([found])[0] not in _places(others):
+                        tools.assign(found, motor.motor_id, motor.baudrate)
+            raise
+
+    def _motors(self, tools: BusTools) -> list[FoundMotor]:
+        """All motors, at the line speed of the first one."""
+        if not self._found:
+            self._found = list(tools.scan())
+        return self._found
+
+    def _speeds(self, tools: BusTools) -> tuple[int, ...]:
+        """The line speed of the motors, and the most usual one at which there is none, if any."""
+        home = self._motors(tools)[0].baudrate
+        return (home, *[speed for speed in tools.baudrates if speed != home][:1])
+
+    def _free_ids(self, tools: BusTools) -> list[int]:
+        taken = {motor.motor_id for motor in self._motors(tools)}
+        return [number for number in reversed(tools.ids) if number not in taken]
+
+    @staticmethod
+    def _require_speed(tools: BusTools, speed: int, what: str) -> None:
+        require(
+            tools.port.baudrate == speed,
+            f"the port runs at {tools.port.baudrate} bit/s after {what}; before at {speed}",
+            why="whoever goes on with the port has chosen its speed",
+            cause="the former speed is put back on some ways out and not on all: use try and finally",
+        )
+
+
+def _places(motors: Iterable[FoundMotor]) -> list[tuple[int, int]]:
+    """Id and line speed of each."""
+    return [(motor.motor_id, motor.baudrate) for motor in motors]

@@ -1,0 +1,121 @@
+"""Switching the torque of all joints on and off, verified by reading it back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from joshua.devices.errors import DeviceError
+
+from joshua_servo.bus import ServoBus
+from joshua_servo.errors import NoReply
+from joshua_servo.family import ServoFamily
+from joshua_servo.register import Register
+from joshua_servo.register_read import read_registers
+
+ATTEMPTS = 3
+LAPSE_S = 0.0  # no retries: it is a look between two control cycles, which comes again
+
+#: Values of the registers of a move beside the goal.
+MoveValues = Mapping[Register, int]
+
+
+class TorqueSwitch:
+    """The torque of one arm.
+
+    Args:
+        names: joint names by servo id, in joint order.
+    """
+
+    def __init__(self, bus: ServoBus, family: ServoFamily, names: Mapping[int, str]) -> None:
+        self._bus = bus
+        self._family = family
+        self._names = names
+        self._ids = tuple(names)
+        self._start = family.moves[0].address
+        self._on = family.torque_enable.encode(1)
+        self._off = family.torque_enable.encode(0)
+        self._kept: dict[int, dict[Register, bytes]] = {}  # by servo id, as last written with torque
+
+    def switch_on(self, goals_ticks: Sequence[int], values: Sequence[MoveValues]) -> None:
+        """Seeds goal, speed and acceleration in one packet, switches torque on, and verifies all of it.
+
+        Args:
+            goals_ticks: where the joints are now, in joint order.
+            values: what the other registers of a move get, in joint order.
+
+        Raises:
+            DeviceError: a servo did not take it; then all joints were released.
+        """
+        family, torque = self._family, self._family.torque_enable
+        rows = {}
+        for servo_id, ticks, row in zip(self._ids, goals_ticks, values, strict=True):
+            move = {**row, family.goal_position: ticks}
+            rows[servo_id] = b"".join(register.encode(move[register]) for register in family.moves)
+            self._kept[servo_id] = {register: register.encode(move[register]) for register in family.kept}
+        for _ in range(ATTEMPTS):
+            self._bus.sync_write(self._start, family.moves_width, rows)
+            self._bus.sync_write(torque.address, torque.width, dict.fromkeys(rows, self._on))
+            found = self._states()
+            rows = {
+                servo_id: row
+                for servo_id, row in rows.items()
+                if not self._has_taken(found.get(servo_id), row)
+            }
+            if not rows:
+                return
+        self.switch_off()
+        raise DeviceError(
+            f"{self._bus.port}: {self._list(rows)} did not take goal and torque in {ATTEMPTS} attempts; "
+            "all joints were released. Check the supply voltage and run joshua doctor."
+        )
+
+    def switch_off(self) -> None:
+        """Takes torque off all joints. Raises NoReply where one does not confirm it, and PortDisconnected."""
+        self._kept = {}
+        torque = self._family.torque_enable
+        waiting = self._ids
+        for _ in range(ATTEMPTS):
+            self._bus.sync_write(torque.address, torque.width, dict.fromkeys(self._ids, self._off))
+            found = self._bus.sync_read(torque.address, torque.width, waiting)
+            waiting = tuple(servo_id for servo_id in waiting if found.get(servo_id) != self._off)
+            if not waiting:
+                return
+        raise NoReply(
+            f"{self._bus.port}: {self._list(waiting)} does not confirm that its torque is off. "
+            "Cut the arm's supply by hand if it holds."
+        )
+
+    def read(self) -> dict[str, bool]:
+        """Which joints have torque, by name. Raises NoReply where one does not say, and PortDisconnected."""
+        torque = self._family.torque_enable
+        found = self._bus.sync_read(torque.address, torque.width, self._ids)
+        if silent := [servo_id for servo_id in self._ids if servo_id not in found]:
+            raise NoReply(f"{self._bus.port}: {self._list(silent)} does not say whether its torque is off.")
+        return {self._names[i]: torque.decode(found[i]) != 0 for i in self._ids}
+
+    def lapsed(self) -> str:
+        """Names joints that lost torque or speed settings by themselves, as a power cut does; "" for none.
+
+        Servos that do not answer are not judged. Raises PortDisconnected.
+        """
+        lapsed = []
+        for servo_id, found in self._states(within_s=LAPSE_S).items():
+            kept = self._kept.get(servo_id, {})
+            has_torque = found[self._family.torque_enable] == self._on
+            if not has_torque or {register: found[register] for register in kept} != kept:
+                lapsed.append(servo_id)
+        return self._list(lapsed)
+
+    def _states(self, within_s: float = math.inf) -> dict[int, dict[Register, bytes]]:
+        """Torque and the registers of a move."""
+        registers = (self._family.torque_enable, *self._family.moves)
+        return read_registers(self._bus, self._family, registers, self._ids, within_s=within_s)
+
+    def _has_taken(self, found: Mapping[Register, bytes] | None, row: bytes) -> bool:
+        if found is None or found[self._family.torque_enable] != self._on:
+            return False
+        return b"".join(found[register] for register in self._family.moves) == row
+
+    def _list(self, ids: Sequence[int] | Mapping[int, bytes]) -> str:
+        return ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in ids)

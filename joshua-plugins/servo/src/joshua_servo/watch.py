@@ -1,0 +1,73 @@
+"""Watches temperature, voltage and load of an energised arm, and says when its torque must go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from joshua_servo.feedback import Feedback
+from joshua_servo.status_bits import StatusBits
+
+CONSECUTIVE_SAMPLES = 3  # a voltage dips for a moment when several joints start at once
+TEMPERATURE_MARGIN_C = 10  # from here to the limit is a warning
+
+
+@dataclass(frozen=True)
+class HealthLimits:
+    """Limits of one servo, as its EEPROM holds them."""
+
+    max_temperature_c: int = 70
+    min_voltage_v: float = 4.0
+    max_voltage_v: float = 14.0
+
+
+class HealthWatch:
+    """Judges feedback; one for each arm.
+
+    Args:
+        names: joint names; limits: of each servo, in the same order.
+        status: meaning of the servos' status bits.
+    """
+
+    def __init__(self, names: Sequence[str], limits: Sequence[HealthLimits], status: StatusBits) -> None:
+        self.status = status
+        self._names = tuple(names)
+        self._limits = tuple(limits)
+        self._voltage_samples = [0] * len(self._names)
+
+    def reset(self) -> None:
+        """Begins to count anew."""
+        self._voltage_samples = [0] * len(self._names)
+
+    def trip_reason(self, readings: Sequence[Feedback]) -> str:
+        """Why the torque must go, "" where all is well; takes one sample of all servos."""
+        for index, reading in enumerate(readings):
+            limits, name = self._limits[index], self._names[index]
+            if reading.status & self.status.at_once:
+                return (
+                    f"{name}: the servo reports: {self.status.describe(reading.status)} "
+                    f"(load {reading.load:+.0%}, {reading.temperature_c} °C, {reading.voltage_v:.1f} V)"
+                )
+            if reading.temperature_c > limits.max_temperature_c:
+                return f"{name}: {reading.temperature_c} °C, at most {limits.max_temperature_c} °C"
+            if limits.min_voltage_v <= reading.voltage_v <= limits.max_voltage_v:
+                self._voltage_samples[index] = 0
+                continue
+            self._voltage_samples[index] += 1
+            if self._voltage_samples[index] >= CONSECUTIVE_SAMPLES:
+                return (
+                    f"{name}: {reading.voltage_v:.1f} V, allowed {limits.min_voltage_v:.1f} to "
+                    f"{limits.max_voltage_v:.1f} V"
+                )
+        return ""
+
+    def warning(self, index: int, reading: Feedback) -> str:
+        """What is close to a limit at one joint, "" where nothing is."""
+        limits = self._limits[index]
+        if reading.status:
+            return self.status.describe(reading.status)
+        if reading.temperature_c > limits.max_temperature_c - TEMPERATURE_MARGIN_C:
+            return f"hot: {reading.temperature_c} °C of at most {limits.max_temperature_c} °C"
+        if not limits.min_voltage_v <= reading.voltage_v <= limits.max_voltage_v:
+            return f"voltage {reading.voltage_v:.1f} V out of range"
+        return ""
