@@ -1,7 +1,7 @@
 """The conformance kit for plugin authors and the pytest fixtures; loads nothing until a check is used.
 
-``check_actuator(factory)``, ``check_sensor(factory)`` and ``check_model(factory)`` run what a plugin
-brings through the contract of its base class, and raise ``ConformanceError`` with every clause that it violates.
+``check_actuator(factory)``, ``check_sensor(factory)`` and ``check_model(factory)`` run what a plugin brings
+through the contract of its base class, and raise ``ConformanceError`` with every clause that it violates.
 """
 
 from __future__ import annotations
