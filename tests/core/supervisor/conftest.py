@@ -98,7 +98,8 @@ class Robot:
         )
 
     def plan(self, *nodes: NodeSpec, **fields: Any) -> Plan:
-        return Plan(source="robot.pbtxt", mode="MODE_TEST", nodes=nodes, transport=self.transport, **fields)
+        fields = {"mode": "MODE_TEST", "verdict": True, **fields}
+        return Plan(source="robot.pbtxt", nodes=nodes, transport=self.transport, **fields)
 
     def options(self, **fields: Any) -> SupervisorOptions:
         defaults: dict[str, Any] = {

@@ -174,7 +174,7 @@ def conclude(plan: Plan, report: RunReport) -> int:
     """Names the exit code of a run; MODE_TEST prints its table, and a failed check is a failed run."""
     if not report.judged:
         return report.exit_code
-    from joshua.modes.verdict import passed, verdict, verdict_text
+    from joshua.modes.test import passed, verdict, verdict_text
 
     rows = verdict(plan, report)
     sys.stdout.write(verdict_text(rows, report))

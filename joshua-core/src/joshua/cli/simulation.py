@@ -49,6 +49,7 @@ def start_simulation(
         except FileRefused as error:
             sys.stderr.write(f"joshua: error: {error}\nnothing was started\n")
             return ExitCode.INVALID
+    checked = replace(checked, loaded=replace(checked.loaded))  # whose graph is made anew
     if not simulated.coupled:
         return checked, {}
     try:
@@ -75,7 +76,7 @@ def take_calibrations(checked: Checked, names: Collection[str]) -> None:
     Raises FileRefused.
     """
     from joshua.config.checks.device_table import block_of
-    from joshua.config.topics import node_entries
+    from joshua.config.graph import node_entries
     from joshua.planner.calibration_place import calibration_place, kept_calibrations
 
     config = checked.loaded.config

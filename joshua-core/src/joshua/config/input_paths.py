@@ -5,23 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from google.protobuf.message import Message
 
 from joshua.config.camera_source import SourceKind, source_kind
-from joshua.plan import Position
 from joshua.schema import options_pb2 as rules
 from joshua.textproto.field_facts import field_facts
+from joshua.textproto.positions import Positions
 
 _Block = TypeVar("_Block", bound=Message)
-
-
-class Positions(Protocol):
-    """Where the values of a loaded configuration stand."""
-
-    def value(self, field_path: str) -> Position | None:
-        """Position of a field's value."""
 
 
 def with_absolute_paths(block: _Block, block_path: str, positions: Positions, source: str) -> _Block:

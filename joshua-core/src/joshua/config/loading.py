@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os.path
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.config.calibration_paths import calibration_path
 from joshua.config.files import FileId, file_id, read_source
+from joshua.config.graph import build_graph
 from joshua.schema.config_pb2 import MODE_CALIBRATION, Config
 from joshua.textproto.binder import Binder, Merge
 from joshua.textproto.limits import MAX_FILES
@@ -22,9 +24,10 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from joshua.plan import Diagnostic
+    from joshua.plan.graph import RobotGraph
 
 
-@dataclass
+@dataclass(frozen=True)
 class LoadedConfig:
     """A configuration as its files give it; with errors in them it holds what could be read.
 
@@ -47,6 +50,11 @@ class LoadedConfig:
     sources: dict[str, str] = field(default_factory=dict)
     is_readable: bool = True
     calibration_file: str = ""
+
+    @cached_property
+    def graph(self) -> RobotGraph:
+        """The nodes of the configuration and the topics between them."""
+        return build_graph(self.config)
 
 
 def load(

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 from joshua.config.checks import Context
 from joshua.config.checks.device_table import block_of
-from joshua.modes.parts import actions, lacks
+from joshua.modes.queries import lacks
+from joshua.modes.services import SIMULATION
+from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 
 # Mock motors have their zero by definition, and nothing that a hand could move.
@@ -15,7 +17,7 @@ _NOT_CALIBRATABLE = ("mock_motor_config",)
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for an actuator with a zero to find, and for the robot's id."""
-    entries = actions(context)
+    entries = context.graph.actuators
     blocks = [block_of(entry.owner)[0] for entry in entries]
     if not any(block not in _NOT_CALIBRATABLE for block in blocks):
         virtual = bool(entries)
@@ -43,3 +45,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
             position=context.block_position("general"),
             remedy='Add id: "joshua-arm-001" to general',
         )
+
+
+SPEC = ModeSpec(
+    "MODE_CALIBRATION",
+    check,
+    services=(SIMULATION,),
+    blocks=("calibration_run",),
+    works_uncalibrated=True,
+)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from joshua.config.checks import Context
-from joshua.modes.parts import actions, commands, lacks
+from joshua.modes.queries import lacks
+from joshua.modes.services import DATA_STORE, SIMULATION
+from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 
@@ -36,7 +39,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
 def _record(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if store.storage == pb.STORAGE_LOCAL and not store.local_path:
         yield _lacks_path(context, "Recording to this machine")
-    if not any(item.is_publisher for item in context.usable):
+    if not any(item.is_publisher for item in context.graph.usable):
         yield lacks(
             context,
             "mode-lacks-publisher",
@@ -62,7 +65,7 @@ def _upload(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
 def _replay(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if not store.local_path and not store.remote_url:
         yield _lacks_path(context, "A replay")
-    if not any(commands(context, entry) for entry in actions(context)):
+    if not any(context.graph.commands(entry) for entry in context.graph.actuators):
         yield lacks(
             context,
             "mode-lacks-actuator",
@@ -80,3 +83,15 @@ def _lacks_path(context: Context, what: str) -> Diagnostic:
         position=context.block_position(_STORE),
         remedy='Add local_path: "datasets/my_data"',
     )
+
+
+def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
+    """An upload needs neither a robot nor a simulated one."""
+    if config.ai.data_store.operation != pb.DATA_STORE_UPLOAD:
+        return spec
+    return replace(
+        spec, devices=False, services=(DATA_STORE.needed(),), blocks=("simulation",), idle="an upload"
+    )
+
+
+SPEC = ModeSpec("MODE_DATA_STORE", check, services=(DATA_STORE.needed(), SIMULATION), for_file=_for_file)

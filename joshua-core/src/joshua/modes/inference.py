@@ -9,9 +9,11 @@ from typing import Any
 from joshua.config.checks import Context
 from joshua.config.checks.identity import title
 from joshua.config.checks.topics import unpublished
-from joshua.config.topics import NodeEntry
-from joshua.modes.parts import COMMAND_TYPES, actions, command_sources, commands, is_model, lacks, models
+from joshua.modes.queries import lacks
+from joshua.modes.services import DATA_STORE, SIMULATION
+from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
+from joshua.plan.graph import COMMAND_TYPES, NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 
@@ -20,7 +22,7 @@ _MOST_NAMES = 50
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Follows the road from observations through each model to an actuator."""
-    if not models(context):
+    if not context.graph.models:
         yield lacks(
             context,
             "mode-lacks-model",
@@ -29,7 +31,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             allowed=("SMOLVLA", "RANDOM_NOISE", "MODEL_PLUGIN"),
             remedy="Add ai { models { ... } } with a node that publishes the actions",
         )
-    if not actions(context):
+    if not context.graph.actuators:
         yield lacks(
             context,
             "mode-lacks-actuator",
@@ -38,10 +40,10 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy="Add robot { actions { ... } } with a node that subscribes to the model's topic",
         )
     yield from _commands(context)
-    heard = {item.topic for entry in actions(context) for item in commands(context, entry)}
-    pictures = (item.topic for item in context.usable if item.is_publisher and _is_picture(item.block))
+    heard = {item.topic for entry in context.graph.actuators for item in context.graph.commands(entry)}
+    pictures = (item.topic for item in context.graph.usable if item.is_publisher and _is_picture(item.block))
     cameras = tuple(islice(pictures, _MOST_NAMES))
-    for entry in models(context):
+    for entry in context.graph.models:
         yield from _actions_out(context, entry, heard)
         if entry.owner.model_type == pb.SMOLVLA:
             yield from _observations_in(context, entry, cameras)
@@ -49,9 +51,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 def _commands(context: Context) -> Iterator[Diagnostic]:
     """Actuators that nobody commands, unless that follows from a model that drives nothing."""
-    sources = command_sources(context)
-    driving = [topic for topic, group in sources.items() if any(is_model(item.entry) for item in group)]
-    heard = [item for entry in actions(context) for item in commands(context, entry)]
+    sources = context.graph.command_sources
+    driving = [topic for topic, group in sources.items() if any(item.entry.is_model for item in group)]
+    heard = [item for entry in context.graph.actuators for item in context.graph.commands(entry)]
     if any(item.topic in driving for item in heard):
         yield from (unpublished(context, item) for item in heard if item.topic not in sources)
 
@@ -59,7 +61,7 @@ def _commands(context: Context) -> Iterator[Diagnostic]:
 def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterator[Diagnostic]:
     own = [
         item
-        for item in context.of_entry(entry)
+        for item in context.graph.of_entry(entry)
         if item.is_publisher and item.block.data_type in COMMAND_TYPES
     ]
     if not entry.node.publishers:
@@ -72,8 +74,8 @@ def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterato
             remedy='Add publishers { data_type: JOINT_STATE topic_name: "/ai/actions" '
             "publish_rate_hz: 10.0 }",
         )
-    elif own and actions(context) and not any(item.topic in heard for item in own):
-        actuators = actions(context)
+    elif own and context.graph.actuators and not any(item.topic in heard for item in own):
+        actuators = context.graph.actuators
         yield context.error(
             "model-drives-nothing",
             f"No actuator subscribes to {own[0].topic}, so {title(entry)} drives nothing",
@@ -104,3 +106,6 @@ def _observations_in(context: Context, entry: NodeEntry, cameras: tuple[str, ...
 
 def _is_picture(block: Any) -> bool:
     return block.data_type in (types.IMAGE, types.COMPRESSED_IMAGE)
+
+
+SPEC = ModeSpec("MODE_INFERENCE", check, models=True, services=(DATA_STORE, SIMULATION))

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from joshua.config.checks import Context
 from joshua.config.checks.topics import type_text
 from joshua.config.names import topic_fault
-from joshua.modes.parts import lacks
+from joshua.modes.queries import lacks
+from joshua.modes.services import DATA_STORE, SIMULATION
+from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 from joshua.schema import data_type_pb2 as types
 from joshua.schema import simulation_pb2 as sim
@@ -80,7 +82,7 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
             remedy='Add mirror_topic_mappings { ros_topic: "/follower/joint_states" '
             'mujoco_actuator: "gripper" } for each actuator of the model',
         )
-    published = context.published
+    published = context.graph.published
     first: dict[str, int] = {}
     noted: set[str] = set()
     for index, mapping in enumerate(simulation.mirror_topic_mappings):
@@ -128,3 +130,6 @@ def _topic(
             allowed=tuple(other for other, number in published.items() if number == types.JOINT_STATE),
             remedy="Map a JOINT_STATE topic",
         )
+
+
+SPEC = ModeSpec("MODE_SIMULATION", check, services=(DATA_STORE, SIMULATION.needed()))

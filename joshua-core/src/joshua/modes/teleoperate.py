@@ -8,9 +8,11 @@ from joshua.config.checks import Context
 from joshua.config.checks.device_table import block_of
 from joshua.config.checks.identity import title
 from joshua.config.checks.topics import unpublished
-from joshua.config.topics import Endpoint, NodeEntry
-from joshua.modes.parts import actions, command_sources, commands, is_model, lacks, mode_name
+from joshua.modes.queries import lacks, mode_name
+from joshua.modes.services import DATA_STORE, SIMULATION
+from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
+from joshua.plan.graph import Endpoint, NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest_first
 
@@ -21,7 +23,7 @@ _MOST_LEADERS = 50
 def check(context: Context) -> Iterator[Diagnostic]:
     """Pairs every follower with what drives it."""
     sources = leaders(context)
-    driven = [entry for entry in actions(context) if entry.owner.action_type != pb.ACTION_LEADER]
+    driven = [entry for entry in context.graph.actuators if not entry.leads]
     followed = {entry.path for entry in driven}
     leading = [item for group in sources.values() for item in group if item.entry.path not in followed]
     if not leading:
@@ -43,9 +45,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
         yield from _follower(context, entry, sources, leading[:_MOST_LEADERS])
     others = [
         item
-        for entry in actions(context)
+        for entry in context.graph.actuators
         if entry.owner.action_type != pb.ACTION_FOLLOWER
-        for item in commands(context, entry)
+        for item in context.graph.commands(entry)
     ]
     if not followers and not any(item.topic in sources for item in others):
         yield _nobody_listens(context, driven[0], leading[:_MOST_LEADERS])
@@ -58,14 +60,14 @@ def check(context: Context) -> Iterator[Diagnostic]:
 def leaders(context: Context) -> dict[str, list[Endpoint]]:
     """What can command an actuator in this mode, by topic; models do not run in it."""
     found = {
-        topic: [item for item in group if not is_model(item.entry)]
-        for topic, group in command_sources(context).items()
+        topic: [item for item in group if not item.entry.is_model]
+        for topic, group in context.graph.command_sources.items()
     }
     return {topic: group for topic, group in found.items() if group}
 
 
 def _no_leader(context: Context) -> Diagnostic:
-    silent = next((entry for entry in actions(context) if entry.owner.action_type == pb.ACTION_LEADER), None)
+    silent = next((entry for entry in context.graph.actuators if entry.leads), None)
     if silent is not None:
         return lacks(
             context,
@@ -90,7 +92,7 @@ def _no_leader(context: Context) -> Diagnostic:
 def _follower(
     context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]], leading: list[Endpoint]
 ) -> Iterator[Diagnostic]:
-    heard = commands(context, entry)
+    heard = context.graph.commands(entry)
     topics = tuple(dict.fromkeys(item.topic for item in leading))
     if any(item.topic in sources for item in heard):
         return
@@ -123,7 +125,7 @@ def _nobody_listens(context: Context, entry: NodeEntry, leading: list[Endpoint])
     topic = leading[0].topic
     return context.error(
         "follower-without-leader",
-        f"{mode_name(context)} needs an actuator that follows, and none subscribes to {topic}",
+        f"{mode_name(context.config)} needs an actuator that follows, and none subscribes to {topic}",
         f"{entry.path}.subscriptions",
         position=context.block_position(entry.path),
         allowed=tuple(dict.fromkeys(item.topic for item in leading)),
@@ -137,9 +139,9 @@ def joint_counts(
 ) -> Iterator[Diagnostic]:
     """A leader and its follower have as many joints, or one of them has joints that nobody pairs."""
     mine = joint_count(entry)
-    for item in commands(context, entry):
+    for item in context.graph.commands(entry):
         for source in sources.get(item.topic, ())[:_MOST_LEADERS]:
-            if getattr(source.entry.owner, "action_type", None) != pb.ACTION_LEADER:
+            if not source.entry.leads:
                 continue
             theirs = joint_count(source.entry)
             if mine and theirs and mine != theirs:
@@ -166,3 +168,6 @@ def joint_count(entry: NodeEntry) -> int:
     if hasattr(block, "num_motors"):
         return int(block.num_motors)
     return len(getattr(block, "motor_ids", ()) or getattr(block, "port_names", ()))
+
+
+SPEC = ModeSpec("MODE_TELEOPERATE", check, services=(DATA_STORE, SIMULATION))

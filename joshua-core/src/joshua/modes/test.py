@@ -1,18 +1,28 @@
-"""MODE_TEST: something to test, and followers that fit their leaders."""
+"""MODE_TEST: something to test, followers that fit their leaders, and the pass/fail table at the end."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from joshua.config.checks import Context
-from joshua.modes.parts import actions, lacks
+from joshua.modes.queries import lacks
+from joshua.modes.services import SIMULATION
+from joshua.modes.spec import ModeSpec
 from joshua.modes.teleoperate import joint_counts, leaders
 from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
+
+if TYPE_CHECKING:
+    from joshua.plan import CheckResult, NodeReport, Plan, RunReport
+
+#: The first row of each node.
+RAN = "runs to the end"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for at least one device or model."""
-    if not context.entries:
+    if not context.graph.entries:
         yield lacks(
             context,
             "mode-lacks-device",
@@ -21,5 +31,89 @@ def check(context: Context) -> Iterator[Diagnostic]:
             remedy="Add robot { actions { ... } } or robot { perceptions { ... } }",
         )
     sources = leaders(context)
-    for entry in actions(context):
+    for entry in context.graph.actuators:
         yield from joint_counts(context, entry, sources)
+
+
+def verdict(plan: Plan, report: RunReport) -> list[tuple[str, CheckResult]]:
+    """Judges a test run.
+
+    Returns:
+        Pairs of node name and check, in the order of the plan: first whether the node ran to the end,
+        then what the node measured itself.
+    """
+    from joshua.plan import CheckResult
+
+    reports = {node.full_name: node for node in report.nodes}
+    rows: list[tuple[str, CheckResult]] = []
+    for spec in plan.nodes:
+        node = reports.get(spec.full_name)
+        if node is None:
+            rows.append((spec.full_name, CheckResult(check="starts", passed=False, measured="never started")))
+            continue
+        rows.append((spec.full_name, _ran(node, report)))
+        rows += [(spec.full_name, check) for check in node.checks]
+    return rows
+
+
+def _ran(node: NodeReport, report: RunReport) -> CheckResult:
+    from joshua.plan import CheckResult
+
+    good = node.state == "stopped" and node.restarts == 0 and not report.interrupted
+    measured = node.reason or (report.reason if report.interrupted else node.state)
+    if node.restarts:
+        measured += f", {node.restarts} restarts"
+    return CheckResult(check=RAN, passed=good, measured=measured)
+
+
+def passed(rows: list[tuple[str, CheckResult]]) -> bool:
+    """Whether every check passed; a test without a single check has not passed."""
+    return bool(rows) and all(check.passed for _, check in rows)
+
+
+def verdict_text(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
+    """The table: result, node, check and what was measured; then whether the test passed."""
+    node_width = max((len(name) for name, _ in rows), default=0)
+    check_width = max((len(check.check) for _, check in rows), default=0)
+    lines = []
+    for name, check in rows:
+        result = _result(check, report)
+        lines.append(f"{result}  {name:<{node_width}}  {check.check:<{check_width}}  {check.measured}")
+    return "\n".join([*(line.rstrip() for line in lines), _summary(rows, report)]) + "\n"
+
+
+def _result(check: CheckResult, report: RunReport) -> str:
+    """A node that was stopped with the run has not failed; nobody knows whether it would have."""
+    if check.passed:
+        return "PASS"
+    stopped = report.interrupted and (check.check, check.measured) == (RAN, report.reason)
+    return "----" if stopped else "FAIL"
+
+
+def _summary(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
+    if report.interrupted:
+        return f"test not finished: {report.reason} before its time was over"
+    failed = sum(not check.passed for _, check in rows)
+    if not rows:
+        return "test failed: no checks"
+    return f"test failed: {failed} of {len(rows)} checks" if failed else f"test passed: {len(rows)} checks"
+
+
+def _duration_s(config: pb.Config) -> float:
+    if config.test.HasField("duration_s"):
+        return float(config.test.duration_s)
+    from joshua.schema.rules import rule
+
+    return float(rule(pb.TestConfig.DESCRIPTOR.fields_by_name["duration_s"]).default)
+
+
+SPEC = ModeSpec(
+    "MODE_TEST",
+    check,
+    models=True,
+    services=(SIMULATION,),
+    blocks=("test",),
+    duration_s=_duration_s,
+    verdict=True,
+    works_uncalibrated=True,
+)

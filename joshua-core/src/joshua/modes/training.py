@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from joshua.config.checks import Context
-from joshua.modes.parts import actions, lacks
+from joshua.modes.queries import lacks
+from joshua.modes.services import TRAINING
+from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 
@@ -24,7 +27,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
         return
     on_robot = ai.training.method in (pb.METHOD_RL, pb.METHOD_EVAL)  # imitation learns from a data set
-    if ai.training.environment == pb.ENV_REAL and on_robot and not actions(context):
+    if ai.training.environment == pb.ENV_REAL and on_robot and not context.graph.actuators:
         yield lacks(
             context,
             "mode-lacks-actuator",
@@ -63,3 +66,19 @@ def _data_set(context: Context) -> Iterator[Diagnostic]:
         remedy="Write the same name in both blocks, or remove data_store to take the data set from the hub",
         related=context.see("ai.data_store.dataset_name", "data set of the store"),
     )
+
+
+def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
+    return replace(spec, devices=True) if config.ai.training.environment == pb.ENV_REAL else spec
+
+
+SPEC = ModeSpec(
+    "MODE_TRAINING",
+    check,
+    devices=False,
+    services=(TRAINING.needed(),),
+    # a data set is read, a policy evaluated, an environment seeded
+    blocks=("ai.data_store", "ai.models", "simulation"),
+    for_file=_for_file,
+    idle="training in simulation",
+)

@@ -51,6 +51,7 @@ class Plan(BaseModel):
         source: path of the configuration file; mode: ``MODE_…``; robot_id: ``general.id``.
         nodes: in start order; transport: how they talk.
         duration_s: length after which the run ends in good order; None runs until stopped.
+        verdict: the run ends with a pass/fail table of what each node measured.
         findings: warnings and notes that the start-up table shows.
     """
 
@@ -63,4 +64,5 @@ class Plan(BaseModel):
     nodes: tuple[NodeSpec, ...] = ()
     transport: TransportSpec = TransportSpec()
     duration_s: float | None = None
+    verdict: bool = False
     findings: tuple[Diagnostic, ...] = ()

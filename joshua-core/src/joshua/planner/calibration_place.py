@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.config.calibration_paths import calibration_path, journal_path
-from joshua.config.topics import node_entries
+from joshua.config.graph import node_entries
 from joshua.plan import Diagnostic, Severity
 from joshua.schema import config_pb2 as pb
 

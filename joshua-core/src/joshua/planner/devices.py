@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from joshua.config.topics import NodeEntry, node_entries
+from joshua.config.graph import node_entries
+from joshua.plan.graph import NodeEntry
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.schema import calibration_pb2
 from joshua.schema import config_pb2 as pb

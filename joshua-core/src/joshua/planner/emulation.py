@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.ipc.state_home import state_home
-from joshua.modes.share import mode_share
+from joshua.modes import mode_of
 from joshua.plan import Diagnostic, Related, Severity
 from joshua.planner.devices import Wanted, unpack, wanted_nodes
 from joshua.plugins import DeviceSpec, EmulatorSpec, PluginStatus, Registry
@@ -56,8 +56,8 @@ class EmulatedRig:
         self._registry = registry
         self._faults = faults
         self._physics = physics or {}
-        share = mode_share(config)
-        wanted = wanted_nodes(config, devices=share.devices, models=False)
+        mode = mode_of(config)
+        wanted = wanted_nodes(config, devices=mode.devices, models=False)
         self._wanted = [want for want in wanted if not self._is_virtual(want)]
         self._stack = ExitStack()
         self.emulators: list[DeviceEmulator] = []

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from joshua.config.topics import Endpoint, endpoints
 from joshua.features.derive import features_of
+from joshua.modes import ModeSpec
+from joshua.modes.services import PHYSICS_GROUP
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan.graph import Endpoint, RobotGraph
 from joshua.planner.devices import Wanted
 from joshua.planner.findings import Findings
 from joshua.planner.resolution import Resolved
 from joshua.planner.safety import safety_context
-from joshua.planner.services import PHYSICS_BLOCKS, PHYSICS_GROUP
+from joshua.planner.services import PHYSICS_BLOCKS
 from joshua.plugins import ActuatorSpec, NodePluginSpec, Registry, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
@@ -35,7 +37,8 @@ class NodePlanner:
 
     def __init__(
         self,
-        config: pb.Config,
+        mode: ModeSpec,
+        graph: RobotGraph,
         registry: Registry,
         joints: Mapping[str, list[dict[str, Any]]],
         findings: Findings,
@@ -46,8 +49,8 @@ class NodePlanner:
         self._joints = joints
         self._findings = findings
         self._without_native: dict[str, list[Wanted]] = {}
-        self._endpoints = endpoints(config)
-        self._testing = config.general.mode == pb.MODE_TEST
+        self._graph = graph
+        self._testing = mode.verdict
 
     def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
         """Makes the specs of all resolved nodes."""
@@ -103,7 +106,7 @@ class NodePlanner:
     def _own(self, want: Wanted, *, publishers: bool) -> list[Endpoint]:
         return [
             endpoint
-            for endpoint in self._endpoints
+            for endpoint in self._graph.endpoints
             if endpoint.entry.path == want.entry.path and endpoint.is_publisher is publishers
         ]
 
@@ -123,36 +126,23 @@ class NodePlanner:
             return joints | self._commanders(want) | ({"testing": True} if self._testing else {})
         if want.kind is SensorSpec:  # it was resolved with the joints that it reaches
             return {"testing": True} if self._testing else {}
-        commanded = [joint for path in self._commanded(want) for joint in self._joints.get(path, ())]
+        commanded = [
+            joint for entry in self._graph.driven_by(want.entry) for joint in self._joints.get(entry.path, ())
+        ]
         return {"joints": commanded} if commanded else {}
 
     def _commanders(self, want: Wanted) -> dict[str, Any]:
         """Of those who publish what an actuator hears: its leader, and who may take over."""
-        heard = {endpoint.topic for endpoint in self._own(want, publishers=False)}
         facts: dict[str, Any] = {}
-        for other in self._endpoints:
-            if not other.is_publisher or other.topic not in heard or other.entry.path == want.entry.path:
-                continue
-            owner = other.entry.owner
-            commander: dict[str, Any] = {"node": other.entry.full_name, "topic": other.topic}
-            leads = isinstance(owner, pb.SingleAction) and owner.action_type == pb.ACTION_LEADER
-            if leads and other.block.data_type == data_type_pb2.JOINT_STATE:
-                commander["joints"] = self._joints.get(other.entry.path, [])
-            if other.block.override:
+        for source in self._graph.commanders(want.entry):
+            commander: dict[str, Any] = {"node": source.entry.full_name, "topic": source.topic}
+            if source.entry.leads and source.block.data_type == data_type_pb2.JOINT_STATE:
+                commander["joints"] = self._joints.get(source.entry.path, [])
+            if source.block.override:
                 facts.setdefault("take_over", []).append(commander)
             elif "joints" in commander:
                 facts.setdefault("leader", commander)
         return facts
-
-    def _commanded(self, want: Wanted) -> list[str]:
-        spoken = {endpoint.topic for endpoint in self._own(want, publishers=True)}
-        return [
-            endpoint.entry.path
-            for endpoint in self._endpoints
-            if not endpoint.is_publisher
-            and endpoint.topic in spoken
-            and isinstance(endpoint.entry.owner, pb.SingleAction)
-        ]
 
 
 def _with_features(model: NodeSpec, nodes: list[NodeSpec]) -> NodeSpec:

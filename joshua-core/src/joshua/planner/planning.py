@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from joshua.modes.share import mode_share
+from joshua.modes import ModeSpec, mode_name, mode_of
 from joshua.plan import Diagnostic, Severity
 from joshua.planner.devices import wanted_nodes
 from joshua.planner.findings import Findings
 from joshua.planner.resolution import Resolved, Resolver
-from joshua.planner.services import ResolvedService, physics_of, resolve_services
+from joshua.planner.services import ResolvedService, graph_services, physics_of, resolve_services
 from joshua.plugins import SensorSpec
 from joshua.schema import config_pb2 as pb
 
@@ -31,9 +31,16 @@ class Planning:
         self._config = loaded.config
         self._registry = registry
         self._request = request
+        self._mode = mode_of(loaded.config)
         self._findings = Findings(loaded, launch=request.launch)
+        self._graph = loaded.graph
         self._resolver = Resolver(
-            loaded.config, registry, self._findings, request.path, _waivers(loaded.config, request)
+            loaded.config,
+            self._graph,
+            registry,
+            self._findings,
+            request.path,
+            _waivers(self._mode, request),
         )
         self._nodes: list[Resolved] = []
         self._services: list[ResolvedService] = []
@@ -45,9 +52,10 @@ class Planning:
 
     def resolve(self) -> None:
         """Finds the implementations and checks the settings, which is all that validation needs."""
-        config, share = self._config, mode_share(self._config)
-        self._services = resolve_services(config, self._registry, share, self._findings, self._request)
-        wanted = wanted_nodes(config, devices=share.devices, models=share.models)
+        config, mode = self._config, self._mode
+        self._services = resolve_services(config, self._registry, mode, self._findings, self._request)
+        self._graph = graph_services(self._services, self._graph, config)
+        wanted = wanted_nodes(config, devices=mode.devices, models=mode.models)
         self._nodes = self._resolver.resolve(wanted, physics_of(self._services))
         self._refuse_shared_terminal()
         self._check_command_line([want.entry.node.host for want in wanted])
@@ -56,13 +64,15 @@ class Planning:
         """Makes the plan of what was resolved; None where the transport cannot be chosen."""
         from joshua.plan import Plan
         from joshua.planner.node_planner import NodePlanner
-        from joshua.planner.services import service_spec
+        from joshua.planner.services import service_node
         from joshua.planner.transport_choice import transport_spec
 
         config, request = self._config, self._request
-        planner = NodePlanner(config, self._registry, self._resolver.joints, self._findings, request.path)
+        planner = NodePlanner(
+            self._mode, self._graph, self._registry, self._resolver.joints, self._findings, request.path
+        )
         nodes = planner.specs(self._nodes)
-        nodes += [service_spec(resolved, self._registry) for resolved in self._services]
+        nodes += [service_node(resolved, self._graph, self._registry) for resolved in self._services]
         if config.simulation.use_sim_time:
             nodes = [
                 node.model_copy(update={"context": node.context | {"use_sim_time": True}}) for node in nodes
@@ -74,12 +84,13 @@ class Planning:
         self._note_partial_qos(nodes, transport.kind)
         return Plan(
             source=request.path,
-            mode=_mode_name(config),
+            mode=pb.OperationMode.Name(config.general.mode) if mode_name(config) else "",
             robot_id=config.general.id,
             robot_name=config.general.name,
             nodes=tuple(_start_order(nodes)),
             transport=transport,
-            duration_s=_duration_s(config, request),
+            duration_s=self._mode.duration_s(config) if request.duration_s is None else request.duration_s,
+            verdict=self._mode.verdict,
         )
 
     def _check_command_line(self, hosts: list[str]) -> None:
@@ -122,18 +133,12 @@ class Planning:
             self._findings.add("qos-acts-partly", Severity.NOTE, f"{where}: {note}")
 
 
-def _waivers(config: pb.Config, request: Request) -> dict[str, bool]:
-    """What actuators may do in this run: a test and a calibration move arms that have no calibration yet."""
-    works_uncalibrated = config.general.mode in (pb.MODE_TEST, pb.MODE_CALIBRATION)
+def _waivers(mode: ModeSpec, request: Request) -> dict[str, bool]:
+    """What actuators may do in this run."""
     return {
-        "allow_uncalibrated": request.allow_uncalibrated or works_uncalibrated,
+        "allow_uncalibrated": request.allow_uncalibrated or mode.works_uncalibrated,
         "dry_run": request.dry_run,
     }
-
-
-def _mode_name(config: pb.Config) -> str:
-    mode = config.general.mode
-    return pb.OperationMode.Name(mode) if mode in pb.OperationMode.values() else ""
 
 
 def _share_of_host(nodes: list[NodeSpec], host: str, findings: Findings) -> list[NodeSpec]:
@@ -148,15 +153,3 @@ def _share_of_host(nodes: list[NodeSpec], host: str, findings: Findings) -> list
 def _start_order(nodes: list[NodeSpec]) -> list[NodeSpec]:
     """Puts nodes that only publish before those that listen, each group in the order of the file."""
     return sorted(nodes, key=lambda node: bool(node.subscriptions))
-
-
-def _duration_s(config: pb.Config, request: Request) -> float | None:
-    if request.duration_s is not None:
-        return request.duration_s
-    if config.general.mode != pb.MODE_TEST:
-        return None
-    if config.test.HasField("duration_s"):
-        return float(config.test.duration_s)
-    from joshua.schema.rules import rule
-
-    return float(rule(pb.TestConfig.DESCRIPTOR.fields_by_name["duration_s"]).default)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from joshua.config.checks.device_table import fitting_blocks
-from joshua.config.topics import endpoints
 from joshua.plan import Diagnostic, Severity
+from joshua.plan.graph import RobotGraph
 from joshua.planner.devices import Wanted, joints_of
 from joshua.planner.findings import Findings
 from joshua.planner.safety import check_safety
@@ -47,6 +47,7 @@ class Resolver:
     def __init__(
         self,
         config: pb.Config,
+        graph: RobotGraph,
         registry: Registry,
         findings: Findings,
         source: str,
@@ -58,7 +59,7 @@ class Resolver:
         self._source = source
         self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
         self.joints: dict[str, list[dict[str, Any]]] = {}
-        self._endpoints = endpoints(config)
+        self._graph = graph
         self._final_names: set[str] = set()
 
     def resolve(self, wanted: list[Wanted], physics: Mapping[str, Any]) -> list[Resolved]:
@@ -105,16 +106,7 @@ class Resolver:
 
     def _reached_joints(self, want: Wanted) -> list[dict[str, Any]]:
         """The joints that a sensor's commands reach; empty unless the names of all of them are final."""
-        topics = {
-            item.topic for item in self._endpoints if item.is_publisher and item.entry.path == want.entry.path
-        }
-        reached = [
-            item.entry
-            for item in self._endpoints
-            if not item.is_publisher
-            and item.topic in topics
-            and isinstance(item.entry.owner, pb.SingleAction)
-        ]
+        reached = self._graph.driven_by(want.entry)
         if not all(entry.path in self._final_names for entry in reached):
             return []
         return [joint for entry in reached for joint in self.joints[entry.path]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from joshua.modes.share import mode_share
+from joshua.modes import mode_of
 from joshua.planner.devices import Wanted, joints_of, wanted_nodes
 from joshua.planner.resolution import calibration_values
 from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, Registry, SimulatorSpec
@@ -66,9 +66,9 @@ def simulate(config: pb.Config, registry: Registry, *, emulated: bool = False) -
 
 
 def _replaceable(config: pb.Config, registry: Registry, *, emulated: bool) -> list[Wanted]:
-    share = mode_share(config)
+    mode = mode_of(config)
     found = []
-    for want in wanted_nodes(config, devices=share.devices, models=False):
+    for want in wanted_nodes(config, devices=mode.devices, models=False):
         spec = registry.find(want.kind, want.block_name, want.enum_value)
         is_virtual = isinstance(spec, DeviceSpec) and spec.virtual
         fits = want.kind is ActuatorSpec or want.block_name == _CAMERA

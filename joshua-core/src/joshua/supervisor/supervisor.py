@@ -364,7 +364,7 @@ class Supervisor:
             exit_code=self._exit_code,
             reason=self._reason,
             interrupted=self._interrupted,
-            judged=self._plan.mode == "MODE_TEST" and self._ready_s is not None,
+            judged=self._plan.verdict and self._ready_s is not None,
             nodes=tuple(record.final_report() for record in records),
             ready_s=self._ready_s,
             first_message_s=self._first_message_s,

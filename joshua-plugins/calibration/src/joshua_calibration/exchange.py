@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.report import exit_code_of, request_of, show_findings
 from joshua.config.checks.device_table import block_of
-from joshua.config.topics import node_entries
+from joshua.config.graph import node_entries
 from joshua.devices.calibration import ArmCalibration
 from joshua.planner.calibration_place import FileRefused, calibration_place
 from joshua.planner.pipeline import Checked, check_file

@@ -45,13 +45,14 @@ class Mirror:
         self._unhook = world.before_step(self._place)
 
     def subscribe(self) -> None:
-        """Subscribes to each topic once."""
+        """Subscribes to each topic once, with the quality of service that the plan gives it."""
+        planned = {topic.name: topic for topic in self._context.spec.subscriptions}
         for topic in dict.fromkeys(mapping.ros_topic for mapping in self._mappings):
             name = topic if topic.startswith(("/", "~")) else f"/{topic}"
             rows = [
                 (index, mapping) for index, mapping in enumerate(self._mappings) if mapping.ros_topic == topic
             ]
-            spec = TopicSpec(name=name, type_name=JOINT_STATE)
+            spec = planned.get(name) or TopicSpec(name=name, type_name=JOINT_STATE)
             self._context.subscribe(spec, self._handler(rows))
 
     def report(self) -> str:

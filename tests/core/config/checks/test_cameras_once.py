@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from google.protobuf import text_format
 from joshua.config.checks import Context, resources
+from joshua.config.loading import LoadedConfig
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.positions import Positions
 
 BY_ID = "usb-046d_HD_Webcam_C615_1234-video-index0"
 
@@ -20,9 +21,7 @@ def findings(*cameras: str) -> list[Any]:
         for index, camera in enumerate(cameras)
     )
     config = text_format.Parse(f"robot {{ {text} }}", pb.Config())
-    positions = SimpleNamespace(value=lambda _: None, name=lambda _: None, is_set=lambda _: True)
-    loaded = SimpleNamespace(config=config, positions=positions, diagnostics=[], sources={})
-    return list(resources.check(Context(loaded)))
+    return list(resources.check(Context(LoadedConfig("", config, Positions()))))
 
 
 @pytest.mark.parametrize(

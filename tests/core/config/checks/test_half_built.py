@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -11,8 +10,8 @@ from google.protobuf.descriptor import FieldDescriptor
 from joshua.config import check
 from joshua.config.checks.paths import check_paths
 from joshua.config.diagnostics import render_json, render_text
+from joshua.config.loading import LoadedConfig
 from joshua.modes import check_mode
-from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.positions import Positions
 
@@ -40,16 +39,9 @@ FLOATS = (0.0, 1.0, -1.0, 50.0, 1e30, -1e30, float("nan"), float("inf"), float("
 INTEGERS = (0, 1, 2, 6, -1, 100, 4095, 2147483647, -2147483648)
 
 
-@dataclass
-class Bare:
+def bare(config: pb.Config) -> LoadedConfig:
     """A configuration without places: as if nothing were known about its text."""
-
-    config: pb.Config
-    positions: Positions = field(default_factory=Positions)
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    sources: dict[str, str] = field(default_factory=dict)
-    calibration_file: str = ""
-    is_readable: bool = True
+    return LoadedConfig("", config, Positions())
 
 
 def fill(message: Any, chance: random.Random, depth: int = 0) -> None:
@@ -93,7 +85,7 @@ def test_any_message_gets_through_every_check(part: int) -> None:
     for number in range(part * 200, (part + 1) * 200):
         config = pb.Config()
         fill(config, random.Random(number))
-        loaded = Bare(config)
+        loaded = bare(config)
         found = [*check(loaded), *check_mode(loaded), *check_paths(loaded, launch=number % 2 == 0)]
         render_text(found, loaded.sources).encode()
         render_json(found)
@@ -102,7 +94,7 @@ def test_any_message_gets_through_every_check(part: int) -> None:
 
 
 def test_an_empty_message_lacks_only_the_general_block() -> None:
-    loaded = Bare(pb.Config())
+    loaded = bare(pb.Config())
     assert [item.field_path for item in check(loaded)] == ["general"]
     assert check_mode(loaded) == []
     assert check_paths(loaded, launch=True) == []

@@ -7,11 +7,12 @@ from importlib import import_module
 from itertools import islice
 from typing import Any
 
-from joshua.config.checks.context import Context, Loaded
+from joshua.config.checks.context import Context
+from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic, Severity
 from joshua.textproto.limits import MAX_PROBLEMS
 
-__all__ = ["Context", "Loaded", "at_most", "check", "settle"]
+__all__ = ["Context", "at_most", "check", "settle"]
 
 _MODE_CALIBRATION = 4  # a calibration run asks nothing of the calibration that it replaces
 
@@ -20,21 +21,21 @@ _MODE_CALIBRATION = 4  # a calibration run asks nothing of the calibration that 
 _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "fields": lambda context: True,
     "name_rules": lambda context: True,
-    "identity": lambda context: bool(context.entries),
-    "resources": lambda context: bool(context.entries) or context.config.HasField("calibration"),
-    "fit": lambda context: bool(context.entries) or context.config.HasField("ai"),
+    "identity": lambda context: bool(context.graph.entries),
+    "resources": lambda context: bool(context.graph.entries) or context.config.HasField("calibration"),
+    "fit": lambda context: bool(context.graph.entries) or context.config.HasField("ai"),
     "limits": lambda context: True,
-    "rates": lambda context: bool(context.entries),
-    "topics": lambda context: bool(context.entries),
-    "device_types": lambda context: bool(context.entries),
-    "qos": lambda context: bool(context.entries),
+    "rates": lambda context: bool(context.graph.entries),
+    "topics": lambda context: bool(context.graph.entries),
+    "device_types": lambda context: bool(context.graph.entries),
+    "qos": lambda context: bool(context.graph.entries),
     "no_effect": lambda context: True,
-    "safety": lambda context: any(_has_safety(entry.owner) for entry in context.entries),
+    "safety": lambda context: any(_has_safety(entry.owner) for entry in context.graph.entries),
     "calibration": lambda context: (
         context.config.HasField("calibration") and context.config.general.mode != _MODE_CALIBRATION
     ),
     "transport": lambda context: context.config.HasField("transport"),
-    "machines": lambda context: any(entry.node.host for entry in context.entries),
+    "machines": lambda context: any(entry.node.host for entry in context.graph.entries),
 }
 
 
@@ -43,7 +44,7 @@ def _has_safety(owner: Any) -> bool:
     return any(getattr(owner, name, 0) for name in fields)
 
 
-def check(loaded: Loaded) -> list[Diagnostic]:
+def check(loaded: LoadedConfig) -> list[Diagnostic]:
     """Checks a loaded configuration against every rule that needs no device, plugin or other file.
 
     Args:
@@ -64,7 +65,7 @@ def check(loaded: Loaded) -> list[Diagnostic]:
 
 
 def settle(
-    findings: Iterator[Diagnostic], loaded: Loaded, absent: frozenset[str] = frozenset()
+    findings: Iterator[Diagnostic], loaded: LoadedConfig, absent: frozenset[str] = frozenset()
 ) -> list[Diagnostic]:
     """Bounds the findings of a family of checks and leaves out what follows from errors of loading.
 

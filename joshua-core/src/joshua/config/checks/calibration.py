@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of
-from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
+from joshua.plan.graph import NodeEntry
 from joshua.schema import calibration_pb2 as calibration_pb
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest_first
@@ -16,7 +16,9 @@ from joshua.textproto.nearest import nearest_first
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares each calibration with the actuator that it names."""
     actuators = {
-        entry.node.node_name: entry for entry in context.entries if isinstance(entry.owner, pb.SingleAction)
+        entry.node.node_name: entry
+        for entry in context.graph.entries
+        if isinstance(entry.owner, pb.SingleAction)
     }
     first: dict[str, str] = {}
     for index, arm in enumerate(context.config.calibration.arms):

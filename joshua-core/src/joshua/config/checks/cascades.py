@@ -10,8 +10,8 @@ from bisect import bisect_right
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from joshua.config.checks.context import Loaded
 from joshua.config.checks.device_table import ACTUATOR_BLOCKS, DEVICE_BLOCKS
+from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic, Position, Severity
 
 # Findings about something that is absent from a block.
@@ -106,7 +106,7 @@ class _Damage(NamedTuple):
 
 
 def without_cascades(
-    findings: Iterable[Diagnostic], loaded: Loaded, absent: frozenset[str] = frozenset()
+    findings: Iterable[Diagnostic], loaded: LoadedConfig, absent: frozenset[str] = frozenset()
 ) -> list[Diagnostic]:
     """Drops the findings that follow from errors of loading.
 
@@ -137,7 +137,7 @@ def _follows(item: Diagnostic, damage: _Damage, absent: frozenset[str]) -> bool:
     return False
 
 
-def _assess(errors: list[Diagnostic], loaded: Loaded) -> _Damage:
+def _assess(errors: list[Diagnostic], loaded: LoadedConfig) -> _Damage:
     paths: set[str] = set()
     blocks: set[str] = set()
     names: set[str] = set()
@@ -162,7 +162,7 @@ def _assess(errors: list[Diagnostic], loaded: Loaded) -> _Damage:
     return _Damage(frozenset(paths), frozenset(blocks), frozenset(names), everything)
 
 
-def _places(loaded: Loaded) -> list[tuple[str, int, int, str]]:
+def _places(loaded: LoadedConfig) -> list[tuple[str, int, int, str]]:
     """File, line, column and path of every field that is written, in the order of the files."""
     found = []
     for path in loaded.positions.paths():

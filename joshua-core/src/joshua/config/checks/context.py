@@ -2,148 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from joshua.config.checks.blocks import Block, all_blocks
-from joshua.config.names import NameFault, topic_fault
-from joshua.config.topics import Endpoint, NodeEntry, endpoints, node_entries
+from joshua.config.names import NameFault
 from joshua.plan import Diagnostic, Position, Related, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
-from joshua.schema import config_pb2 as pb
-from joshua.schema import data_type_pb2 as types
 from joshua.textproto.field_facts import number_text
 
-
-class Positions(Protocol):
-    """Where the fields of a configuration stand in its files."""
-
-    def value(self, field_path: str, /) -> Position | None:
-        """Place of a field's value; None where it is not written."""
-
-    def name(self, field_path: str, /) -> Position | None:
-        """Place of a field's name; None where it is not written."""
-
-    def is_set(self, field_path: str, /) -> bool:
-        """Whether a field is written, be it with its default value or one that could not be read."""
-
-    def is_broken(self, field_path: str, /) -> bool:
-        """Whether a field is written with a value that could not be read."""
-
-    def paths(self) -> Iterable[str]:
-        """Every path that is written."""
-
-
-class Loaded(Protocol):
-    """A configuration as loading returns it."""
-
-    @property
-    def config(self) -> pb.Config:
-        """The merged configuration."""
-
-    @property
-    def positions(self) -> Positions:
-        """Where its fields stand."""
-
-    @property
-    def diagnostics(self) -> Sequence[Diagnostic]:
-        """Findings of loading."""
-
-    @property
-    def sources(self) -> Mapping[str, str]:
-        """File name to text, root file first."""
-
-    @property
-    def is_readable(self) -> bool:
-        """Whether the root file could be read at all."""
-
-    @property
-    def calibration_file(self) -> str:
-        """The robot's calibration file, where it was loaded by itself; "" otherwise."""
+if TYPE_CHECKING:
+    from joshua.config.loading import LoadedConfig
 
 
 class Context:
     """One configuration under check.
 
     Attributes:
-        loaded: what loading returned; config: the merged message.
+        loaded: what loading returned; config: the merged message; graph: of its nodes and topics.
     """
 
-    def __init__(self, loaded: Loaded) -> None:
+    def __init__(self, loaded: LoadedConfig) -> None:
         self.loaded = loaded
         self.config = loaded.config
+        self.graph = loaded.graph
         self._lines: dict[str, list[str]] = {}
 
     @cached_property
     def blocks(self) -> list[Block]:
         """Every block of the configuration."""
         return all_blocks(self.config)
-
-    @cached_property
-    def entries(self) -> list[NodeEntry]:
-        """Every node block."""
-        return list(node_entries(self.config))
-
-    @cached_property
-    def endpoints(self) -> list[Endpoint]:
-        """Every publisher and subscription."""
-        return endpoints(self.config)
-
-    @cached_property
-    def by_path(self) -> dict[str, Endpoint]:
-        """Every publisher and subscription by its field path."""
-        return {item.path: item for item in self.endpoints}
-
-    @cached_property
-    def usable(self) -> list[Endpoint]:
-        """The endpoints whose topic name is valid; the others are reported by the naming rules."""
-        return [
-            item
-            for item in self.endpoints
-            if item.block.topic_name and topic_fault(item.block.topic_name) is None
-        ]
-
-    @cached_property
-    def all_published(self) -> bool:
-        """Whether the topic of every publisher is known; else nothing can be called unpublished."""
-        return sum(item.is_publisher for item in self.usable) == sum(
-            item.is_publisher for item in self.endpoints
-        )
-
-    @cached_property
-    def by_topic(self) -> dict[str, list[Endpoint]]:
-        """The usable endpoints of each topic."""
-        return _grouped((item.topic, item) for item in self.usable)
-
-    @cached_property
-    def _by_entry(self) -> dict[str, list[Endpoint]]:
-        return _grouped((item.entry.path, item) for item in self.usable)
-
-    def of_entry(self, entry: NodeEntry) -> list[Endpoint]:
-        """The usable endpoints of one node."""
-        return self._by_entry.get(entry.path, [])
-
-    @cached_property
-    def published_by_nodes(self) -> dict[str, int]:
-        """Topics that the nodes of the file publish, and their types."""
-        return {item.topic: item.block.data_type for item in self.usable if item.is_publisher}
-
-    @cached_property
-    def published(self) -> dict[str, int]:
-        """Topics that the run publishes, and their types.
-
-        That is what its nodes name, what an actuator adds by itself, and what a replay commands.
-        """
-        names = dict(self.published_by_nodes)
-        for entry in self.entries:
-            if isinstance(entry.owner, pb.SingleAction) and entry.node.node_name:
-                names.setdefault(f"{entry.full_name}/command", types.JOINT_STATE)
-        replays = self.config.ai.data_store.operation == pb.DATA_STORE_REPLAY
-        if replays and self.config.general.mode == pb.MODE_DATA_STORE:
-            names |= {item.topic: item.block.data_type for item in self.usable if is_command(item)}
-        return names
 
     def is_set(self, block: Block, name: str) -> bool:
         """Whether a singular field of a block is written."""
@@ -233,19 +122,3 @@ class Context:
         for file in self.loaded.sources:
             return Position(file=file, line=1, column=1)
         return None
-
-
-def is_command(item: Endpoint) -> bool:
-    """Whether an endpoint is the subscription by which an actuator is commanded."""
-    return (
-        not item.is_publisher
-        and isinstance(item.entry.owner, pb.SingleAction)
-        and item.block.data_type in (types.JOINT_STATE, types.JOINT_TRAJECTORY)
-    )
-
-
-def _grouped(items: Iterable[tuple[str, Endpoint]]) -> dict[str, list[Endpoint]]:
-    groups: dict[str, list[Endpoint]] = {}
-    for key, item in items:
-        groups.setdefault(key, []).append(item)
-    return groups

@@ -8,15 +8,15 @@ from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of, fitting_blocks, messages_of
 from joshua.config.checks.identity import title
 from joshua.config.checks.topics import type_text
-from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic
+from joshua.plan.graph import Endpoint
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares the types of each endpoint with its device, and finds sensors that say nothing."""
-    for endpoint in context.endpoints:
+    for endpoint in context.graph.endpoints:
         yield from _device_types(context, endpoint)
     yield from _silent_sensors(context)
 
@@ -55,7 +55,7 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
 
 
 def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
-    for entry in context.entries:
+    for entry in context.graph.entries:
         if isinstance(entry.owner, pb.SinglePerception) and not entry.node.publishers:
             messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
             sample = (

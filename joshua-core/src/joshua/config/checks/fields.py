@@ -79,7 +79,7 @@ class _Endpoint:
     """What the device behind a publisher or subscription can do; knows nothing of other blocks."""
 
     def __init__(self, context: Context, path: str) -> None:
-        self._item = context.by_path.get(path)
+        self._item = context.graph.by_path.get(path)
 
     @property
     def data_types(self) -> tuple[str, ...]:

@@ -9,8 +9,8 @@ from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import LINKS, block_of, fitting_blocks, fitting_types
 from joshua.config.checks.identity import title
-from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
+from joshua.plan.graph import NodeEntry
 from joshua.schema import comm_pb2
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.field_facts import FieldFacts, field_facts
@@ -18,7 +18,7 @@ from joshua.textproto.field_facts import FieldFacts, field_facts
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Finds devices, models, stores and trainers whose type and settings do not fit."""
-    for entry in context.entries:
+    for entry in context.graph.entries:
         if isinstance(entry.owner, pb.SingleModel):
             yield from _model(context, entry)
         else:

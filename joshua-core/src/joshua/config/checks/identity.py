@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import VIRTUAL_BLOCKS, block_of
-from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
+from joshua.plan.graph import NodeEntry
 from joshua.schema import config_pb2 as pb
 
 
@@ -26,7 +26,9 @@ def title(entry: NodeEntry) -> str:
 
 def _ids(context: Context) -> Iterator[Diagnostic]:
     written = [
-        entry for entry in context.entries if context.is_known(f"{entry.path}.node_id", entry.node.node_id)
+        entry
+        for entry in context.graph.entries
+        if context.is_known(f"{entry.path}.node_id", entry.node.node_id)
     ]
     used = {entry.node.node_id for entry in written}
     free = next(number for number in range(1, len(used) + 2) if number not in used)
@@ -48,9 +50,9 @@ def _ids(context: Context) -> Iterator[Diagnostic]:
 
 
 def _names(context: Context) -> Iterator[Diagnostic]:
-    taken = {entry.full_name for entry in context.entries}
+    taken = {entry.full_name for entry in context.graph.entries}
     first: dict[str, NodeEntry] = {}
-    for entry in context.entries:
+    for entry in context.graph.entries:
         if not entry.node.node_name:
             continue
         other = first.setdefault(entry.full_name, entry)
@@ -58,7 +60,7 @@ def _names(context: Context) -> Iterator[Diagnostic]:
             path = f"{entry.path}.node_name"
             suggestion = next(
                 name
-                for number in range(2, len(context.entries) + 3)
+                for number in range(2, len(context.graph.entries) + 3)
                 if f"{entry.namespace.rstrip('/')}/{(name := f'{entry.node.node_name}_{number}')}"
                 not in taken
             )
@@ -76,7 +78,7 @@ def _names(context: Context) -> Iterator[Diagnostic]:
 def _arms(context: Context) -> Iterator[Diagnostic]:
     """A calibration knows its actuator by node_name alone: no namespace tells two of one machine apart."""
     first: dict[tuple[str, str], NodeEntry] = {}
-    for entry in context.entries:
+    for entry in context.graph.entries:
         block, name = block_of(entry.owner)[0], entry.node.node_name
         if not isinstance(entry.owner, pb.SingleAction) or not name or block in ("", *VIRTUAL_BLOCKS):
             continue
@@ -98,7 +100,7 @@ def _arms(context: Context) -> Iterator[Diagnostic]:
 
 def _process_groups(context: Context) -> Iterator[Diagnostic]:
     first: dict[str, NodeEntry] = {}
-    for entry in context.entries:
+    for entry in context.graph.entries:
         group = entry.node.process_group
         if not group:
             continue

@@ -14,7 +14,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
     """Finds nodes on several machines whose transport does not leave loopback."""
     transport = context.config.transport
     first: dict[str, str] = {}
-    for entry in context.entries:
+    for entry in context.graph.entries:
         if entry.node.host:
             first.setdefault(entry.node.host, entry.path)
     if len(first) < 2:
@@ -29,7 +29,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         return
     names = list(first)
     path = f"{first[names[1]]}.host"
-    entry = next(item for item in context.entries if item.path == first[names[1]])
+    entry = next(item for item in context.graph.entries if item.path == first[names[1]])
     yield context.warning(
         "hosts-apart",
         f"{title(entry)} runs on {names[1]} and other nodes run on {names[0]}, but the transport stays on "

@@ -90,7 +90,9 @@ def _model(context: Context, block: Block) -> Iterator[Diagnostic]:
 
 
 def _input_device(context: Context, block: Block) -> Iterator[Diagnostic]:
-    owner = next((entry for entry in context.entries if block.path.startswith(f"{entry.owner_path}.")), None)
+    owner = next(
+        (entry for entry in context.graph.entries if block.path.startswith(f"{entry.owner_path}.")), None
+    )
     sent = {publisher.data_type for publisher in owner.node.publishers} if owner else set()
     if block.message.controls:
         if types.JOINT_STATE not in sent and isinstance(block.message, pb.GamepadConfig):

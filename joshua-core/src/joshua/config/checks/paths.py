@@ -9,7 +9,8 @@ from pathlib import Path
 
 from joshua.config.camera_source import SourceKind, source_kind
 from joshua.config.checks.blocks import Block
-from joshua.config.checks.context import Context, Loaded
+from joshua.config.checks.context import Context
+from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import options_pb2 as rules
@@ -30,7 +31,7 @@ _LABELS = {
 
 
 def check_paths(
-    loaded: Loaded,
+    loaded: LoadedConfig,
     launch: bool,
     *,
     host: str = "",
@@ -61,7 +62,7 @@ class _Search:
         self._launch = launch
         self._host = host
         self._is_packaged = is_packaged
-        self._owners = {entry.owner_path: entry for entry in context.entries}
+        self._owners = {entry.owner_path: entry for entry in context.graph.entries}
 
     def blocks(self) -> Iterator[Diagnostic]:
         """Looks for the files that fields of any block name."""

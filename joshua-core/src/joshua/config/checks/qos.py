@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic, QosProfile, Related
+from joshua.plan.graph import Endpoint
 from joshua.textproto.field_facts import number_text
 
 _MOST_PROFILES = 20
@@ -27,7 +27,7 @@ class _Clash(NamedTuple):
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares what the publishers of each topic offer with what its subscriptions request."""
-    for group in context.by_topic.values():
+    for group in context.graph.by_topic.values():
         publishers = _different(item for item in group if item.is_publisher)
         for item in group:
             if not item.is_publisher:
@@ -129,7 +129,7 @@ def _request(context: Context, item: Endpoint) -> tuple[Related, ...]:
 def _deadline(context: Context) -> Iterator[Diagnostic]:
     """A deadline shorter than the publisher's own period is missed with every message."""
     said: set[tuple[str, str]] = set()  # a topic that a node publishes twice, which is an error of its own
-    for item in context.endpoints:
+    for item in context.graph.endpoints:
         if not item.is_publisher:
             continue
         rate, deadline = item.block.publish_rate_hz, item.qos.deadline_s

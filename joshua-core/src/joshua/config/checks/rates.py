@@ -9,8 +9,8 @@ from typing import Any
 from joshua.config.checks.bus_load import PROTOCOLS, bus_cycle, rate_text
 from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import block_of
-from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
+from joshua.plan.graph import NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 from joshua.textproto.field_facts import field_facts, number_text
@@ -20,7 +20,7 @@ _PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares each publish rate with what the device behind it can deliver."""
-    for entry in context.entries:
+    for entry in context.graph.entries:
         name, block = block_of(entry.owner)
         if name in PROTOCOLS:
             yield from _bus(context, entry, name, block)

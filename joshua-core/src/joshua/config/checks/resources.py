@@ -12,8 +12,8 @@ from joshua.config.camera_source import device_identity
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.config.topics import NodeEntry
 from joshua.plan import Diagnostic
+from joshua.plan.graph import NodeEntry
 from joshua.schema import options_pb2 as rules
 from joshua.textproto.field_facts import FieldFacts, field_facts
 
@@ -56,7 +56,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def _devices(context: Context) -> Iterator[Diagnostic]:
-    owners = {entry.owner_path: entry for entry in context.entries}
+    owners = {entry.owner_path: entry for entry in context.graph.entries}
     first: dict[tuple[int, str], dict[str, _Use]] = {}
     for block in context.blocks:
         entry = owners.get(".".join(block.path.split(".")[:2]))

@@ -11,7 +11,7 @@ from joshua.schema import config_pb2 as pb
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Finds a park without a pose, and settings that no safe state uses."""
-    for entry in context.entries:
+    for entry in context.graph.entries:
         action = entry.owner
         if not isinstance(action, pb.SingleAction):
             continue

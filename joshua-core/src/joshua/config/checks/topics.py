@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from joshua.config.checks.context import Context, is_command
+from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.config.topics import Endpoint
 from joshua.plan import Diagnostic
+from joshua.plan.graph import Endpoint
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 from joshua.textproto.nearest import nearest
@@ -21,7 +21,7 @@ _MOST_NAMES = 200
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Holds the endpoints of each topic against each other."""
-    for group in context.by_topic.values():
+    for group in context.graph.by_topic.values():
         publishers = [item for item in group if item.is_publisher]
         yield from _types(context, group)
         yield from _publishers(context, publishers, group)
@@ -59,7 +59,7 @@ def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
 
 
 def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoint]) -> Iterator[Diagnostic]:
-    commanded = next((item for item in group if is_command(item)), None)
+    commanded = next((item for item in group if item.is_command), None)
     for kind in (False, True):
         same = [item for item in publishers if bool(item.block.override) is kind]
         if kind and commanded is None:
@@ -115,14 +115,14 @@ def _two_publishers(
 
 
 def _unpublished(context: Context) -> Iterator[Diagnostic]:
-    if not context.all_published:
+    if not context.graph.all_published:
         return
     # In these modes an actuator without a commander breaks the mode, whose own checks say so.
     by_mode = context.config.general.mode in (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE)
-    for item in context.usable:
-        if item.is_publisher or item.topic in context.published or item.topic in _SYSTEM_TOPICS:
+    for item in context.graph.usable:
+        if item.is_publisher or item.topic in context.graph.published or item.topic in _SYSTEM_TOPICS:
             continue
-        if not (by_mode and is_command(item)):
+        if not (by_mode and item.is_command):
             yield unpublished(context, item)
 
 
@@ -135,10 +135,10 @@ def unpublished(context: Context, item: Endpoint) -> Diagnostic:
         found += f", which is {item.topic} in full"
     number = item.block.data_type
     # A node's own topics are no help, and so many as these nobody reads.
-    own = {endpoint.topic for endpoint in context.of_entry(item.entry)}
-    others = [name for name in islice(context.published_by_nodes, _MOST_NAMES) if name not in own]
+    own = {endpoint.topic for endpoint in context.graph.of_entry(item.entry)}
+    others = [name for name in islice(context.graph.published_by_nodes, _MOST_NAMES) if name not in own]
     similar = nearest(item.topic, others)
-    same_type = [name for name in others if number and context.published_by_nodes[name] == number]
+    same_type = [name for name in others if number and context.graph.published_by_nodes[name] == number]
     return context.warning(
         "topic-unpublished",
         f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
@@ -152,8 +152,8 @@ def unpublished(context: Context, item: Endpoint) -> Diagnostic:
 
 def _feedback(context: Context) -> Iterator[Diagnostic]:
     """A node that hears itself: for an actuator a command loop."""
-    own = {(item.entry.path, item.topic): item for item in context.usable if item.is_publisher}
-    for item in context.usable:
+    own = {(item.entry.path, item.topic): item for item in context.graph.usable if item.is_publisher}
+    for item in context.graph.usable:
         publisher = own.get((item.entry.path, item.topic))
         if item.is_publisher or publisher is None:
             continue

@@ -1,6 +1,6 @@
 """The pass/fail table of MODE_TEST."""
 
-from joshua.modes.verdict import passed, verdict, verdict_text
+from joshua.modes.test import passed, verdict, verdict_text
 from joshua.plan import CheckResult, NodeKind, NodeReport, NodeSpec, Plan, RunReport
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from google.protobuf import text_format
 from joshua.config.checks.qos import clashes
-from joshua.config.topics import common_profile, endpoints, resolve_topic
+from joshua.config.graph import build_graph, common_profile, resolve_topic
 from joshua.plan import QosProfile
 from joshua.schema import config_pb2 as pb
 
@@ -49,7 +49,7 @@ def test_a_subscription_adopts_what_all_its_publishers_offer() -> None:
         """,
         pb.Config(),
     )
-    adopting, stating = [item for item in endpoints(config) if not item.is_publisher]
+    adopting, stating = [item for item in build_graph(config).endpoints if not item.is_publisher]
     assert (adopting.qos.reliability, adopting.qos.durability) == ("BEST_EFFORT", "TRANSIENT_LOCAL")
     assert adopting.qos_path == ""
     assert (stating.qos.reliability, stating.qos.depth) == ("RELIABLE", 3)

@@ -1,68 +1,46 @@
-"""Who publishes and who subscribes in a file: resolved names and the QoS that is in force.
-
-Pure functions of the configuration message, used by the checks and by planning alike.
-"""
+"""Makes the graph of a configuration: resolved topic names and the QoS that is in force."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import reduce
 from typing import Any
 
+from joshua.config.names import topic_fault
+from joshua.plan.graph import Endpoint, NodeEntry, RobotGraph
 from joshua.plan.qos import QosProfile
 from joshua.schema import config_pb2 as pb
 
 DEFAULT_DEPTH = 10
 
 
-@dataclass(frozen=True)
-class NodeEntry:
-    """One node block of a file.
-
-    Attributes:
-        path: field path of the ``node`` block, such as ``robot.actions[0].node``.
-        owner_path: field path of the entry that holds it, such as ``robot.actions[0]``.
-        owner: that entry: SingleAction, SinglePerception or SingleModel.
-        node: the block itself.
-    """
-
-    path: str
-    owner_path: str
-    owner: Any
-    node: pb.Node
-
-    @property
-    def namespace(self) -> str:
-        """Namespace with a leading and without a trailing slash; "/" for the root."""
-        return "/" + self.node.ros_namespace.strip("/")
-
-    @property
-    def full_name(self) -> str:
-        """Fully qualified node name."""
-        return f"{self.namespace.rstrip('/')}/{self.node.node_name}"
+def build_graph(config: pb.Config) -> RobotGraph:
+    """Makes the graph of the nodes of a configuration; the services of its mode are added by the planner."""
+    entries = tuple(node_entries(config))
+    publishers = [
+        _endpoint(entry, f"{entry.path}.publishers[{index}]", block, is_publisher=True)
+        for entry in entries
+        for index, block in enumerate(entry.node.publishers)
+    ]
+    adopted: dict[str, QosProfile] = {}
+    for publisher in publishers:
+        known = adopted.get(publisher.topic)
+        adopted[publisher.topic] = publisher.qos if known is None else common_profile(known, publisher.qos)
+    subscriptions = [
+        _endpoint(entry, f"{entry.path}.subscriptions[{index}]", block, is_publisher=False, adopted=adopted)
+        for entry in entries
+        for index, block in enumerate(entry.node.subscriptions)
+    ]
+    replays = config.ai.data_store.operation == pb.DATA_STORE_REPLAY
+    replays = replays and config.general.mode == pb.MODE_DATA_STORE
+    return RobotGraph(entries, (*publishers, *subscriptions), replays=replays)
 
 
-@dataclass(frozen=True)
-class Endpoint:
-    """One publisher or subscription of a file.
-
-    Attributes:
-        entry: the node block that holds it.
-        path: field path, such as ``robot.actions[0].node.publishers[0]``.
-        block: the Publisher or Subscription message.
-        is_publisher: which of the two it is.
-        topic: fully qualified topic name.
-        qos: the profile in force; a subscription without one carries what its publishers have in common.
-        qos_path: field path of the block that gave the profile; "" where none did.
-    """
-
-    entry: NodeEntry
-    path: str
-    block: Any
-    is_publisher: bool
-    topic: str
-    qos: QosProfile
-    qos_path: str
+def offered_profile(graph: RobotGraph, topic: str) -> QosProfile:
+    """The profile of a subscription without one of its own: what the topic's publishers have in common."""
+    offered = [item.qos for item in graph.endpoints if item.is_publisher and item.topic == topic]
+    return reduce(common_profile, offered) if offered else QosProfile()
 
 
 def node_entries(config: pb.Config) -> Iterator[NodeEntry]:
@@ -132,25 +110,6 @@ def _longest(one_s: float, other_s: float) -> float:
     return max(one_s, other_s) if one_s > 0 and other_s > 0 else 0.0
 
 
-def endpoints(config: pb.Config) -> list[Endpoint]:
-    """Lists every publisher and subscription with its resolved name and the profile in force."""
-    publishers = [
-        _endpoint(entry, f"{entry.path}.publishers[{index}]", block, is_publisher=True)
-        for entry in node_entries(config)
-        for index, block in enumerate(entry.node.publishers)
-    ]
-    adopted: dict[str, QosProfile] = {}
-    for publisher in publishers:
-        known = adopted.get(publisher.topic)
-        adopted[publisher.topic] = publisher.qos if known is None else common_profile(known, publisher.qos)
-    subscriptions = [
-        _endpoint(entry, f"{entry.path}.subscriptions[{index}]", block, is_publisher=False, adopted=adopted)
-        for entry in node_entries(config)
-        for index, block in enumerate(entry.node.subscriptions)
-    ]
-    return publishers + subscriptions
-
-
 def _endpoint(
     entry: NodeEntry,
     path: str,
@@ -166,4 +125,5 @@ def _endpoint(
         qos, qos_path = profile(entry.node.qos), f"{entry.path}.qos"
     else:
         qos, qos_path = (adopted or {}).get(topic, QosProfile()), ""
-    return Endpoint(entry, path, block, is_publisher, topic, qos, qos_path)
+    is_named = bool(block.topic_name) and topic_fault(block.topic_name) is None
+    return Endpoint(entry, path, block, is_publisher, topic, qos, qos_path, is_named)

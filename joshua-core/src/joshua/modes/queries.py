@@ -1,0 +1,70 @@
+"""What the checks of several modes ask of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from joshua.config.checks import Context
+from joshua.modes.spec import ModeSpec
+from joshua.plan import Diagnostic, Position
+from joshua.schema import config_pb2 as pb
+
+#: Blocks that count in some modes only, and where; a mode names those that count in it.
+_COUNTS = {
+    "test": "in MODE_TEST",
+    "calibration_run": "in MODE_CALIBRATION",
+    "ai.training": "in MODE_TRAINING",
+    "ai.data_store": "where episodes are recorded or read: teleoperation, inference, training, data store "
+    "and simulation",
+    # Outside its own mode the block describes the physics of `joshua --sim`.
+    "simulation": "in MODE_SIMULATION, in training, and where devices run with --sim",
+}
+
+
+def mode_name(config: pb.Config) -> str:
+    """Name of the file's mode, such as ``MODE_TEST``; "" for an unknown number."""
+    mode = config.general.mode
+    return pb.OperationMode.Name(mode) if mode in pb.OperationMode.values() else ""
+
+
+def lacks(context: Context, code: str, what: str, path: str, *, remedy: str, **details: object) -> Diagnostic:
+    """Makes the error that the mode needs something which the file does not have."""
+    return context.error(
+        code,
+        f"{mode_name(context.config)} needs {what}",
+        path,
+        position=details.pop("position", None) or mode_position(context),
+        remedy=remedy,
+        **details,
+    )
+
+
+def mode_position(context: Context) -> Position | None:
+    """Place of ``general.mode``: what the file lacks has no place of its own."""
+    return context.position("general.mode")
+
+
+def unused(context: Context, spec: ModeSpec) -> Iterator[Diagnostic]:
+    """Notes every block of the file that has no effect in its mode: nothing is ignored silently."""
+    config = context.config
+    for path, where in _COUNTS.items():
+        owner, _, name = path.rpartition(".")
+        if not spec.uses(path) and (config.ai if owner else config).HasField(name):
+            yield _unused(context, path, path, f"it counts {where}")
+    if config.simulation.HasField("generate") and spec.uses("simulation") and spec.name != "MODE_SIMULATION":
+        yield _unused(context, "simulation.generate", "simulation.generate", "it counts in MODE_SIMULATION")
+    if config.ai.models and not spec.models and not spec.uses("ai.models"):
+        yield _unused(context, "ai.models", "ai.models[0]", "models run in MODE_INFERENCE and MODE_TEST")
+    if not spec.devices and (config.robot.actions or config.robot.perceptions):
+        yield _unused(context, "robot", "robot", f"{spec.idle or spec.name} starts no device")
+
+
+def _unused(context: Context, path: str, place: str, reason: str) -> Diagnostic:
+    return context.note(
+        "block-unused",
+        f"{path.rpartition('.')[2]} has no effect in {mode_name(context.config)}; {reason}",
+        path,
+        position=context.block_position(place),
+        remedy="Remove it, or change general.mode",
+        related=context.see("general.mode", "mode"),
+    )

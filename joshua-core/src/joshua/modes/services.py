@@ -1,0 +1,113 @@
+"""The services that several modes share: data store, trainer and simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from joshua.modes.spec import ServiceSpec
+from joshua.plan.graph import RobotGraph, ServiceTopic
+from joshua.plugins import SimulatorSpec, StoreSpec, TrainerSpec
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2, data_types
+from joshua.schema import simulation_pb2 as sim
+
+#: The process in which one physics stands for any number of devices.
+PHYSICS_GROUP = "simulation"
+
+
+def _name(enum: Any, number: int) -> str:
+    return str(enum.Name(number)) if number in enum.values() else str(number)
+
+
+def makes_episodes(config: pb.Config) -> bool:
+    """Whether the simulator writes the data set."""
+    return config.general.mode == pb.MODE_SIMULATION and config.simulation.HasField("generate")
+
+
+def _data_store(config: pb.Config) -> Any | None:
+    """The block, unless the simulator itself replays or writes the data set."""
+    replays = config.general.mode == pb.MODE_SIMULATION and config.simulation.mode == sim.PASSIVE
+    there = config.ai.HasField("data_store") and not replays and not makes_episodes(config)
+    return config.ai.data_store if there else None
+
+
+def _recorded(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
+    """A recorder hears every topic of the file; a replay publishes the commands of the actuators."""
+    if graph.replays:
+        topics = {item.topic: item for item in graph.usable if item.is_command}
+        for name, item in topics.items():
+            yield ServiceTopic(name, data_types.type_name(item.block.data_type), is_publisher=True)
+    elif config.ai.data_store.operation != pb.DATA_STORE_UPLOAD:
+        for name, number in graph.published_by_nodes.items():
+            if number in data_type_pb2.DataType.values() and number:
+                yield ServiceTopic(name, data_types.type_name(number))
+
+
+DATA_STORE = ServiceSpec(
+    "ai.data_store",
+    _data_store,
+    StoreSpec,
+    value=lambda config: _name(pb.DataFormat, config.ai.data_store.format),
+    is_chosen=lambda config: bool(config.ai.data_store.format),
+    topics=_recorded,
+)
+
+
+def _trainer(config: pb.Config) -> str:
+    """A reinforcement learner is chosen by its simulator, every other trainer by its method."""
+    training = config.ai.training
+    if training.method == pb.METHOD_RL and training.simulator_backend:
+        return _name(pb.SimulatorBackend, training.simulator_backend)
+    return _name(pb.TrainingMethod, training.method)
+
+
+def _trainer_is_chosen(config: pb.Config) -> bool:
+    training = config.ai.training
+    if _trainer(config) == "METHOD_RL":
+        return bool(training.environment == pb.ENV_REAL)  # else its simulator decides
+    return bool(training.method)
+
+
+TRAINING = ServiceSpec(
+    "ai.training",
+    lambda config: config.ai.training if config.ai.HasField("training") else None,
+    TrainerSpec,
+    value=_trainer,
+    is_chosen=_trainer_is_chosen,
+)
+
+
+def _simulation(config: pb.Config) -> Any | None:
+    """The block as far as the mode uses it: only MODE_SIMULATION makes episodes by itself."""
+    if not config.HasField("simulation"):
+        return None
+    block = config.simulation
+    if config.general.mode != pb.MODE_SIMULATION and block.HasField("generate"):
+        block = sim.SimulationConfig()
+        block.CopyFrom(config.simulation)
+        block.ClearField("generate")
+        block.ClearField("trajectory_path")  # which drives the episodes
+    return block
+
+
+def _mirrored(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
+    """A mirror follows the topics of its mappings, with the quality of service of those who publish them."""
+    if config.simulation.mode != sim.MIRROR:
+        return
+    names = (mapping.ros_topic for mapping in config.simulation.mirror_topic_mappings)
+    for name in dict.fromkeys(name if name.startswith(("/", "~")) else f"/{name}" for name in names):
+        yield ServiceTopic(name, "sensor_msgs/msg/JointState")
+
+
+SIMULATION = ServiceSpec(
+    "simulation",
+    _simulation,
+    SimulatorSpec,
+    value=lambda config: _name(sim.SimulationMode, config.simulation.mode),
+    is_chosen=lambda config: bool(config.simulation.mode),
+    topics=_mirrored,
+    process_group=PHYSICS_GROUP,
+    # a physics that starts anew is another one: whatever was done in it is gone
+    restart="stop-run",
+)

@@ -1,0 +1,87 @@
+"""What an operation mode is: one frozen ``ModeSpec``, in one file for each mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from joshua.config.checks import Context
+from joshua.plan import Diagnostic
+from joshua.plan.graph import RobotGraph, ServiceTopic
+from joshua.plugins import PluginSpec
+from joshua.schema import config_pb2 as pb
+
+
+def _no_topics(graph: RobotGraph, config: pb.Config) -> Iterable[ServiceTopic]:
+    del graph, config
+    return ()
+
+
+@dataclass(frozen=True)
+class ServiceSpec:
+    """A service that a mode runs beside the devices.
+
+    Attributes:
+        path: field path of the block that asks for it, such as ``ai.data_store``; its last part names the
+            node.
+        block: that block as far as the mode uses it; None where the file asks for no such service.
+        kind: of the plugin that runs it, and ``value``: the enum value by which that plugin is chosen.
+        is_chosen: whether the file says which plugin is meant; where it does not, a check says so.
+        required: the mode does not work without its plugin.
+        topics: what it publishes and subscribes to, from the graph of the nodes.
+        process_group: nodes of one group share a process; restart: ``on-failure``, ``never`` or ``stop-run``.
+    """
+
+    path: str
+    block: Callable[[pb.Config], Any | None]
+    kind: type[PluginSpec]
+    value: Callable[[pb.Config], str]
+    is_chosen: Callable[[pb.Config], bool] = lambda config: True
+    required: bool = False
+    topics: Callable[[RobotGraph, pb.Config], Iterable[ServiceTopic]] = _no_topics
+    process_group: str = ""
+    restart: str = "on-failure"
+
+    @property
+    def name(self) -> str:
+        """Name of the block, which becomes the node's name."""
+        return self.path.rpartition(".")[2]
+
+    def needed(self) -> ServiceSpec:
+        """The same service in a mode that does not work without it."""
+        return replace(self, required=True)
+
+
+@dataclass(frozen=True)
+class ModeSpec:
+    """One operation mode.
+
+    Attributes:
+        name: value of ``OperationMode``, such as ``MODE_TEST``.
+        check: finds what the mode misses in a file.
+        devices: it starts actuators and sensors; models: it starts the nodes of ``ai.models``.
+        services: what runs beside them.
+        blocks: further blocks of the file that have an effect in it, such as ``test``.
+        for_file: what the file's own choices change of this spec.
+        duration_s: length after which the run ends in good order; None: it runs until it is stopped or done.
+        verdict: the run ends with a pass/fail table of what each node measured.
+        works_uncalibrated: actuators may move within their position limits without a calibration.
+        idle: what starts no device, for a note that says so, such as "an upload".
+    """
+
+    name: str
+    check: Callable[[Context], Iterator[Diagnostic]] = lambda context: iter(())
+    devices: bool = True
+    models: bool = False
+    services: tuple[ServiceSpec, ...] = ()
+    blocks: tuple[str, ...] = ()
+    for_file: Callable[[ModeSpec, pb.Config], ModeSpec] = lambda spec, config: spec
+    duration_s: Callable[[pb.Config], float | None] = lambda config: None
+    verdict: bool = False
+    works_uncalibrated: bool = False
+    idle: str = ""
+
+    def uses(self, path: str) -> bool:
+        """Whether a block of the file has an effect in this mode."""
+        return path in self.blocks or any(service.path == path for service in self.services)

@@ -1,0 +1,272 @@
+"""What a file says about the robot: its nodes, the topics between them, who drives whom, its services.
+
+One graph is built after loading, includes, overrides and amendments; checks, planner, `joshua plan` and
+`joshua explain` read it. It holds the configuration's own blocks and must not change them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, TypeVar
+
+from joshua.plan.qos import QosProfile
+from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2 as types
+
+COMMAND_TYPES = (types.JOINT_STATE, types.JOINT_TRAJECTORY)
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """One node block of a file.
+
+    Attributes:
+        path: field path of the ``node`` block, such as ``robot.actions[0].node``.
+        owner_path: field path of the entry that holds it, such as ``robot.actions[0]``.
+        owner: that entry: SingleAction, SinglePerception or SingleModel.
+        node: the block itself.
+    """
+
+    path: str
+    owner_path: str
+    owner: Any
+    node: pb.Node
+
+    @property
+    def namespace(self) -> str:
+        """Namespace with a leading and without a trailing slash; "/" for the root."""
+        return "/" + self.node.ros_namespace.strip("/")
+
+    @property
+    def full_name(self) -> str:
+        """Fully qualified node name."""
+        return f"{self.namespace.rstrip('/')}/{self.node.node_name}"
+
+    @property
+    def is_actuator(self) -> bool:
+        """Whether the node drives an actuator."""
+        return isinstance(self.owner, pb.SingleAction)
+
+    @property
+    def is_sensor(self) -> bool:
+        """Whether the node reads a sensor or an input device."""
+        return isinstance(self.owner, pb.SinglePerception)
+
+    @property
+    def is_model(self) -> bool:
+        """Whether the node runs a model."""
+        return isinstance(self.owner, pb.SingleModel)
+
+    @property
+    def leads(self) -> bool:
+        """Whether the node is a leader arm, which a person moves."""
+        return self.is_actuator and bool(self.owner.action_type == pb.ACTION_LEADER)
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One publisher or subscription of a node block.
+
+    Attributes:
+        entry: the node block that holds it.
+        path: field path, such as ``robot.actions[0].node.publishers[0]``.
+        block: the Publisher or Subscription message.
+        is_publisher: which of the two it is.
+        topic: fully qualified topic name.
+        qos: the profile in force; a subscription without one carries what its publishers have in common.
+        qos_path: field path of the block that gave the profile; "" where none did.
+        is_named: the topic name is one that ROS 2 takes.
+    """
+
+    entry: NodeEntry
+    path: str
+    block: Any
+    is_publisher: bool
+    topic: str
+    qos: QosProfile
+    qos_path: str
+    is_named: bool = True
+
+    @property
+    def is_command(self) -> bool:
+        """Whether this is the subscription by which an actuator is commanded."""
+        return not self.is_publisher and self.entry.is_actuator and self.block.data_type in COMMAND_TYPES
+
+
+class Pairing(NamedTuple):
+    """A publisher and the subscription that it reaches.
+
+    Attributes:
+        kind: ``leader`` (an arm that an arm follows), ``model``, ``override`` (a person takes over), or
+            ``data`` for every other.
+    """
+
+    publisher: Endpoint
+    subscription: Endpoint
+    kind: Literal["leader", "model", "override", "data"]
+
+
+@dataclass(frozen=True)
+class ServiceTopic:
+    """A topic that a service publishes or subscribes to.
+
+    Attributes:
+        name: fully qualified, or below the node as in ``~/progress``; type_name: ROS 2 type.
+        rate_hz: of a publisher; 0 where it has none.
+        qos: None takes the default, for a subscription what the topic's publishers have in common.
+    """
+
+    name: str
+    type_name: str
+    is_publisher: bool = False
+    rate_hz: float = 0.0
+    qos: QosProfile | None = None
+
+
+@dataclass(frozen=True)
+class GraphService:
+    """A service that the mode runs beside the devices: its name, the block that asks for it, its topics."""
+
+    name: str
+    path: str
+    topics: tuple[ServiceTopic, ...] = ()
+
+
+@dataclass(frozen=True)
+class RobotGraph:
+    """The nodes, endpoints and services of one configuration.
+
+    Attributes:
+        entries: every node block of actions, perceptions and models, in the order of the file.
+        endpoints: their publishers, then their subscriptions.
+        services: of the file's mode; () where the mode is not known.
+        replays: a recording commands the actuators.
+    """
+
+    entries: tuple[NodeEntry, ...]
+    endpoints: tuple[Endpoint, ...]
+    services: tuple[GraphService, ...] = ()
+    replays: bool = False
+
+    def with_services(self, services: Iterable[GraphService]) -> RobotGraph:
+        """The same graph with the services of a mode."""
+        return replace(self, services=tuple(services))
+
+    @cached_property
+    def actuators(self) -> tuple[NodeEntry, ...]:
+        """The actuators of the file."""
+        return tuple(entry for entry in self.entries if entry.is_actuator)
+
+    @cached_property
+    def models(self) -> tuple[NodeEntry, ...]:
+        """The models of the file."""
+        return tuple(entry for entry in self.entries if entry.is_model)
+
+    @cached_property
+    def by_path(self) -> dict[str, Endpoint]:
+        """Every endpoint by its field path."""
+        return {item.path: item for item in self.endpoints}
+
+    @cached_property
+    def usable(self) -> tuple[Endpoint, ...]:
+        """The endpoints whose topic name is valid; the others are reported by the naming rules."""
+        return tuple(item for item in self.endpoints if item.is_named)
+
+    @cached_property
+    def by_topic(self) -> dict[str, list[Endpoint]]:
+        """The usable endpoints of each topic."""
+        return _grouped((item.topic, item) for item in self.usable)
+
+    @cached_property
+    def _by_entry(self) -> dict[str, list[Endpoint]]:
+        return _grouped((item.entry.path, item) for item in self.usable)
+
+    def of_entry(self, entry: NodeEntry) -> list[Endpoint]:
+        """The usable endpoints of one node."""
+        return self._by_entry.get(entry.path, [])
+
+    def commands(self, entry: NodeEntry) -> list[Endpoint]:
+        """Subscriptions by which an actuator takes commands."""
+        return [item for item in self.of_entry(entry) if item.is_command]
+
+    @cached_property
+    def command_sources(self) -> dict[str, list[Endpoint]]:
+        """Publishers that can command an actuator, by topic."""
+        return _grouped(
+            (item.topic, item)
+            for item in self.usable
+            if item.is_publisher and item.block.data_type in COMMAND_TYPES
+        )
+
+    @cached_property
+    def published_by_nodes(self) -> dict[str, int]:
+        """Topics that the nodes of the file publish, and their types."""
+        return {item.topic: item.block.data_type for item in self.usable if item.is_publisher}
+
+    @cached_property
+    def published(self) -> dict[str, int]:
+        """Topics that the run publishes, and their types.
+
+        That is what its nodes name, what an actuator adds by itself, and what a replay commands.
+        """
+        names = dict(self.published_by_nodes)
+        for entry in self.actuators:
+            if entry.node.node_name:
+                names.setdefault(f"{entry.full_name}/command", types.JOINT_STATE)
+        if self.replays:
+            names |= {item.topic: item.block.data_type for item in self.usable if item.is_command}
+        return names
+
+    @cached_property
+    def all_published(self) -> bool:
+        """Whether the topic of every publisher is known; else nothing can be called unpublished."""
+        return all(item.is_named for item in self.endpoints if item.is_publisher)
+
+    @cached_property
+    def pairings(self) -> tuple[Pairing, ...]:
+        """Each publisher with each subscription of another node that it reaches, in the order of the file."""
+        readers = _grouped((item.topic, item) for item in self.endpoints if not item.is_publisher)
+        return tuple(
+            Pairing(source, item, _kind(source, item))
+            for source in self.endpoints
+            if source.is_publisher
+            for item in readers.get(source.topic, ())
+            if source.entry.path != item.entry.path
+        )
+
+    def commanders(self, entry: NodeEntry) -> list[Endpoint]:
+        """The publishers of other nodes that a node hears, in the order of the file."""
+        mine = (pair.publisher for pair in self.pairings if pair.subscription.entry.path == entry.path)
+        return list({item.path: item for item in mine}.values())
+
+    def driven_by(self, entry: NodeEntry) -> list[NodeEntry]:
+        """The actuators that hear what a node publishes, once for each subscription, in file order."""
+        topics = {
+            item.topic for item in self.endpoints if item.is_publisher and item.entry.path == entry.path
+        }
+        return [
+            item.entry
+            for item in self.endpoints
+            if not item.is_publisher and item.topic in topics and item.entry.is_actuator
+        ]
+
+
+def _kind(source: Endpoint, item: Endpoint) -> Literal["leader", "model", "override", "data"]:
+    if not item.entry.is_actuator:
+        return "data"
+    if source.block.override:
+        return "override"
+    if source.entry.leads and source.block.data_type == types.JOINT_STATE:
+        return "leader"
+    return "model" if source.entry.is_model else "data"
+
+
+def _grouped(items: Iterable[tuple[str, _Item]]) -> dict[str, list[_Item]]:
+    groups: dict[str, list[_Item]] = {}
+    for key, item in items:
+        groups.setdefault(key, []).append(item)
+    return groups
