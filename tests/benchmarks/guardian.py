@@ -26,8 +26,7 @@ sys.path.append(str(Path(__file__).parents[1] / "support"))
 from emulated_teleop import teleoperation
 from joshua.devices.calibration import ArmCalibration
 from joshua.guardian.latch import LatchFolder
-from joshua.supervisor.control_server import ask
-from joshua.supervisor.run_directory import SOCKET_NAME, all_systems
+from joshua.ipc.client import CallError, RunningSystem, all_systems
 from joshua_emulator import EmulatedBus
 from joshua_servo.safe_stop import SafeStopRequest
 from joshua_sts3215 import safe_stop
@@ -102,12 +101,19 @@ def estops_s(rounds: int, domain_id: int) -> list[float]:
             ended_ns = max(entry["t_ns"] for entry in follower.log("torque", since=before))
             times.append(float(ended_ns - begun_ns) / 1e9)
             latches.clear(latch)
-            while not ask(path / SOCKET_NAME, {"request": "resume", "node": "/follower_arm"}, 10.0)[
-                "resumed"
-            ]:
+            while not resumed(RunningSystem(path, info)):
                 time.sleep(0.05)
             await_torque(process, follower)
         return times
+
+
+def resumed(system: RunningSystem) -> bool:
+    """Whether the follower could be given torque again."""
+    try:
+        system.call("/follower_arm", "resume", start=True)
+    except CallError:
+        return False
+    return True
 
 
 def await_torque(process: subprocess.Popen[str], follower: EmulatedBus) -> None:

@@ -16,7 +16,7 @@ from joshua.guardian.latch import LatchFolder
 from joshua.messages.make import joint_state
 from joshua.mock.actuator import MockActuator
 from joshua.mock.settings import MockMotorSettings
-from joshua.node.errors import ResumeRefusedError
+from joshua.node.verbs import RefusedError
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -144,9 +144,7 @@ def test_resume_is_refused_while_the_fault_persists(start: Any, monkeypatch: pyt
         raise SafetyTripped("torque stays off: joint_1: 81 °C, at most 70 °C")
 
     monkeypatch.setattr(node.arm, "enable", enable)
-    with pytest.raises(
-        ResumeRefusedError, match="the fault is still there: torque stays off: joint_1: 81 °C"
-    ):
+    with pytest.raises(RefusedError, match="the fault is still there: torque stays off: joint_1: 81 °C"):
         node.node.resume()
     assert not node.has_torque
     node.cycle()
@@ -163,7 +161,7 @@ def test_resume_is_refused_while_the_device_check_fails(start: Any, monkeypatch:
         raise DeviceError("missing ids: 2")
 
     monkeypatch.setattr(node.arm, "check", check)
-    with pytest.raises(ResumeRefusedError, match="the check of the device failed: missing ids: 2"):
+    with pytest.raises(RefusedError, match="the check of the device failed: missing ids: 2"):
         node.node.resume()
     assert not node.has_torque
 
@@ -176,7 +174,7 @@ def test_resume_of_a_healthy_actuator_changes_nothing(start: Any) -> None:
 
 def test_a_leader_is_never_resumed(start: Any) -> None:
     node = start("ACTION_LEADER")
-    with pytest.raises(ResumeRefusedError, match="/arm never has torque"):
+    with pytest.raises(RefusedError, match="/arm never has torque"):
         node.node.resume()
 
 
@@ -192,7 +190,7 @@ def test_an_estop_takes_the_torque_reads_it_back_and_reports(start: Any) -> None
     assert report.joints == {"joint_1": "released", "joint_2": "released"}
     node.cycle()
     assert not node.has_torque
-    with pytest.raises(ResumeRefusedError, match=r"the e-stop of desk is latched since .*estop --release"):
+    with pytest.raises(RefusedError, match=r"the e-stop of desk is latched since .*estop --release"):
         node.node.resume()
     (latch,) = node.latches.all()
     node.latches.clear(latch)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 from joshua.ipc import run_bases
+from joshua.ipc.client import user_systems
 from joshua.ipc.run_bases import RunDirectoryError, base_directories, base_directory
-from joshua.supervisor.run_directory import NodesInUseError, RunDirectory, user_systems
+from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 
 
 def make(base):

@@ -7,7 +7,8 @@ import socket
 import threading
 
 import pytest
-from joshua.supervisor.control_server import MAX_CLIENTS, MAX_REQUEST_BYTES, ControlServer, Deferred, ask
+from joshua.ipc.client import ask
+from joshua.supervisor.control_server import MAX_CLIENTS, MAX_REQUEST_BYTES, ControlServer, Deferred
 from joshua.supervisor.reactor import Reactor
 
 

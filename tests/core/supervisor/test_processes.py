@@ -13,8 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
-from joshua.supervisor.control_server import ask
-from joshua.supervisor.run_directory import SOCKET_NAME, running_systems
+from joshua.ipc.client import SOCKET_NAME, ask, running_systems
 from joshua.supervisor.stop_signals import ECHO_S
 
 HERE = Path(__file__).parent
@@ -288,7 +287,7 @@ def test_the_control_socket_answers_and_stops_the_run(robot, launch):
     refused = ask(path / SOCKET_NAME, {"request": "explode"}, PATIENCE_S)
     assert refused == {
         "error": "unknown request 'explode'",
-        "allowed": ["estop", "guardian", "resume", "status", "stop"],
+        "allowed": ["call", "estop", "guardian", "status", "stop"],
     }
     assert ask(path / SOCKET_NAME, {"request": "stop"}, PATIENCE_S) == {"stopping": True}
 

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from joshua.ipc.client import ask, running_systems
 from joshua.plan import NodeKind, RunReport
-from joshua.supervisor.control_server import ask
 from joshua.supervisor.heartbeats import HANG_AFTER_S
 from joshua.supervisor.ladder import LadderTimes
-from joshua.supervisor.run_directory import running_systems
 
 ARM = "/arm"
+RESUMED = {"reply": {"text": "has torque again"}, "node": ARM}
 
 
 class RunIsOverError(Exception):
@@ -77,7 +77,8 @@ class User:
         raise RunIsOverError
 
     def resume(self, node: str = ARM) -> dict[str, Any]:
-        return self.ask({"request": "resume", "node": node})
+        """What the command asks for: a driver that stays down is started first."""
+        return self.ask({"request": "call", "node": node, "verb": "resume", "timeout_s": 45.0, "start": True})
 
     def arm(self) -> dict[str, Any]:
         status = self.ask({"request": "status"})["status"]
@@ -94,7 +95,7 @@ class User:
 def test_a_fault_is_a_state_of_its_own_and_ends_by_resume(robot: Any) -> None:
     def work(user: User) -> None:
         assert user.arm()["reason"] == "tripped"
-        assert user.resume() == {"resumed": True, "text": "has torque again"}
+        assert user.resume() == RESUMED
         assert user.wait_for("ready")["reason"] == ""
 
     report = User(robot, work).run()
@@ -106,7 +107,7 @@ def test_a_fault_is_a_state_of_its_own_and_ends_by_resume(robot: Any) -> None:
 def test_a_refusal_changes_nothing_and_the_run_ends_with_1(robot: Any) -> None:
     def work(user: User) -> None:
         user.will("refuse")
-        assert user.resume() == {"resumed": False, "text": "still too hot"}
+        assert user.resume() == {"error": "still too hot", "code": "refused"}
         assert user.wait_for("fault")["restarts"] == 0
 
     report = User(robot, work).run()
@@ -118,14 +119,14 @@ def test_a_failure_while_resuming_is_answered_and_restarts_the_node(robot: Any) 
     def work(user: User) -> None:
         user.will("fail")
         answer = user.resume()
-        assert answer == {"resumed": False, "text": "/arm failed: the cable is gone"}
+        assert answer == {"error": "/arm failed: the cable is gone", "code": "failed"}
         user.will("resume")
         deadline_s = time.monotonic() + 60
         while user.arm()["restarts"] == 0:
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
         user.wait_for("fault")
-        assert user.resume()["resumed"]
+        assert user.resume() == RESUMED
 
     User(robot, work).run()
 
@@ -154,7 +155,7 @@ def test_resuming_may_take_longer_than_a_loop_may_be_silent(
 
     def work(user: User) -> None:
         user.will("slow")
-        assert user.resume()["resumed"]
+        assert user.resume() == RESUMED
         assert user.wait_for("ready")["restarts"] == 0
 
     report = User(robot, work).run()
@@ -173,7 +174,7 @@ def test_two_users_at_once_get_the_same_answer(robot: Any) -> None:
         user.will("resume")
         for thread in threads:
             thread.join()
-        assert answers == [{"resumed": True, "text": "has torque again"}] * 2
+        assert answers == [RESUMED] * 2
 
     User(robot, work).run()
 
@@ -187,10 +188,10 @@ def test_a_node_that_stays_down_is_started_again(robot: Any) -> None:
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
         refused = user.resume()
-        assert refused["resumed"] is False
-        assert refused["text"] == "/arm is not resumed, because it failed: the arm is not there"
+        assert refused["code"] == "gone"
+        assert refused["error"] == "/arm ended before it answered resume: it failed: the arm is not there"
         user.will("resume")
-        while not user.resume()["resumed"]:  # unless it starts just now
+        while user.resume() != RESUMED:  # unless it starts just now
             assert time.monotonic() < deadline_s
         user.wait_for("ready")
 
@@ -200,8 +201,13 @@ def test_a_node_that_stays_down_is_started_again(robot: Any) -> None:
 
 def test_what_cannot_be_resumed_is_said(robot: Any) -> None:
     def work(user: User) -> None:
-        assert user.resume("/leg") == {"error": "this run has no node /leg"}
-        assert user.resume("/ticking") == {"error": "/ticking is no actuator: there is nothing to resume"}
+        leg = user.resume("/leg")
+        assert leg == {
+            "error": "this run has no node '/leg'",
+            "code": "unknown-node",
+            "allowed": ["/arm", "/ticking"],
+        }
+        assert user.resume("/ticking") == {"error": "/ticking has no verb 'resume'", "code": "unknown-verb"}
 
     User(robot, work).run(robot.node("Ticking"))
 

@@ -11,12 +11,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from joshua.ipc.client import running_systems
 from joshua.ipc.run_bases import RunDirectoryError
 from joshua.supervisor.run_directory import (
     NodesInUseError,
     RunDirectory,
     physics_folder,
-    running_systems,
 )
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from joshua.supervisor.control_server import ask
-from joshua.supervisor.run_directory import NodesInUseError, RunDirectory, running_systems
+from joshua.ipc.client import ask, running_systems
+from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 
 LOST = "joshua estop and stop do not find this run"
 

@@ -1,46 +1,151 @@
-"""Requests on the control socket that wait for a node."""
+"""Calls on the control socket: what is passed on, and what is answered where nobody can."""
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from joshua.plan import NodeKind
+from joshua.ipc import messages as ipc
 from joshua.supervisor.control_server import Deferred
+from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
 
 ARM = "/arm"
 
 
 class Process:
-    """An actuator's process that starts again just now."""
+    """A node's process."""
 
-    alive, ready, restart_timer = True, False, None
+    alive, restart_timer = True, None
 
-    def __init__(self) -> None:
-        self.records = {ARM: SimpleNamespace(spec=SimpleNamespace(kind=NodeKind.ACTUATOR), reason="")}
-        self.resumed: list[str] = []
+    def __init__(self, state: str = "ready", reason: str = "") -> None:
+        self.records = {ARM: SimpleNamespace(state=state, reason=reason, doing="in its loop")}
+        self.sent: list[ipc.Call] = []
 
-    def resume(self, node: str) -> None:
-        self.resumed.append(node)
+    def call(self, message: ipc.Call) -> None:
+        self.sent.append(message)
 
 
-@pytest.mark.parametrize(("waits", "resumed"), [([True], [ARM]), ([False], []), ([False, True], [ARM])])
-def test_a_node_gets_torque_only_if_somebody_still_waits_for_it(
-    waits: list[bool], resumed: list[str]
-) -> None:
-    process = Process()
-    run: Any = SimpleNamespace(
-        status=lambda: SimpleNamespace(phase="running"), process_of=lambda node: process, revive=None
-    )
-    requests = RunRequests(run, SimpleNamespace(write=lambda *_: None))  # type: ignore[arg-type]
-    resume = requests.handlers()["resume"]
+class Desk:
+    """The requests of a run with one node, and what they wrote into the log."""
+
+    def __init__(self, process: Process, phase: str = "running") -> None:
+        self.lines: list[str] = []
+        self.answers: list[dict[str, Any]] = []
+        self.revived: list[object] = []
+        self.reactor = Reactor()
+        status = SimpleNamespace(phase=phase, nodes=[SimpleNamespace(full_name=ARM)])
+        run: Any = SimpleNamespace(
+            status=lambda: status, process_of=lambda _: process, revive=self.revived.append
+        )
+        logbook: Any = SimpleNamespace(write=lambda level, text, node="": self.lines.append(text))
+        self.requests = RunRequests(run, logbook, self.reactor)
+
+    def call(self, **request: Any) -> Deferred:
+        answer = self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request})
+        assert isinstance(answer, Deferred), answer
+        answer.deliver = self.answers.append
+        return answer
+
+    def refused(self, **request: Any) -> dict[str, Any]:
+        answer = self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request})
+        assert isinstance(answer, dict)
+        return answer
+
+
+@pytest.mark.parametrize(("waits", "sent"), [([True], 1), ([False], 0), ([False, True], 1)])
+def test_a_node_is_asked_only_if_somebody_still_waits_for_it(waits: list[bool], sent: int) -> None:
+    process = Process("restarting")
+    desk = Desk(process)
     for still_waits in waits:
-        deferred = resume({"request": "resume", "node": ARM})
-        assert isinstance(deferred, Deferred)
-        deferred.abandoned = not still_waits
-    requests.ready(process)  # type: ignore[arg-type]
-    assert process.resumed == resumed
-    again = resume({"request": "resume", "node": ARM})  # nothing is left of those that have gone
-    assert isinstance(again, Deferred)
+        desk.call(start=True).abandoned = not still_waits
+    desk.requests.ready(process)  # type: ignore[arg-type]
+    assert [message.node for message in process.sent] == [ARM] * sent
+    assert desk.revived == []
+
+
+def test_a_late_reply_is_nobodys_answer() -> None:
+    process = Process()
+    desk = Desk(process)
+    desk.call(timeout_s=0.01)
+    while not desk.answers:
+        desk.reactor.turn()
+    assert desk.answers == [
+        {
+            "error": "/arm has not answered wave within 0.01 s: it is in its loop; a later answer is dropped",
+            "code": "timeout",
+        }
+    ]
+    desk.call(timeout_s=60.0)
+    first, second = process.sent
+    assert first.id != second.id
+    assert first.deadline_ns < time.monotonic_ns() < second.deadline_ns
+    desk.requests.replied(ipc.CallReply(id=first.id, node=ARM, ok=True, payload={"text": "late"}))
+    assert len(desk.answers) == 1
+    desk.requests.replied(ipc.CallReply(id=second.id, node=ARM, ok=True, payload={"text": "waved"}))
+    assert desk.answers[1:] == [{"reply": {"text": "waved"}, "node": ARM}]
+    assert desk.lines[-2:] == [f"late answer to call {first.id}: ", "wave: waved"]
+
+
+def test_a_node_that_ends_meanwhile_is_named_with_its_reason() -> None:
+    process = Process(reason="it hung")
+    desk = Desk(process)
+    desk.call()
+    desk.requests.ended(process)  # type: ignore[arg-type]
+    assert desk.answers == [
+        {
+            "error": "/arm ended before it answered wave: it failed: it hung",
+            "code": "gone",
+        }
+    ]
+
+
+def test_a_node_that_stays_down_is_started_only_on_demand() -> None:
+    process = Process("failed", "the cable is gone")
+    process.alive = False
+    desk = Desk(process)
+    assert desk.refused() == {"error": "/arm stays down: the cable is gone", "code": "not-running"}
+    desk.call(start=True)
+    assert desk.revived == [process]
+    assert process.sent == []
+
+
+@pytest.mark.parametrize(
+    ("phase", "state", "text"),
+    [
+        ("running", "starting", "/arm is starting: try again"),
+        ("running", "restarting", "/arm is restarting: try again"),
+        ("stopping", "ready", "the run is stopping and /arm has no part in it any more: start the run again"),
+    ],
+)
+def test_a_node_that_cannot_answer_now_is_said(phase: str, state: str, text: str) -> None:
+    assert Desk(Process(state), phase).refused() == {"error": text, "code": "not-running"}
+
+
+def test_what_is_no_call_is_said() -> None:
+    desk = Desk(Process())
+    assert desk.refused(node="amr") == {
+        "error": "this run has no node 'amr'",
+        "code": "unknown-node",
+        "allowed": [ARM],
+    }
+    for request in ({"node": 1}, {"verb": None}, {"payload": []}):
+        assert desk.refused(**request) == {
+            "error": "a call needs the names of node and verb, and an object as payload",
+            "code": "invalid",
+        }
+    for timeout_s in (0, -1, 1e9, "1", float("nan")):
+        assert desk.refused(timeout_s=timeout_s)["error"].startswith(f"timeout_s is {timeout_s!r}; allowed")
+
+
+def test_what_a_node_could_not_read_does_not_reach_it() -> None:
+    process = Process()
+    desk = Desk(process)
+    deep: Any = []
+    for _ in range(500):
+        deep = [deep]
+    for payload in ({"text": "\ud800"}, {"deep": deep}):
+        assert desk.refused(payload=payload)["error"].startswith("the call cannot be passed on: ")
+    assert process.sent == []

@@ -9,10 +9,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from joshua.ipc.client import SOCKET_NAME, ask, running_systems
 from joshua.ipc.run_bases import base_directory
 from joshua.plan import NodeKind, NodeSpec, Plan
-from joshua.supervisor.control_server import ask
-from joshua.supervisor.run_directory import SOCKET_NAME, running_systems
 from joshua_calibration import hardware
 from joshua_calibration.arms import Refused
 from joshua_calibration.front_end import ArmState

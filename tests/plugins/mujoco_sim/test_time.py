@@ -24,7 +24,11 @@ class Simulation:
 
     def __init__(self, path: Path, domain: int, router: str) -> None:
         self.path = path
-        self.environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        (path.parent / "run").mkdir(mode=0o700)
+        self.environment = os.environ | {
+            "ROS_DOMAIN_ID": str(domain),
+            "XDG_RUNTIME_DIR": str(path.parent / "run"),
+        }
         self.process = subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
             env=self.environment,
@@ -67,19 +71,9 @@ class Simulation:
     def time_s(self) -> float:
         return self.times_s[-1]
 
-    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        patience = () if "--wait" in arguments else ("--wait", "30")
+    def command(self, *arguments: str, name: str = "sim") -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "joshua.cli.main",
-                "sim",
-                *arguments,
-                *patience,
-                "--config",
-                str(self.path),
-            ],
+            [sys.executable, "-m", "joshua.cli.main", name, *arguments, "--timeout", "30"],
             env=self.environment,
             capture_output=True,
             text=True,
@@ -175,6 +169,24 @@ def test_bad_requests_are_named(simulation: Simulation) -> None:
     refused = simulation.command("set", "gripper")
     assert refused.returncode == 2
     assert "expected JOINT=RADIANS, such as gripper=0.5" in refused.stderr
-    missing = simulation.command("pause", "--node", "/other", "--wait", "0.5")
+    missing = simulation.command("pause", "--node", "/other")
     assert missing.returncode == 1
-    assert "no simulation listens on /other/pause" in missing.stderr
+    assert "no running system has a node /other" in missing.stderr
+    none = simulation.command("step", "0")
+    assert none.returncode == 1
+    assert "count: Input should be greater than or equal to 1" in none.stderr
+    endless = simulation.command("set", "gripper=nan")
+    assert "joints: a number is not finite" in endless.stderr
+
+
+def test_the_same_verbs_are_listed_and_called_like_those_of_any_node(simulation: Simulation) -> None:
+    listed = simulation.command("simulation", name="call")
+    assert listed.returncode == 0, listed.stderr
+    assert "  pause  Lets simulated time stand still." in listed.stdout
+    assert "  step [count:integer(1…30000)=1]  Does some steps while paused. (local only)" in listed.stdout
+    assert simulation.command("simulation", "pause", name="call").returncode == 0
+    put = simulation.command("simulation", "set_state", "joints.gripper=0.4", name="call")
+    assert (put.returncode, put.stdout) == (0, "gripper set\n"), put.stderr
+    wrong = simulation.command("simulation", "step", "cuont=3", "count=many", name="call")
+    assert wrong.returncode == 2
+    assert "cuont: no such field; did you mean count? (count); count: Input should be a valid" in wrong.stderr

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 
 
@@ -11,14 +10,14 @@ def node_that_holds(processes: Iterable[int]) -> str:
     wanted = set(processes)
     if not wanted:
         return ""
-    from joshua.supervisor.control_server import ask
-    from joshua.supervisor.run_directory import SOCKET_NAME, user_systems
+    from joshua.ipc.client import CallError, RunningSystem
 
-    for path, info in user_systems(os.environ):
+    for system in RunningSystem.all():
         try:
-            nodes = ask(path / SOCKET_NAME, {"request": "status"})["status"]["nodes"]
-        except (OSError, ValueError, KeyError):
+            nodes = system.status()["nodes"]
+        except (CallError, KeyError):
             continue  # it ends just now, or does not answer; the process is named all the same
+        info = system.info
         for node in nodes:
             if node["process_id"] in wanted:
                 return (

@@ -26,6 +26,11 @@ COMMANDS: tuple[Command, ...] = (
     Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
     Command("estop", "joshua.cli.commands.estop", "take the torque off every actuator, and keep it off"),
     Command("resume", "joshua.cli.commands.resume", "give torque again to an actuator that stopped"),
+    Command(
+        "call",
+        "joshua.cli.commands.call",
+        "ask a node of a running system for something, or list what can be asked",
+    ),
     Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
     Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
     Command(

@@ -19,9 +19,9 @@ from joshua.devices.take_over import TakeOver
 from joshua.guardian.order import BEAT_S
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
-from joshua.node.errors import ResumeRefusedError
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below
+from joshua.node.verbs import RefusedError, verb
 from joshua.plan import JointTrace, TopicSpec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -141,27 +141,32 @@ class ActuatorNode(NodeBehaviour):
         self._safety.in_doubt = False
         self._safety.beat()
 
+    def verb_providers(self) -> tuple[object, ...]:
+        """The node's own verbs, and those of its driver."""
+        return (self,) if self._actuator is None else (self, self._actuator)
+
+    @verb(moves=True, runs="activation")
     def resume(self) -> str:
-        """Ends a fault: checks the device as at the start, and energises it. Raises ResumeRefusedError."""
+        """Ends a fault: checks the device as at the start, and energises it."""
         actuator, _ = self._device()
         name = self.context.spec.full_name
         if not self._is_commanded:
-            raise ResumeRefusedError(f"{name} never has torque: a person moves it, or nobody commands it")
+            raise RefusedError(f"{name} never has torque: a person moves it, or nobody commands it")
         latch = self._safety.latch()
         if latch is not None:
-            raise ResumeRefusedError(f"{name} stays without torque: {latch.text}")
+            raise RefusedError(f"{name} stays without torque: {latch.text}")
         if self._energised:
             return f"{name} has torque and follows commands: there is nothing to resume"
         try:
             actuator.check()
         except DeviceError as error:
-            raise ResumeRefusedError(f"{name}: the check of the device failed: {error}") from error
+            raise RefusedError(f"{name}: the check of the device failed: {error}") from error
         try:
             self.energise()
         except SafetyTripped as error:
             self._energised = False
             self._safety.stand_down()
-            raise ResumeRefusedError(f"{name}: the fault is still there: {error}") from error
+            raise RefusedError(f"{name}: the fault is still there: {error}") from error
         self._stopped_by = ""  # its release need not be noticed any more
         self._leave_fault()
         return f"{name} has torque again; it approaches its next command slowly"

@@ -70,6 +70,10 @@ class SensorNode(NodeBehaviour):
         ]
         self._diagnostics = DiagnosticsPublisher(self.context, self._diagnostic_rows)
 
+    def verb_providers(self) -> tuple[object, ...]:
+        """The node's own verbs, and those of its driver, which run beside the thread that reads."""
+        return (self,) if self._sensor is None else (self, self._sensor)
+
     def activate(self) -> None:
         """Starts the reader."""
         if not self._reader_runs:

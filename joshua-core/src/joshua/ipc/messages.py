@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from joshua.ipc.frames import FrameError
 from joshua.plan import NodeReport, NodeSpec, TransportSpec
 
+#: The verb that every node has: it tells the others.
+LIST_VERBS = "verbs"
+
 #: Raised whenever a message changes its meaning; both sides must agree.
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 
 
 class Message(BaseModel):
@@ -49,11 +52,18 @@ class Stop(Message):
     urgent: bool = False
 
 
-class Resume(Message):
-    """Supervisor to child: end the fault of a node; answered with ``Resumed``."""
+class Call(Message):
+    """Supervisor to child: do what a verb of a node does; answered with the ``CallReply`` of the same id.
 
-    kind: Literal["resume"] = "resume"
+    After ``deadline_ns``, on the monotonic clock, nobody waits any more, and nothing is done.
+    """
+
+    kind: Literal["call"] = "call"
+    id: int
     node: str
+    verb: str
+    payload: dict[str, Any] = Field(default_factory=dict)
+    deadline_ns: int
 
 
 class Hello(Message):
@@ -187,13 +197,33 @@ class Fault(Message):
     text: str
 
 
-class Resumed(Message):
-    """Child to supervisor: what came of a ``Resume``."""
+class VerbInfo(BaseModel):
+    """A verb as its node declares it; request and reply are JSON schemas, {} for nothing or a sentence."""
 
-    kind: Literal["resumed"] = "resumed"
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    summary: str = ""
+    moves: bool = False
+    request: dict[str, Any] = Field(default_factory=dict)
+    reply: dict[str, Any] = Field(default_factory=dict)
+
+
+class CallReply(Message):
+    """Child to supervisor: what came of a ``Call``.
+
+    ``code`` and ``text`` say why it is not ``ok``, ``allowed`` what would be; ``moves`` is the verb's.
+    """
+
+    kind: Literal["call-reply"] = "call-reply"
+    id: int
     node: str
-    done: bool
-    text: str
+    ok: bool
+    payload: dict[str, Any] = Field(default_factory=dict)
+    code: str = ""
+    text: str = ""
+    allowed: tuple[str, ...] = ()
+    moves: bool = False
 
 
 class StopRun(Message):
@@ -211,7 +241,7 @@ class Report(Message):
     report: NodeReport
 
 
-ToChild = Start | Activate | Stop | Resume
+ToChild = Start | Activate | Stop | Call
 ToSupervisor = (
     Hello
     | Step
@@ -224,7 +254,7 @@ ToSupervisor = (
     | NodeWarning
     | Failure
     | Fault
-    | Resumed
+    | CallReply
     | StopRun
     | Report
 )

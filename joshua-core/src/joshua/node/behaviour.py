@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from joshua.node.errors import ResumeRefusedError
 from joshua.plan import JointTrace, NodeSpec, TopicSpec
 
 
@@ -119,13 +118,9 @@ class NodeBehaviour(ABC):
     def cleanup(self) -> None:
         """Closes the device."""
 
-    def resume(self) -> str:
-        """Ends a fault on the user's word; returns what it did.
-
-        Raises:
-            ResumeRefusedError: not now; says why and what to do. The node goes on as it is.
-        """
-        raise ResumeRefusedError(f"{self.context.spec.full_name} is no actuator: there is nothing to resume")
+    def verb_providers(self) -> tuple[object, ...]:
+        """The objects whose methods may be verbs of the node; a behaviour adds the driver that it has."""
+        return (self,)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Results for the pass/fail table of MODE_TEST: (check, passed, measured).

@@ -22,10 +22,6 @@ class ImplementationMissingError(NodeError):
     exit_code: ClassVar[int] = EXIT_PLUGIN_MISSING
 
 
-class ResumeRefusedError(NodeError):
-    """A device is not energised again now; the node goes on as it is."""
-
-
 class InterruptedLifecycleError(BaseException):
     """Breaks whatever the node's thread does, after an orderly stop was asked for in vain.
 

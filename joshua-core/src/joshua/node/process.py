@@ -19,12 +19,12 @@ from importlib.metadata import version
 from joshua.ipc.frames import FrameError
 from joshua.ipc.messages import (
     Activate,
+    Call,
+    CallReply,
     Heartbeat,
     Hello,
     Log,
     Message,
-    Resume,
-    Resumed,
     Start,
     Stop,
     ToChild,
@@ -119,8 +119,8 @@ class NodeProcess:
             self._activation.set()
             for runtime in self._runtimes:
                 runtime.wake()
-        elif isinstance(message, Resume):
-            self._resume(message.node)
+        elif isinstance(message, Call):
+            self._take_call(message)
         elif isinstance(message, Stop):
             self._request_stop()
             if message.urgent:
@@ -173,11 +173,12 @@ class NodeProcess:
         for runtime in self._runtimes:
             runtime.request_stop()
 
-    def _resume(self, node: str) -> None:
+    def _take_call(self, call: Call) -> None:
         for runtime in self._runtimes:
-            if runtime.full_name == node and runtime.request_resume():
+            if runtime.full_name == call.node and runtime.take_call(call):
                 return
-        self._send(Resumed(node=node, done=False, text=f"{node} is starting or stopping just now: try again"))
+        text = f"{call.node} is starting just now: try again"
+        self._send(CallReply(id=call.id, node=call.node, ok=False, code="not-running", text=text))
 
     def _interrupt(self) -> None:
         if self._runtimes and self._runtimes[0].running:

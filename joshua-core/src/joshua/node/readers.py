@@ -78,12 +78,14 @@ class ReaderThreads:
     def __init__(self) -> None:
         self._threads: list[ReaderThread] = []
         self._by_identifier: dict[int | None, ReaderThread] = {}
+        self._lock = threading.Lock()
 
     def start(self, thread: ReaderThread) -> None:
         """Starts a thread and watches it."""
-        self._threads.append(thread)
-        thread.start()
-        self._by_identifier[thread.identifier] = thread
+        with self._lock:
+            self._threads = [known for known in self._threads if known.alive] + [thread]
+            thread.start()
+            self._by_identifier[thread.identifier] = thread
 
     def touch_current(self) -> None:
         """Counts a sign of life if the calling thread is one of these."""

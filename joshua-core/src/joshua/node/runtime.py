@@ -11,16 +11,16 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Literal
 
-from joshua.ipc.messages import Failure, Heartbeat, Message, Report, Resumed, Step, printable
+from joshua.ipc.messages import Call, Failure, Heartbeat, Message, Report, Step, printable
 from joshua.ipc.process_attributes import set_timer_slack, use_realtime_priority
 from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
+from joshua.node.calls import Calls
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
 from joshua.node.errors import (
     InterruptedLifecycleError,
     NodeError,
-    ResumeRefusedError,
     StopObeyed,
     exit_code_of,
 )
@@ -90,10 +90,11 @@ class NodeRuntime:
         self._step: StepName = "import"
         self._rosout: RosoutPublisher | None = None
         self._exit_code = 0
-        self._resume_wanted = False
+        self._looping = False
         self.context = RuntimeContext(
             spec, self._log, services.send, lambda: services.adopt_thread(spec.full_name), self._wake.set
         )
+        self._calls = Calls(self.context, services.send, self._wake.set, lambda error: _describe(error, spec))
 
     @property
     def exit_code(self) -> int:
@@ -114,12 +115,12 @@ class NodeRuntime:
         """Of the node."""
         return self._spec.full_name
 
-    def request_resume(self) -> bool:
-        """Asks the node to end its fault; whether it will answer. Any thread."""
-        if self._step != "active" or self.context.stop_requested:
+    def take_call(self, call: Call) -> bool:
+        """Takes a call from outside; whether it will be answered. Any thread."""
+        if self._behaviour is None:
             return False
-        self._resume_wanted = True
-        self._wake.set()
+        active = self._looping and not self.context.stop_requested
+        self._calls.take(call, self._behaviour.verb_providers(), active=active)
         return True
 
     def wake(self) -> None:
@@ -185,15 +186,16 @@ class NodeRuntime:
 
     def _loop(self) -> None:
         """Runs timers until the stop: the hot loop of a node."""
-        context, timers = self.context, self.context.timers
+        context, timers, calls = self.context, self.context.timers, self._calls
         heartbeat_ns = round(self._services.heartbeat_s * 1e9)
         totals_ns = round(TOTALS_PERIOD_S * 1e9)
         next_heartbeat_ns = next_totals_ns = time.monotonic_ns()
         timers.start()
+        self._looping = True
         while not context.stop_requested:
             wait_ns = timers.run_due()
-            if self._resume_wanted:
-                self._resume()
+            if calls.waiting:
+                self._serve_call()
             now_ns = time.monotonic_ns()
             if now_ns >= next_heartbeat_ns:
                 next_heartbeat_ns = now_ns + heartbeat_ns
@@ -206,21 +208,19 @@ class NodeRuntime:
             if wait_ns > 0 and self._wake.wait(wait_ns / 1e9):
                 self._wake.clear()
 
-    def _resume(self) -> None:
-        """Lets the behaviour end its fault; that takes the time of an activation, and counts as one."""
-        self._resume_wanted = False
-        assert self._behaviour is not None
-        self._enter("activate")
-        try:
-            done, text = True, self._behaviour.resume()
-        except ResumeRefusedError as error:
-            done, text = False, str(error)
-        except Exception as error:
-            text = f"{self.full_name} failed: {_describe(error, self._spec)}"
-            self._services.send(Resumed(node=self.full_name, done=False, text=printable(text)))
-            raise
-        self._services.send(Resumed(node=self.full_name, done=done, text=printable(text)))
-        self._enter("active")
+    def _serve_call(self) -> None:
+        """Serves the next call; one that takes the time of an activation counts as one."""
+        job = self._calls.next()
+        if job is None:
+            return
+        as_activation = job.verb.runs == "activation"
+        if as_activation:
+            self._enter("activate")
+        error = self._calls.serve(job)
+        if error is not None:
+            raise error
+        if as_activation:
+            self._enter("active")
 
     def _beat(self, now_ns: int) -> None:
         ages = self.context.readers.ages()

@@ -165,27 +165,3 @@ class _Client:
         self.outgoing = b""
         self.waits_for: list[Deferred] = []
         self.finished = False
-
-
-def ask(path: Path, request: dict[str, Any], timeout_s: float = 5.0) -> dict[str, Any]:
-    """Sends one request to a running system and returns its answer.
-
-    Raises:
-        OSError: nobody answers.
-        ValueError: the answer is not one of this protocol.
-    """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        connection.settimeout(timeout_s)
-        with socket_address(path) as address:
-            connection.connect(address)
-        connection.sendall(json.dumps(request).encode() + b"\n")
-        data = b""
-        while not data.endswith(b"\n"):
-            part = connection.recv(65536)
-            if not part:
-                raise ConnectionResetError("the run has closed the connection")
-            data += part
-    answer = json.loads(data)
-    if not isinstance(answer, dict):
-        raise ValueError(f"expected an object, found {answer!r}")
-    return answer

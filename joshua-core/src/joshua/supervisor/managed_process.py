@@ -127,9 +127,9 @@ class ManagedProcess:
         self._send(ipc.Activate())
         self._set_deadline()
 
-    def resume(self, node: str) -> None:
-        """Asks a node to end its fault."""
-        self._send(ipc.Resume(node=node))
+    def call(self, message: ipc.Call) -> None:
+        """Asks a node for something; answered on ``ProcessOwner.on_reply``."""
+        self._send(message)
 
     def stop(self, reason: str) -> None:
         """Begins the stop ladder; a process that waits for its restart just stays down."""
@@ -212,8 +212,8 @@ class ManagedProcess:
         elif isinstance(message, ipc.Fault):
             record.fault = message.text
             self._owner.on_fault(name, message.text)
-        elif isinstance(message, ipc.Resumed):
-            self._owner.on_resumed(message)
+        elif isinstance(message, ipc.CallReply):
+            self._owner.on_reply(message)
         elif isinstance(message, ipc.StopRun):
             self._owner.on_stop_run(name, message.reason)
         else:

@@ -28,8 +28,8 @@ class ProcessOwner(Protocol):
     def on_fault(self, node: str, text: str) -> None:
         """The device of a node does nothing until it is resumed; "" ends that."""
 
-    def on_resumed(self, message: ipc.Resumed) -> None:
-        """A node has answered to ``resume``."""
+    def on_reply(self, message: ipc.CallReply) -> None:
+        """A node has answered to a call."""
 
     def on_shown(self) -> None:
         """A node tells people something of itself."""

@@ -10,42 +10,20 @@ import secrets
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from joshua.guardian import estop_files, latch
-from joshua.ipc.run_bases import RunDirectoryError, base_directories, other_bases, private
+from joshua.ipc.client import INFO_NAME, LOCK_NAME, SOCKET_NAME, RunInfo, is_free, read_info
+from joshua.ipc.run_bases import RunDirectoryError, other_bases, private
 
-LOCK_NAME = "lock"
-INFO_NAME = "run.json"
-SOCKET_NAME = "control.sock"
 LOG_NAME = "log.jsonl"
 PHYSICS_FOLDER = "physics"
 
 
 class NodesInUseError(Exception):
     """Another run holds nodes of this one; the message names it."""
-
-
-@dataclass(frozen=True)
-class RunInfo:
-    """Who runs what.
-
-    Attributes:
-        run: name of the run; process_id: of its supervisor; source: its file, as given.
-        since: local time of its start; domain_id: ROS 2 domain; nodes: fully qualified names.
-        robot: ``general.id`` of its file; actuators: those of the nodes that have joints.
-    """
-
-    run: str
-    process_id: int
-    source: str
-    since: str
-    domain_id: int
-    nodes: tuple[str, ...]
-    robot: str = ""
-    actuators: tuple[str, ...] = ()
 
 
 class RunDirectory:
@@ -184,48 +162,11 @@ def latch_folder(base: Path) -> Path:
     return base / latch.FOLDER_NAME
 
 
-def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
-    """Lists the systems that run now, oldest first."""
-    return [(path, info) for path, info in all_systems(base) if not _is_stale(path)]
-
-
-def user_systems(environment: Mapping[str, str]) -> list[tuple[Path, RunInfo]]:
-    """Lists the systems of this user that run now, whatever environment they were started in."""
-    return [item for base in base_directories(environment) for item in running_systems(base)]
-
-
-def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
-    """Lists the systems that run, and those killed since the last start of one; oldest first."""
-    found = [(path, _read_info(path / INFO_NAME)) for path in sorted((base / "runs").glob("*/"))]
-    return sorted(((path, info) for path, info in found if info), key=lambda item: item[1].since)
-
-
 def remove_stale(runs: Path) -> None:
     """Removes the directories whose owner is gone: nobody holds the lock in them any more."""
     for path in runs.glob("*/"):
-        if _is_stale(path):
+        if is_free(path / LOCK_NAME):
             shutil.rmtree(path, ignore_errors=True)
-
-
-def _is_stale(path: Path) -> bool:
-    return _is_free(path / LOCK_NAME)
-
-
-def _is_free(lock: Path) -> bool:
-    """Whether nobody holds a lock; one that cannot be opened is held by nobody."""
-    try:
-        descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
-    except OSError:
-        return True
-    try:
-        # Shared, so that two commands that look at the same time do not take each other for the run.
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    else:
-        return True
-    finally:
-        os.close(descriptor)
 
 
 @contextlib.contextmanager
@@ -277,7 +218,7 @@ def _refuse_held(folders: Sequence[Path], info: RunInfo) -> None:
     for folder in folders:
         for node in info.nodes:
             path = folder / _lock_name(info, node)
-            if path.exists() and not _is_free(path):
+            if path.exists() and not is_free(path):
                 held.setdefault(_holder(path), []).append(node)
     if held:
         raise _in_use(held)
@@ -296,16 +237,7 @@ def _in_use(held: Mapping[str, Sequence[str]]) -> NodesInUseError:
 
 
 def _holder(path: Path) -> str:
-    info = _read_info(path)
+    info = read_info(path)
     if info is None:
         return "a run that does not say more"
     return f"process {info.process_id}, which runs {info.source} since {info.since}"
-
-
-def _read_info(path: Path) -> RunInfo | None:
-    try:
-        fields = json.loads(path.read_text())
-        lists = {name: tuple(fields[name]) for name in ("nodes", "actuators")}
-        return RunInfo(**{**fields, **lists})
-    except (OSError, ValueError, TypeError, KeyError):
-        return None

@@ -100,7 +100,7 @@ class Supervisor:
         log = new_log(self._options.log_directory, self._plan.robot_id)
         self._logbook = Logbook(self._reactor, self._ui, log)
         self._logbook.capture()
-        self._requests = RunRequests(self, self._logbook)
+        self._requests = RunRequests(self, self._logbook, self._reactor)
         signals = StopSignals(self._reactor, self._on_signal)
         closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
         try:
@@ -303,9 +303,9 @@ class Supervisor:
         """Notes that a device does nothing until it is resumed."""
         self._event("fault", node, text)
 
-    def on_resumed(self, message: ipc.Resumed) -> None:
+    def on_reply(self, message: ipc.CallReply) -> None:
         """Passes the answer on."""
-        self._requests.resumed(message)
+        self._requests.replied(message)
 
     # Stop.
 

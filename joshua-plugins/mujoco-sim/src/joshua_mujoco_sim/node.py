@@ -16,7 +16,7 @@ from joshua.plugins.episodes import EpisodeError
 from joshua.plugins.targets import TargetError
 
 from joshua_mujoco_sim.clock import ClockPublisher
-from joshua_mujoco_sim.control_topics import ControlTopics
+from joshua_mujoco_sim.controls import Controls
 from joshua_mujoco_sim.coupling import CouplingServer
 from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.joint_commands import Commands
@@ -47,8 +47,7 @@ class SimulatorNode(NodeBehaviour):
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window
     and follows positions on ``~/joint_commands``; PASSIVE replays a recording and then ends the run; MIRROR
-    follows topics of a robot. It says its time on ``/clock``, and obeys ``~/pause``, ``~/step``, ``~/reset``
-    and ``~/set_state``.
+    follows topics of a robot. It says its time on ``/clock``; its verbs are those of ``Controls``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -85,7 +84,6 @@ class SimulatorNode(NodeBehaviour):
         self._clock = ClockPublisher(world, self.context)
         if path := spec.context.get("physics_socket"):
             self._coupling = CouplingServer(world, Path(path), self.context.log)
-        ControlTopics(world, self.context)
         try:
             self._files = [RenderFile(world, render) for render in settings.renders]
         except (RenderingError, OSError) as error:
@@ -105,6 +103,10 @@ class SimulatorNode(NodeBehaviour):
             with contextlib.suppress(WindowError):  # the check is as good without a picture
                 check_display()
                 self._window = Window(world)
+
+    def verb_providers(self) -> tuple[object, ...]:
+        """The node, and the controls of its time."""
+        return (self, Controls(lambda: self._running()[0]))
 
     def activate(self) -> None:
         """Lets time run."""

@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 
 from joshua.node.behaviour import NodeBehaviour
-from joshua.node.errors import NodeError, ResumeRefusedError
+from joshua.node.errors import NodeError
+from joshua.node.verbs import RefusedError, verb
 
 
 class StopsLate(NodeBehaviour):
@@ -35,6 +36,7 @@ class Faulty(NodeBehaviour):
     def activate(self) -> None:
         self.context.fault("tripped")
 
+    @verb(moves=True, runs="activation")
     def resume(self) -> str:
         wish = self.wish
         if wish == "slow":
@@ -43,7 +45,7 @@ class Faulty(NodeBehaviour):
             time.sleep(0.01)
             wish = self.wish
         if wish == "refuse":
-            raise ResumeRefusedError("still too hot")
+            raise RefusedError("still too hot")
         if wish in ("fail", "gone"):
             raise NodeError("the cable is gone")
         self.context.fault("")

@@ -14,7 +14,7 @@ from joshua.cli.options import add_config_options, positive_seconds
 
 if TYPE_CHECKING:
     from joshua.cli.estop.latches import UserLatches
-    from joshua.cli.estop.running import RunningSystem
+    from joshua.cli.estop.running import EstopTarget
     from joshua.guardian.estop_files import EstopReport
     from joshua.plan import Plan
 
@@ -93,7 +93,7 @@ def stop(bases: list[Path], latches: UserLatches, word: str, args: argparse.Name
     return code
 
 
-def stop_systems(systems: list[RunningSystem], latches: UserLatches, timeout_s: float) -> int:
+def stop_systems(systems: list[EstopTarget], latches: UserLatches, timeout_s: float) -> int:
     """Latches the e-stops first, then waits for each system."""
     latched = []
     for system in systems:
@@ -172,21 +172,21 @@ def release(bases: list[Path], latches: UserLatches, word: str) -> int:
     return ExitCode.OK
 
 
-def _systems(bases: list[Path], word: str) -> list[RunningSystem]:
+def _systems(bases: list[Path], word: str) -> list[EstopTarget]:
     """Every system of this user, those whose supervisor was killed included, or those that a word names."""
-    from joshua.cli.estop.running import RunningSystem
-    from joshua.supervisor.run_directory import all_systems
+    from joshua.cli.estop.running import EstopTarget
+    from joshua.ipc.client import all_systems
 
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
     return [
-        RunningSystem(folder, info)
+        EstopTarget(folder, info)
         for base in bases
         for folder, info in all_systems(base)
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]
 
 
-def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
+def _starting(bases: list[Path], word: str) -> list[EstopTarget]:
     """Waits for systems that are just being started, where none runs."""
     from joshua.supervisor.starting import started_processes
 
@@ -199,7 +199,7 @@ def _starting(bases: list[Path], word: str) -> list[RunningSystem]:
     return _systems(bases, word)
 
 
-def _started_beside(bases: list[Path], stopped: list[RunningSystem]) -> list[RunningSystem]:
+def _started_beside(bases: list[Path], stopped: list[EstopTarget]) -> list[EstopTarget]:
     """Waits for systems that were just being started while others were stopped."""
     from joshua.supervisor.starting import started_processes
 
@@ -210,7 +210,7 @@ def _started_beside(bases: list[Path], stopped: list[RunningSystem]) -> list[Run
     return [item for item in _systems(bases, "") if item.info.process_id not in _process_ids(stopped)]
 
 
-def _process_ids(systems: list[RunningSystem]) -> set[int]:
+def _process_ids(systems: list[EstopTarget]) -> set[int]:
     return {item.info.process_id for item in systems}
 
 

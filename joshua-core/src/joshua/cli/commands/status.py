@@ -21,20 +21,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Asks every running system for its status and prints it; exit code 0, 1 if one does not answer."""
     from joshua.guardian.latch import LatchFolder
+    from joshua.ipc.client import CallError, RunningSystem
     from joshua.ipc.run_bases import base_directories
-    from joshua.supervisor.control_server import ask
-    from joshua.supervisor.run_directory import SOCKET_NAME, latch_folder, user_systems
+    from joshua.supervisor.run_directory import latch_folder
 
     bases = base_directories(os.environ)
     latches = [latch for base in bases for latch in LatchFolder(latch_folder(base)).all()]
     answers: list[dict[str, Any]] = []
     failed = False
-    for path, info in user_systems(os.environ):
+    for system in RunningSystem.all():
+        info = system.info
         try:
-            status = ask(path / SOCKET_NAME, {"request": "status"})["status"]
-        except (OSError, ValueError, KeyError) as error:
-            who = f"process {info.process_id}, which runs {info.source}"
-            sys.stderr.write(f"{who}, does not answer: {error}\n")
+            status = system.status()
+        except CallError as error:
+            sys.stderr.write(f"{error}\n")
             failed = True
             continue
         answers.append({"run": info.run, "since": info.since, "domain_id": info.domain_id, **status})

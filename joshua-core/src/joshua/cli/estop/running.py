@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Sequence
@@ -9,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.guardian.estop_files import FOLDER_NAME, EstopFiles, EstopReport
+from joshua.ipc.client import CallError, RunInfo, RunningSystem
 
 if TYPE_CHECKING:
     from joshua.guardian.latch import Latch, LatchFolder, Subject
-    from joshua.supervisor.run_directory import RunInfo
 
 #: After this time a device whose driver and guardian have not answered is opened here.
 DIRECT_AFTER_S = 1.5
@@ -25,16 +26,15 @@ _POLL_S = 0.01
 _TURN_S = 0.1
 
 
-class RunningSystem:
-    """One run, alive or killed.
+class EstopTarget(RunningSystem):
+    """The actuators of one run, alive or killed.
 
     Args:
         path: directory of the run; info: what it holds.
     """
 
     def __init__(self, path: Path, info: RunInfo) -> None:
-        self.info = info
-        self._path = path
+        super().__init__(path, info)
         self._files = EstopFiles(str(path / FOLDER_NAME))
         # A run that ends meanwhile takes its directory along.
         self._orders = {node: self._files.read_order(node) for node in info.actuators}
@@ -43,7 +43,7 @@ class RunningSystem:
     @property
     def base(self) -> Path:
         """The base at which the run keeps its directory, and beside it its latches."""
-        return self._path.parents[1]
+        return self.path.parents[1]
 
     def concerns(self, subject: Subject) -> bool:
         """Whether an actuator of another file belongs to the robot of this run."""
@@ -52,16 +52,11 @@ class RunningSystem:
 
     def notify(self, *, released: bool = False) -> str:
         """Has the run's log say what happened; returns why that failed, "" where it did not."""
-        import os
-
-        from joshua.supervisor.control_server import ask
-        from joshua.supervisor.run_directory import SOCKET_NAME
-
         request = {"request": "estop", "released": released, "process_id": os.getpid()}
         try:
-            ask(self._path / SOCKET_NAME, request, SUPERVISOR_TIMEOUT_S)
-        except (OSError, ValueError) as error:
-            return str(error) or type(error).__name__
+            self.request(request, SUPERVISOR_TIMEOUT_S)
+        except CallError as error:
+            return str(error.__cause__ or error) or type(error).__name__
         return ""
 
     def wait(self, latch: Latch, latches: LatchFolder, timeout_s: float) -> list[EstopReport]:
@@ -80,7 +75,7 @@ class RunningSystem:
             last_s, elapsed_s = now_s, elapsed_s + min(now_s - last_s, _TURN_S)
             if not waiting or elapsed_s > timeout_s:
                 return [reports[node] or self._unreached(node, latch) for node in nodes]
-            if elapsed_s > DIRECT_AFTER_S or not self._path.exists():
+            if elapsed_s > DIRECT_AFTER_S or not self.path.exists():
                 for node in waiting:
                     self._reach(node, latch)
             time.sleep(_POLL_S)

@@ -1,0 +1,247 @@
+"""The running systems of this user, seen from another process: which there are, and what they answer."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import socket
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from joshua.ipc.run_bases import base_directories
+from joshua.ipc.socket_address import socket_address
+
+if TYPE_CHECKING:
+    from joshua.ipc.messages import VerbInfo
+
+LOCK_NAME = "lock"
+INFO_NAME = "run.json"
+SOCKET_NAME = "control.sock"
+
+#: How much longer than a call itself its answer may take: the supervisor says why there is none.
+GRACE_S = 2.0
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """Who runs what.
+
+    Attributes:
+        run: name of the run; process_id: of its supervisor; source: its file, as given.
+        since: local time of its start; domain_id: ROS 2 domain; nodes: fully qualified names.
+        robot: ``general.id`` of its file; actuators: those of the nodes that have joints.
+    """
+
+    run: str
+    process_id: int
+    source: str
+    since: str
+    domain_id: int
+    nodes: tuple[str, ...]
+    robot: str = ""
+    actuators: tuple[str, ...] = ()
+
+
+class CallError(Exception):
+    """A running system does not do what it was asked for; the message says why.
+
+    Attributes:
+        code: ``unreachable`` (nobody answers), ``unknown-node``, ``unknown-verb``, ``invalid`` (the request
+            does not fit), ``not-allowed``, ``not-running``, ``refused``, ``failed``, ``gone`` (the node ended
+            meanwhile) or ``timeout``.
+        allowed: what could be asked for, the nearest first.
+    """
+
+    def __init__(self, code: str, message: str, allowed: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.code = code
+        self.allowed = tuple(allowed)
+
+
+class RunningSystem:
+    """One run on this machine, for scripts, dashboards and the commands of ``joshua``.
+
+    Args:
+        path: directory of the run; info: who runs what there.
+    """
+
+    def __init__(self, path: Path, info: RunInfo) -> None:
+        self.path = path
+        self.info = info
+
+    @classmethod
+    def all(cls, environment: Mapping[str, str] = os.environ) -> list[RunningSystem]:
+        """Every system of this user that runs now, whatever environment it was started in."""
+        return [cls(path, info) for path, info in user_systems(environment)]
+
+    @classmethod
+    def find(cls, word: str = "", environment: Mapping[str, str] = os.environ) -> RunningSystem:
+        """The system of a file or a process id; "" for the only one.
+
+        Raises:
+            CallError: none is meant, or several.
+        """
+        systems = cls.all(environment)
+        wanted = {word, os.path.abspath(word)}  # noqa: PTH100 (links stay as they are)
+        chosen = [
+            item for item in systems if not word or {item.info.source, str(item.info.process_id)} & wanted
+        ]
+        if len(chosen) == 1:
+            return chosen[0]
+        problem = "nothing runs" if not systems else f"no system {word!r} runs"
+        problem = "several systems run, name one" if chosen else problem
+        raise CallError(
+            "unreachable", problem, [f"{item.info.process_id}  {item.info.source}" for item in systems]
+        )
+
+    @property
+    def name(self) -> str:
+        """The run, for messages."""
+        return f"process {self.info.process_id}, which runs {self.info.source}"
+
+    def status(self) -> dict[str, Any]:
+        """The run just now: ``RunStatus`` as JSON-able data. Raises CallError."""
+        return dict(self.request({"request": "status"}).get("status", {}))
+
+    def verbs(self, node: str, *, timeout_s: float = 5.0) -> tuple[VerbInfo, ...]:
+        """What can be asked of a node. Raises CallError."""
+        from joshua.ipc.messages import LIST_VERBS, VerbInfo
+
+        infos = self.call(node, LIST_VERBS, timeout_s=timeout_s)["verbs"]
+        return tuple(VerbInfo.model_validate(info) for info in infos)
+
+    def call(
+        self,
+        node: str,
+        verb: str,
+        payload: Mapping[str, Any] | None = None,
+        *,
+        timeout_s: float = 10.0,
+        start: bool = False,
+    ) -> dict[str, Any]:
+        """Asks a node for what a verb does, and returns its reply.
+
+        Args:
+            node: its full name, or the last part of it.
+            payload: fields of the verb's request, JSON-able.
+            timeout_s: for the reply; nothing is done later than that.
+            start: start a node that stays down, and wait for one that starts.
+
+        Raises:
+            CallError: no reply, within the timeout; ``code`` and message say why.
+        """
+        request = {"request": "call", "node": node, "verb": verb, "payload": dict(payload or {})}
+        try:
+            answer = self.request({**request, "timeout_s": timeout_s, "start": start}, timeout_s + GRACE_S)
+        except CallError as error:
+            if error.code == "unknown-node" and (other := self._run_of(node)) is not None:
+                text = f"{error}: it is a node of another run: {other.name}"
+                raise CallError(error.code, text, error.allowed) from None
+            raise
+        return dict(answer.get("reply", {}))
+
+    def stop(self, timeout_s: float = 15.0) -> bool:
+        """Asks the run to stop in good order; returns whether it has ended in time. Raises CallError."""
+        self.request({"request": "stop"})
+        deadline_s = time.monotonic() + timeout_s
+        while self.path.exists():
+            if time.monotonic() > deadline_s:
+                return False
+            time.sleep(0.02)
+        return True
+
+    def request(self, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[str, Any]:
+        """Sends one request of the control socket and returns its answer.
+
+        Raises:
+            CallError: nobody answers, or the answer is an error.
+        """
+        try:
+            answer = ask(self.path / SOCKET_NAME, request, timeout_s)
+        except (OSError, ValueError) as error:
+            reason = str(error) or type(error).__name__
+            raise CallError("unreachable", f"{self.name}, does not answer: {reason}") from error
+        if "error" in answer:
+            code, allowed = str(answer.get("code", "failed")), answer.get("allowed", ())
+            raise CallError(code, str(answer["error"]), [str(name) for name in allowed])
+        return answer
+
+    def _run_of(self, node: str) -> RunningSystem | None:
+        others = (item for item in RunningSystem.all() if item.info.run != self.info.run)
+        return next((item for item in others if any(is_named(name, node) for name in item.info.nodes)), None)
+
+
+def is_named(full_name: str, word: str) -> bool:
+    """Whether a user's word means a node: its full name, that without the first slash, or its last part."""
+    return word in (full_name, full_name.lstrip("/"), full_name.rpartition("/")[2])
+
+
+def ask(path: Path, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[str, Any]:
+    """Sends one request to a control socket and returns its answer.
+
+    Raises:
+        OSError: nobody answers.
+        ValueError: the answer is not one of this protocol.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.settimeout(timeout_s)
+        with socket_address(path) as address:
+            connection.connect(address)
+        connection.sendall(json.dumps(request).encode() + b"\n")
+        data = b""
+        while not data.endswith(b"\n"):
+            part = connection.recv(65536)
+            if not part:
+                raise ConnectionResetError("the run has closed the connection")
+            data += part
+    answer = json.loads(data)
+    if not isinstance(answer, dict):
+        raise ValueError(f"expected an object, found {answer!r}")
+    return answer
+
+
+def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
+    """Lists the systems that run now, oldest first."""
+    return [(path, info) for path, info in all_systems(base) if not is_free(path / LOCK_NAME)]
+
+
+def user_systems(environment: Mapping[str, str]) -> list[tuple[Path, RunInfo]]:
+    """Lists the systems of this user that run now, whatever environment they were started in."""
+    return [item for base in base_directories(environment) for item in running_systems(base)]
+
+
+def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
+    """Lists the systems that run, and those killed since the last start of one; oldest first."""
+    found = [(path, read_info(path / INFO_NAME)) for path in sorted((base / "runs").glob("*/"))]
+    return sorted(((path, info) for path, info in found if info), key=lambda item: item[1].since)
+
+
+def is_free(lock: Path) -> bool:
+    """Whether nobody holds a lock; one that cannot be opened is held by nobody."""
+    try:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return True
+    try:
+        # Shared, so that two commands that look at the same time do not take each other for the run.
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    else:
+        return True
+    finally:
+        os.close(descriptor)
+
+
+def read_info(path: Path) -> RunInfo | None:
+    """What a run says of itself; None where the file cannot be read."""
+    try:
+        fields = json.loads(path.read_text())
+        lists = {name: tuple(fields[name]) for name in ("nodes", "actuators")}
+        return RunInfo(**{**fields, **lists})
+    except (OSError, ValueError, TypeError, KeyError):
+        return None

@@ -1,0 +1,161 @@
+"""Calls that reach a node: checked on the control thread, served where the verb says."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from joshua.ipc.frames import FrameError
+from joshua.ipc.messages import (
+    LIST_VERBS,
+    Call,
+    CallReply,
+    Message,
+    decode_for_supervisor,
+    encode,
+    printable,
+)
+from joshua.node.context import RuntimeContext
+from joshua.node.verbs import Caller, InvalidRequestError, RefusedError, Verb, allowed, verbs_of
+
+#: Largest reply; who has more to say publishes it on a topic.
+REPLY_LIMIT_BYTES = 1024 * 1024
+
+
+@dataclass(frozen=True)
+class Job:
+    """One call that was found good, and waits to be served."""
+
+    call: Call
+    verb: Verb
+    serve: Callable[[], dict[str, Any]]
+
+    @property
+    def over(self) -> bool:
+        """Whether nobody waits for it any more: it must not be served late."""
+        return time.monotonic_ns() > self.call.deadline_ns
+
+
+class Calls:
+    """The calls of one node.
+
+    Args:
+        context: of the node; send: takes messages for the supervisor.
+        wake: wakes the node's loop; describe: says a failure in one line.
+    """
+
+    def __init__(
+        self,
+        context: RuntimeContext,
+        send: Callable[[Message], None],
+        wake: Callable[[], None],
+        describe: Callable[[BaseException], str],
+    ) -> None:
+        self.waiting: deque[Job] = deque()
+        self._context = context
+        self._name = context.spec.full_name
+        self._send = send
+        self._wake = wake
+        self._describe = describe
+        self._beside = ""
+
+    def take(self, call: Call, providers: Sequence[object], *, active: bool) -> None:
+        """Answers a call, or puts it where its verb runs; control thread.
+
+        Args:
+            providers: whose methods are the node's verbs.
+            active: whether the node's loop runs.
+        """
+        try:
+            verbs = verbs_of(providers)
+            if call.verb == LIST_VERBS:
+                infos = [item.info().model_dump() for item in verbs.values()]
+                self._answer(call, payload={"verbs": infos})
+                return
+            verb = verbs.get(call.verb)
+            if verb is None:
+                near = get_close_matches(call.verb, verbs, n=3, cutoff=0.5)
+                names = tuple(dict.fromkeys([*near, *verbs]))
+                self._refuse(call, "unknown-verb", f"{self._name} has no verb {call.verb!r}", names)
+            elif not active:
+                self._refuse(call, "not-running", f"{self._name} is starting or stopping just now: try again")
+            elif why := allowed(verb, Caller()):
+                self._refuse(call, "not-allowed", f"{self._name}: {why}")
+            else:
+                self._place(Job(call, verb, verb.bind(call.payload)))
+        except InvalidRequestError as error:
+            self._refuse(call, "invalid", f"{self._name}: {error}")
+        except Exception as error:
+            self._context.log.error("%s: %s", call.verb, error, exc_info=True)
+            self._refuse(call, "failed", f"{self._name} failed: {type(error).__name__}: {error}")
+
+    def next(self) -> Job | None:
+        """The next call for the node's loop; None where those that waited are over."""
+        while self.waiting:
+            job = self.waiting.popleft()
+            if not job.over:
+                return job
+        return None
+
+    def serve(self, job: Job) -> BaseException | None:
+        """Serves a call and answers it; returns what the node must fail with, None while all is well."""
+        try:
+            payload = job.serve()
+            _check_passes(CallReply(id=job.call.id, node=self._name, ok=True, payload=payload))
+        except RefusedError as error:
+            self._refuse(job.call, "refused", str(error), moves=job.verb.moves)
+        except Exception as error:
+            text = f"{self._name} failed: {self._describe(error)}"
+            self._refuse(job.call, "failed", text, moves=job.verb.moves)
+            if job.verb.moves:  # nobody knows what the device does: it stops
+                return error
+            self._context.log.error("%s: %s", job.call.verb, text, exc_info=True)
+        else:
+            self._answer(job.call, payload=payload, moves=job.verb.moves)
+        return None
+
+    def _place(self, job: Job) -> None:
+        if job.verb.runs != "beside":
+            self.waiting.append(job)
+            self._wake()
+        elif self._beside:
+            text = f"{self._name} is not done with {self._beside} yet: try again"
+            self._refuse(job.call, "refused", text)
+        else:
+            self._beside = job.call.verb
+            # It may take as long as it needs: who calls has a timeout, and the loop is watched as ever.
+            self._context.spawn_thread(
+                lambda: self._serve_beside(job), name=job.call.verb, hang_after_s=math.inf
+            )
+
+    def _serve_beside(self, job: Job) -> None:
+        try:
+            error = self.serve(job)
+        finally:
+            self._beside = ""
+        if error is not None:
+            self._context.fail_with(error)
+
+    def _answer(self, call: Call, **fields: Any) -> None:
+        self._send(CallReply(id=call.id, node=self._name, **{"ok": True, **fields}))
+
+    def _refuse(
+        self, call: Call, code: str, text: str, names: tuple[str, ...] = (), *, moves: bool = False
+    ) -> None:
+        self._answer(call, ok=False, code=code, text=printable(text, 2000), allowed=names, moves=moves)
+
+
+def _check_passes(reply: CallReply) -> None:
+    """Raises ValueError for what the supervisor could not read, which would end this process."""
+    data = encode(reply)
+    if len(data) > REPLY_LIMIT_BYTES:
+        raise ValueError(f"its reply has {len(data)} bytes; at most {REPLY_LIMIT_BYTES} are allowed")
+    try:
+        decode_for_supervisor(data)
+    except FrameError as error:
+        raise ValueError(f"its reply cannot be sent: {error}") from error

@@ -1,0 +1,93 @@
+"""Pause, step, reset and set-state of a simulation, as verbs of its node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import Annotated
+
+import mujoco
+from joshua.node.verbs import RefusedError, verb
+from pydantic import Field
+
+from joshua_mujoco_sim.world import World
+
+#: Most steps of one request: a minute of a 2 ms step.
+STEPS_LIMIT = 30_000
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How many steps to do."""
+
+    count: Annotated[int, Field(ge=1, le=STEPS_LIMIT)] = 1
+
+
+@dataclass(frozen=True)
+class State:
+    """Positions by joint, in radians or metres."""
+
+    joints: dict[str, float] = field(default_factory=dict)
+
+
+class Controls:
+    """The verbs of a simulation. A real arm may follow a simulated one, so what moves joints says so.
+
+    Args:
+        world: gives what is controlled, once it is loaded.
+    """
+
+    def __init__(self, world: Callable[[], World]) -> None:
+        self._world = world
+
+    @verb(moves=False)
+    def pause(self) -> str:
+        """Lets simulated time stand still."""
+        world = self._world()
+        world.pause()
+        return f"paused at {world.physics.time_s:.3f} s"
+
+    @verb(moves=True)
+    def resume(self) -> str:
+        """Lets simulated time run on."""
+        world = self._world()
+        world.resume()
+        return f"runs on at {world.physics.time_s:.3f} s"
+
+    @verb(moves=True)
+    def step(self, steps: Steps) -> str:
+        """Does some steps while paused."""
+        world = self._world()
+        if not world.paused:
+            raise RefusedError("the simulation is not paused; pause it first (joshua sim pause)")
+        world.step_paused(steps.count)
+        return f"{steps.count} more steps"
+
+    @verb(moves=True)
+    def reset(self) -> str:
+        """Puts the model back to its start."""
+        self._world().reset()
+        return "the model is back at its start"
+
+    @verb(moves=True)
+    def set_state(self, state: State) -> str:
+        """Puts joints somewhere, at rest."""
+        world = self._world()
+        model, data = world.physics.model, world.physics.data
+        # where one number says where it is
+        single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+        known = {model.joint(i).name: i for i in range(model.njnt) if model.jnt_type[i] in single}
+        unknown = [name for name in state.joints if name not in known]
+        if unknown or not state.joints:
+            what = f"no joint {', '.join(unknown)}" if unknown else "no joint is named"
+            near = get_close_matches(unknown[0], known, n=1, cutoff=0.5) if unknown else []
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise RefusedError(f"{what}{hint}; joints are {', '.join(filter(None, known))}")
+        with world.lock:
+            for name, value in state.joints.items():
+                joint = model.joint(known[name])
+                data.qpos[joint.qposadr[0]] = value
+                data.qvel[joint.dofadr[0]] = 0.0
+            mujoco.mj_forward(model, data)
+        return f"{', '.join(state.joints)} set"
