@@ -33,6 +33,8 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "supervisor": ("plan", "transport", "ipc", "guardian", "config"),
     "cli": ("planner", "supervisor", "mock", "models"),
     "testing": ("cli",),
+    # What editors, dashboards, scripts and the commands of plugins use.
+    "tools": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.
     "builtin_plugin": ("plugins",),
     # What `python -m joshua` runs.

@@ -10,14 +10,9 @@ import time
 from pathlib import Path
 
 from google.protobuf import text_format
-from joshua.config.files import decode_source, read_bytes
 from joshua.devices.calibration import ArmCalibration
-from joshua.planner.calibration_place import FileRefused, kept_calibrations
-from joshua.textproto.lexer import tokenize
-from joshua.textproto.parser import Parser
-from joshua.textproto.problems import Problems
-from joshua.textproto.source import Source
-from joshua.textproto.syntax import Block, Field, ListValue, Scalar
+from joshua.schema.calibration_pb2 import ArmCalibration as ArmBlock
+from joshua.tools import FileRefused, kept_calibrations, spans
 from pydantic import ValidationError
 
 LOCK_TIMEOUT_S = 5.0
@@ -90,12 +85,7 @@ class ArmFile:
         if not self.path.exists():
             return f"{HEADER}calibration {{\n{_indented(f'arms {_block(body)}')}}}\n"
         kept_calibrations(self.path)  # an unreadable file is not written into
-        problems = Problems()
-        data = read_bytes(str(self.path), problems, None)
-        source = decode_source(str(self.path), data, problems, None) if data is not None else None
-        if source is None or len(problems):
-            raise FileRefused(f"{self.path}: cannot be read; correct it, or move it away")
-        return _with_arm(source, problems, node_name, body)
+        return _with_arm(self.path.read_text(encoding="utf-8-sig"), node_name, body)
 
 
 class PreparedFile:
@@ -187,45 +177,23 @@ def _arm(read: Path, node_name: str, path: Path) -> ArmCalibration | None:
         ) from error
 
 
-def _with_arm(source: Source, problems: Problems, node_name: str, body: str) -> str:
+def _with_arm(text: str, node_name: str, body: str) -> str:
     """The text with one arm's entry replaced, else added to the first calibration block, else at the end."""
-    fields = Parser(source, tokenize(source), problems).document()
-    text = source.text
-    blocks = [f.value for f in fields if f.name == "calibration" and isinstance(f.value, Block)]
-    for block in blocks:
-        for entry in _entries(block):
-            if _node_name(source, entry) == node_name:
-                return text[: entry.start] + _block(body, depth=1) + text[entry.end :]
+    for start, end in spans(text, "calibration.arms"):
+        if _node_name(text[start + 1 : end - 1]) == node_name:
+            return text[:start] + _block(body, depth=1) + text[end:]
     new = _indented(f"arms {_block(body)}")
+    blocks = spans(text, "calibration")
     if not blocks:
         return f"{text.rstrip()}\n\ncalibration {{\n{new}}}\n".lstrip("\n")
-    before, after = text[: blocks[0].end - 1].rstrip(), text[blocks[0].end - 1 :]
-    return f"{before}\n{new}{after}"
+    end = blocks[0][1] - 1
+    return f"{text[:end].rstrip()}\n{new}{text[end:]}"
 
 
-def _entries(block: Block) -> list[Block]:
-    """Blocks of the field ``arms``, in either way of writing them."""
-    found: list[Block] = []
-    for field in block.fields:
-        if field.name == "arms" and isinstance(field.value, Block):
-            found.append(field.value)
-        elif field.name == "arms" and isinstance(field.value, ListValue):
-            found += [item for item in field.value.items if isinstance(item, Block)]
-    return found
-
-
-def _node_name(source: Source, block: Block) -> str:
-    for field in block.fields:
-        if field.name == "node_name" and isinstance(field.value, Scalar):
-            return _string(source, field)
+def _node_name(entry: str) -> str:
+    for start, end in spans(entry, "node_name"):
+        return text_format.Parse(f"node_name: {entry[start:end]}", ArmBlock()).node_name
     return ""
-
-
-def _string(source: Source, field: Field) -> str:
-    from joshua.schema.calibration_pb2 import ArmCalibration as ArmBlock
-
-    text = source.text[field.name_start : field.end]
-    return text_format.Parse(text, ArmBlock()).node_name
 
 
 def _block(body: str, depth: int = 0) -> str:

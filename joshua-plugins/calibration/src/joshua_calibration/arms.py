@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.report import exit_code_of, show_findings
-from joshua.config.calibration_paths import journal_path
-from joshua.devices.actuator import Actuator
 from joshua.devices.calibration import ArmCalibration
 from joshua.devices.errors import DeviceError
-from joshua.node.implementation import load_implementation
-from joshua.plan import NodeKind, Plan
-from joshua.planner.calibration_place import FileRefused, calibration_place
-from joshua.planner.pipeline import Checked, finish
-from joshua.plugins.targets import TargetError
+from joshua.tools import (
+    Checked,
+    ExitCode,
+    FileRefused,
+    ForegroundJob,
+    JobRefusedError,
+    NodeKind,
+    Plan,
+    TargetError,
+    calibration_place,
+    exit_code_of,
+    finish,
+    journal_path,
+    open_driver,
+    show_findings,
+)
 
 from joshua_calibration.arm_file import ArmFile
+from joshua_calibration.front_end import ArmState
 from joshua_calibration.journal import Journal
 from joshua_calibration.session import Arm
 from joshua_calibration.transaction import NotWritten, Recovery, recover
@@ -27,7 +35,10 @@ from joshua_calibration.transaction import NotWritten, Recovery, recover
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.planner.emulation import EmulatedRig
+    from joshua.tools import EmulatedRig
+
+
+MODE = "MODE_CALIBRATION"
 
 
 class Refused(Exception):
@@ -97,8 +108,7 @@ def find_arms(
         target = None
         if spec.kind is NodeKind.ACTUATOR:
             try:
-                implementation, settings = load_implementation(spec, Actuator)
-                target = implementation(settings, spec.context).calibration_target()
+                target = open_driver(spec).calibration_target()
             except TargetError as error:
                 raise Refused(str(error), ExitCode.NOT_INSTALLED) from error
             except NotImplementedError:
@@ -133,6 +143,30 @@ def _chosen(arms: list[Arm], left_out: list[str], only: Sequence[str]) -> list[A
     if left_out:
         sys.stdout.write(f"not started, for nothing is to be calibrated there: {', '.join(left_out)}\n")
     return [arm for arm in arms if not only or arm.node_name in only]
+
+
+def taken(
+    plan: Plan, arms: Sequence[Arm], stop: Callable[[], None], stack: ExitStack, doing: str = ""
+) -> None:
+    """Takes the nodes of the arms, as a run does, so that status and stop know of it, until ``stack`` ends.
+
+    Args:
+        stop: called by ``joshua stop``, in another thread.
+        doing: what is done with every arm; "" for a calibration, which is at another step with each.
+
+    Raises Refused.
+    """
+    states = {arm.node_name: arm for arm in arms}
+
+    def report(name: str) -> tuple[str, str]:
+        state = states[name].state
+        is_over = state in (ArmState.DONE, ArmState.STOPPED)
+        return "stopped" if is_over else "ready", doing or f"calibration: {state.value}"
+
+    try:
+        stack.enter_context(ForegroundJob(plan, MODE, states, report, stop))
+    except JobRefusedError as error:
+        raise Refused(str(error), error.code) from error
 
 
 def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:

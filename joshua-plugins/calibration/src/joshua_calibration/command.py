@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.options import FAULT_ALONE
+from joshua.tools import FAULT_ALONE, ExitCode
 
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.planner.emulation import EmulatedRig
-    from joshua.planner.pipeline import Checked
+    from joshua.tools import Checked, EmulatedRig
 
 SUMMARY = "calibrate arms by hand, compare file and servos, or exchange calibrations with LeRobot"
 ACTIONS = ("import-lerobot", "export-lerobot")
@@ -20,7 +18,7 @@ ACTIONS = ("import-lerobot", "export-lerobot")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of ``joshua calibrate``."""
-    from joshua.cli.options import add_config_options, add_fault_option
+    from joshua.tools import add_config_options, add_fault_option
 
     add_config_options(parser)
     parser.add_argument(

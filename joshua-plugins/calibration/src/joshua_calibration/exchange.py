@@ -8,15 +8,21 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.report import exit_code_of, request_of, show_findings
 from joshua.config.checks.device_table import block_of
 from joshua.config.graph import node_entries
 from joshua.devices.calibration import ArmCalibration
-from joshua.planner.calibration_place import FileRefused, calibration_place
-from joshua.planner.pipeline import Checked, check_file
-from joshua.planner.request import Purpose
 from joshua.schema import config_pb2 as pb
+from joshua.tools import (
+    Checked,
+    ExitCode,
+    FileRefused,
+    Purpose,
+    calibration_place,
+    check_file,
+    exit_code_of,
+    request_of,
+    show_findings,
+)
 
 from joshua_calibration.arm_file import ArmFile
 from joshua_calibration.lerobot import CalibrationError, from_lerobot, to_lerobot

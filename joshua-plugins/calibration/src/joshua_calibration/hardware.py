@@ -7,24 +7,28 @@ import threading
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from joshua.cli.emulation import start_rig
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.report import exit_code_of, request_of, show_findings
-from joshua.cli.simulation import start_simulation
 from joshua.devices.errors import DeviceError
-from joshua.planner.pipeline import Checked, check_file
-from joshua.planner.request import Purpose
+from joshua.tools import (
+    Checked,
+    ExitCode,
+    Purpose,
+    check_file,
+    exit_code_of,
+    request_of,
+    show_findings,
+    start_rig,
+    start_simulation,
+)
 
-from joshua_calibration.arms import Refused, find_arms, open_arms, plan_of, recover_arms
+from joshua_calibration.arms import MODE, Refused, find_arms, open_arms, plan_of, recover_arms, taken
 from joshua_calibration.comparison import compare, comparison_text
-from joshua_calibration.presence import MODE, Presence
 from joshua_calibration.transaction import Recovery
 
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.planner.emulation import EmulatedRig
     from joshua.plugins.emulator import Coupling
+    from joshua.tools import EmulatedRig
 
 
 def with_arms(arguments: argparse.Namespace) -> int:
@@ -63,7 +67,7 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
     arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=arguments.nodes or ())
     stop = threading.Event()
     doing = "calibration is recovered" if arguments.recover else "calibration is compared"
-    Presence(plan, arms, stop.set, stack, doing=doing)
+    taken(plan, arms, stop.set, stack, doing)
     open_arms(arms, stack, release=False)
     if arguments.recover:
         outcomes = recover_arms(arms)

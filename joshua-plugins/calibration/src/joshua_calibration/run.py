@@ -8,7 +8,7 @@ import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
+from joshua.tools import ExitCode
 
 from joshua_calibration.arms import (
     Refused,
@@ -16,15 +16,14 @@ from joshua_calibration.arms import (
     open_arms,
     plan_of,
     recover_arms,
+    taken,
 )
-from joshua_calibration.presence import Presence
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
 
-    from joshua.planner.emulation import EmulatedRig
-    from joshua.planner.pipeline import Checked
+    from joshua.tools import Checked, EmulatedRig
 
     from joshua_calibration.front_end import FrontEnd
     from joshua_calibration.page.front_end import PageFrontEnd
@@ -42,7 +41,7 @@ def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: Emulat
             arms = find_arms(plan, previous, rig=rig, simulated=arguments.sim, only=only)
             stop = Stop(plan.duration_s)
             stack.enter_context(stop)
-            Presence(plan, arms, stop.order, stack)
+            taken(plan, arms, stop.order, stack)
             open_arms(arms, stack)
             recover_arms(arms)
             display = checked.loaded.config.calibration_run.display or arguments.open

@@ -14,7 +14,7 @@ from enum import Enum
 from joshua.devices.calibration import ArmCalibration
 from joshua.devices.calibration_target import CalibrationTarget, StoredMotor
 from joshua.devices.errors import DeviceError
-from joshua.planner.calibration_place import FileRefused
+from joshua.tools import FileRefused
 
 from joshua_calibration.arm_file import ArmFile
 from joshua_calibration.journal import Journal, JournalRefused, Record

@@ -13,9 +13,8 @@ from joshua.ipc.client import SOCKET_NAME, ask, running_systems
 from joshua.ipc.run_bases import base_directory
 from joshua.plan import NodeKind, NodeSpec, Plan
 from joshua_calibration import hardware
-from joshua_calibration.arms import Refused
+from joshua_calibration.arms import Refused, taken
 from joshua_calibration.front_end import ArmState
-from joshua_calibration.presence import Presence
 
 ARM = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="b:B", implementation="c:C")
 PLAN = Plan(source="robot.pbtxt", mode="MODE_CALIBRATION", nodes=(ARM,))
@@ -29,7 +28,7 @@ def test_it_answers_while_nobody_serves_it(tmp_path: Path, monkeypatch: pytest.M
     stopped = threading.Event()
     plan = PLAN.model_copy(update={"mode": "MODE_TELEOPERATE"})  # a check leaves the file's mode
     with ExitStack() as stack:
-        Presence(plan, arms, stopped.set, stack, doing="calibration is compared")
+        taken(plan, arms, stopped.set, stack, "calibration is compared")
         ((path, _),) = running_systems(base_directory({"XDG_RUNTIME_DIR": str(tmp_path)}))
         status = ask(path / SOCKET_NAME, {"request": "status"}, timeout_s=20)["status"]
         assert (status["mode"], status["phase"]) == ("MODE_CALIBRATION", "running")
@@ -43,14 +42,14 @@ def test_it_answers_while_nobody_serves_it(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_check_that_is_told_to_stop_says_that_it_is_not_finished(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped_at_once(_plan: Plan, _arms: Any, stop: Any, _stack: ExitStack, *, doing: str) -> None:
+    def stopped_at_once(_plan: Plan, _arms: Any, stop: Any, _stack: ExitStack, doing: str) -> None:
         assert doing == "calibration is compared"
         stop()
 
     monkeypatch.setattr(hardware, "plan_of", lambda *_: (PLAN, {}))
     monkeypatch.setattr(hardware, "find_arms", lambda *_, **__: [SimpleNamespace(node_name="arm")])
     monkeypatch.setattr(hardware, "open_arms", lambda *_, **__: None)
-    monkeypatch.setattr(hardware, "Presence", stopped_at_once)
+    monkeypatch.setattr(hardware, "taken", stopped_at_once)
     arguments: Any = SimpleNamespace(sim=False, nodes=(), recover=False)
     checked: Any = None
     with ExitStack() as stack, pytest.raises(Refused, match="stopped before every arm was compared") as ended:
@@ -63,13 +62,13 @@ def test_its_exit_codes_are_those_of_a_run(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     arms: Any = [SimpleNamespace(node_name="arm", state=ArmState.WAITING)]
     with ExitStack() as stack:
-        Presence(PLAN, arms, lambda: None, stack)
+        taken(PLAN, arms, lambda: None, stack)
         ((_, info),) = running_systems(base_directory({"XDG_RUNTIME_DIR": str(tmp_path)}))
         assert (info.source, info.nodes) == (str(tmp_path / "robot.pbtxt"), ("/arm",))
         with pytest.raises(Refused, match="held by process") as held:
-            Presence(PLAN, arms, lambda: None, stack)
+            taken(PLAN, arms, lambda: None, stack)
         assert held.value.code == 4
     (tmp_path / "joshua").chmod(0o755)
     with ExitStack() as stack, pytest.raises(Refused, match="chmod 700") as unusable:
-        Presence(PLAN, arms, lambda: None, stack)
+        taken(PLAN, arms, lambda: None, stack)
     assert unusable.value.code == 1

@@ -1,0 +1,99 @@
+"""Checking, planning and explaining, each as one function from values to values; no device is touched."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import os
+
+    from joshua.devices.actuator import Actuator
+    from joshua.plan import NodeSpec
+    from joshua.planner.pipeline import Examination
+
+
+def check(path: str | os.PathLike[str], **options: Any) -> Examination:
+    """Finds every problem of a configuration file; never raises for what stands in it.
+
+    Args:
+        path: of the file; options: fields of ``Request``, such as ``overrides`` or ``emulate``.
+    """
+    return _examined(path, "VALIDATE", options)
+
+
+def plan(path: str | os.PathLike[str], **options: Any) -> Examination:
+    """The same with the plan of what would be started, where no problem is an error."""
+    return _examined(path, "SHOW", options)
+
+
+def explain(name: str = "", width: int = 80) -> str:
+    """The documentation of a block, field, value or diagnostic code; "" lists the blocks of a file.
+
+    Raises:
+        LookupError: there is nothing of that name; the message names the nearest.
+    """
+    from joshua.config.explain import Catalogue, overview
+    from joshua.config.explain import explain as page
+    from joshua.plugins import load_registry
+    from joshua.textproto.plugin_types import PluginTypes
+
+    if not name:
+        return overview(width)
+    catalogue = Catalogue(lambda: PluginTypes(load_registry().message_modules()))
+    found = catalogue.find(name)
+    if not found:
+        near = catalogue.suggestions(name)
+        raise LookupError(
+            f"there is nothing named {name!r}" + (f"; nearest: {', '.join(near)}" if near else "")
+        )
+    return page(found, catalogue, width)
+
+
+def spans(text: str, field_path: str) -> list[tuple[int, int]]:
+    """Where the values of a field stand in a configuration text, for a program that edits one.
+
+    Args:
+        text: that ``check`` has no errors for; field_path: such as ``calibration.arms``, without indices.
+
+    Returns:
+        Start and end offset of each value, brackets of blocks included, in the order of the text.
+    """
+    from joshua.textproto.lexer import tokenize
+    from joshua.textproto.parser import Parser
+    from joshua.textproto.problems import Problems
+    from joshua.textproto.source import Source
+    from joshua.textproto.syntax import Block, ListValue
+
+    source = Source("", text)
+    fields = Parser(source, tokenize(source), Problems()).document()
+    values: list[Any] = []
+    for name in field_path.split("."):
+        named = [field.value for field in fields if field.name == name]
+        values = [
+            item for value in named for item in (value.items if isinstance(value, ListValue) else (value,))
+        ]
+        fields = [field for value in values if isinstance(value, Block) for field in value.fields]
+    return [(value.start, value.end) for value in values]
+
+
+def open_driver(spec: NodeSpec) -> Actuator:
+    """The driver of an actuator in a plan, not connected to its device.
+
+    Raises:
+        TargetError: its plugin does not provide what it says.
+    """
+    from joshua.devices.actuator import Actuator
+    from joshua.node.implementation import load_implementation
+
+    implementation, settings = load_implementation(spec, Actuator)
+    driver: Actuator = implementation(settings, spec.context)
+    return driver
+
+
+def _examined(path: str | os.PathLike[str], purpose: str, options: dict[str, Any]) -> Examination:
+    import os
+
+    from joshua.planner.pipeline import examine
+    from joshua.planner.request import Purpose, Request
+
+    return examine(Request(os.fspath(path), purpose=Purpose[purpose], **options))
