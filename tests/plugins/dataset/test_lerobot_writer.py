@@ -6,15 +6,17 @@ import contextlib
 import hashlib
 import json
 import resource
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from joshua.features import Feature, FeatureSet, Frame
+from joshua.features.episodes import DatasetLayout, EpisodeError
 from joshua.plugins import EpisodeWriterSpec, load_registry
-from joshua.plugins.episodes import DatasetLayout, EpisodeError, PictureFeature, VectorFeature
 from joshua.plugins.targets import check_targets
 from joshua_dataset import statistics
 from joshua_dataset.lerobot_writer import LeRobotWriter
@@ -28,14 +30,20 @@ def layout(folder: Path, width: int = 32) -> DatasetLayout:
         folder=folder,
         robot_type="arm",
         fps=10,
-        vectors=(VectorFeature("observation.state", JOINTS), VectorFeature("action", JOINTS)),
-        pictures=(PictureFeature(TOP, width, 24),),
+        features=FeatureSet(
+            [
+                Feature.joints("observation.state", JOINTS),
+                Feature.joints("action", JOINTS),
+                Feature.picture(TOP, 24, width),
+            ]
+        ),
     )
 
 
-def frame(number: int) -> dict:
+def frame(number: int, stamp_ns: int = 0, changes: Mapping[str, Any] | None = None) -> Frame:
     picture = np.full((24, 32, 3), 20 * number, np.uint8)
-    return {"observation.state": [number, -number], "action": [number + 0.5, 0.0], TOP: picture}
+    values = {"observation.state": [number, -number], "action": [number + 0.5, 0.0], TOP: picture}
+    return Frame(stamp_ns, values | dict(changes or {}))
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -51,7 +59,7 @@ def write(folder: Path, *, lengths: tuple[int, ...] = (3, 2)) -> LeRobotWriter:
     writer.open()
     for length in lengths:
         for number in range(length):
-            writer.add_frame(1000 + number, frame(number))
+            writer.add_frame(frame(number, 1000 + number))
         writer.end_episode("wave" if length == 3 else "point")
     return writer
 
@@ -79,7 +87,12 @@ def test_metadata_describe_the_data_set(tmp_path: Path) -> None:
     info = json.loads((tmp_path / "meta/info.json").read_text())
     assert (info["codebase_version"], info["robot_type"], info["fps"]) == ("v3.0", "arm", 10)
     assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (2, 5, 2)
-    assert info["features"]["action"] == {"dtype": "float32", "shape": [2], "names": ["pan", "lift"]}
+    assert info["features"]["action"] == {
+        "dtype": "float32",
+        "shape": [2],
+        "names": ["pan", "lift"],
+        "unit": "rad",
+    }
     assert info["features"][TOP]["shape"] == [24, 32, 3]
     tasks = pq.read_table(tmp_path / "meta/tasks.parquet").to_pydict()
     assert tasks == {"task_index": [0, 1], "__index_level_0__": ["wave", "point"]}
@@ -113,11 +126,11 @@ def test_same_frames_give_the_same_bytes(tmp_path: Path) -> None:
 def test_dropped_episode_leaves_nothing_behind(tmp_path: Path) -> None:
     writer = write(tmp_path, lengths=(2,))
     before = sorted(tmp_path.rglob("*"))
-    writer.add_frame(0, frame(1))
+    writer.add_frame(frame(1))
     writer.close()
     writer.close()
     assert sorted(tmp_path.rglob("*")) == before
-    writer.add_frame(0, frame(1))  # and the next one takes its place
+    writer.add_frame(frame(1))  # and the next one takes its place
     writer.end_episode("wave")
     info = json.loads((tmp_path / "meta/info.json").read_text())
     assert info["total_episodes"] == 2
@@ -125,7 +138,7 @@ def test_dropped_episode_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def add_episode(writer: LeRobotWriter, task: str) -> None:
     for number in range(3):
-        writer.add_frame(1000 + number, frame(number))
+        writer.add_frame(frame(number, 1000 + number))
     writer.end_episode(task)
 
 
@@ -164,7 +177,7 @@ def test_folder_belongs_to_one_writer_and_goes_with_its_last_episode(tmp_path: P
     first.open()
     with pytest.raises(EpisodeError, match="is not empty, and data sets are never overwritten"):
         LeRobotWriter(layout(tmp_path / "set")).open()
-    first.add_frame(0, frame(1))
+    first.add_frame(frame(1))
     first.close()
     assert not (tmp_path / "set").exists()
 
@@ -184,14 +197,19 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
         LeRobotWriter(layout(tmp_path / "set")).open()
     with pytest.raises(EpisodeError, match="31 x 24: a video needs an even width and height"):
         LeRobotWriter(layout(tmp_path / "odd", width=31)).open()
+    scans = FeatureSet([Feature("observation.scan", "float32", (0,))])
+    with pytest.raises(EpisodeError, match=r"scan has the shape \(0,\), which no column can have"):
+        LeRobotWriter(DatasetLayout(tmp_path / "scan", "arm", 10, scans)).open()
+    with pytest.raises(EpisodeError, match=r"a frame lacks action, observation\.images\.top"):
+        writer.add_frame(Frame(0, {"observation.state": [0, 0]}))
     with pytest.raises(EpisodeError, match="an episode without a frame cannot be kept"):
         writer.end_episode("wave")
-    with pytest.raises(EpisodeError, match=r"shape \(3,\), and 2 numbers are kept \(pan, lift\)"):
-        writer.add_frame(0, frame(1) | {"action": [1, 2, 3]})
-    with pytest.raises(EpisodeError, match=r"top has the shape \(8, 8, 3\) of uint8, and \(24, 32, 3\) of"):
-        writer.add_frame(0, frame(1) | {TOP: np.zeros((8, 8, 3), np.uint8)})
-    with pytest.raises(EpisodeError, match=r"\(24, 32, 3\) of float64, and \(24, 32, 3\) of uint8 is kept"):
-        writer.add_frame(0, frame(1) | {TOP: np.zeros((24, 32, 3))})
+    with pytest.raises(EpisodeError, match=r"shape \(3,\), and \(2,\) is kept \(pan, lift\)"):
+        writer.add_frame(frame(1, changes={"action": [1, 2, 3]}))
+    with pytest.raises(EpisodeError, match=r"top has the shape \(8, 8, 3\), and \(24, 32, 3\) is kept"):
+        writer.add_frame(frame(1, changes={TOP: np.zeros((8, 8, 3), np.uint8)}))
+    with pytest.raises(EpisodeError, match="has values of float64, and a picture is of uint8"):
+        writer.add_frame(frame(1, changes={TOP: np.zeros((24, 32, 3))}))
     (tmp_path / "file").write_text("")
     with pytest.raises(EpisodeError, match="cannot be made: Not a directory; name another local_path"):
         LeRobotWriter(layout(tmp_path / "file" / "set")).open()

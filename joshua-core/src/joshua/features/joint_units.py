@@ -86,7 +86,8 @@ class JointRange:
     def __post_init__(self) -> None:
         if not 0 < self.high_rad - self.low_rad < math.inf:
             raise ValueError(
-                f"{self.name}: the range {self.low_rad} to {self.high_rad} rad is empty: calibrate the joint"
+                f"{self.name}: {self.low_rad} to {self.high_rad} rad is no range: calibrate the joint, "
+                "or give it limits"
             )
 
 

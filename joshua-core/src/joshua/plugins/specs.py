@@ -126,7 +126,7 @@ class EpisodeWriterSpec(PluginSpec):
     """A layout of data sets."""
 
     kind: ClassVar[str] = "episode writer"
-    base: ClassVar[str] = "joshua.plugins.episodes:EpisodeWriter"
+    base: ClassVar[str] = "joshua.features.episodes:EpisodeWriter"
 
 
 class TrainerSpec(PluginSpec):

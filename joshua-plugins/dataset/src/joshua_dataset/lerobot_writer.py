@@ -14,7 +14,8 @@ from typing import Any
 import av
 import numpy as np
 import pyarrow as pa
-from joshua.plugins.episodes import DatasetLayout, EpisodeError, EpisodeWriter
+from joshua.features import FeatureError, Frame, checked
+from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
 
 from joshua_dataset import statistics
 from joshua_dataset.metadata import CHUNK_SIZE, DATA_PATH, STAMP, VIDEO_PATH, data_schema, write_metadata
@@ -27,7 +28,7 @@ PICTURE_STRIDE = 10
 
 
 class LeRobotWriter(EpisodeWriter):
-    """See ``EpisodeWriter``. Pictures become H.264 videos; numbers become float32.
+    """See ``EpisodeWriter``. Pictures become H.264 videos.
 
     Args:
         layout: what the data set holds; pictures have even widths and heights.
@@ -46,11 +47,14 @@ class LeRobotWriter(EpisodeWriter):
     def open(self) -> None:
         """Makes the folder. Raises EpisodeError."""
         layout = self.layout
-        odd = [p for p in layout.pictures if p.width % 2 or p.height % 2]
-        if odd:
-            raise EpisodeError(
-                f"{odd[0].key} is {odd[0].width} x {odd[0].height}: a video needs an even width and height"
-            )
+        for feature in layout.features.values():
+            if 0 in feature.shape or not (feature.is_picture or len(feature.shape) == 1):
+                raise EpisodeError(f"{feature.key} has the shape {feature.shape}, which no column can have")
+            if feature.is_picture and (feature.shape[0] % 2 or feature.shape[1] % 2):
+                height, width, _ = feature.shape
+                raise EpisodeError(
+                    f"{feature.key} is {width} x {height}: a video needs an even width and height"
+                )
         try:
             if layout.folder.exists() and any(layout.folder.iterdir()):
                 raise EpisodeError(
@@ -68,31 +72,23 @@ class LeRobotWriter(EpisodeWriter):
                 f"{layout.folder} cannot be made: {error.strerror or error}; name another local_path"
             ) from error
 
-    def add_frame(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
+    def add_frame(self, frame: Frame) -> None:
         """Adds a frame. Raises EpisodeError."""
-        layout = self.layout
-        numbers = {}
-        for vector in layout.vectors:
-            numbers[vector.key] = row = np.asarray(values[vector.key], dtype=np.float32)
-            if row.shape != (len(vector.names),):
-                raise EpisodeError(
-                    f"{vector.key} has the shape {row.shape}, and {len(vector.names)} numbers are kept "
-                    f"({', '.join(vector.names)})"
-                )
-        for picture in layout.pictures:
-            size, given = (picture.height, picture.width, 3), np.asarray(values[picture.key])
-            if given.shape != size or given.dtype != np.uint8:
-                raise EpisodeError(
-                    f"{picture.key} has the shape {given.shape} of {given.dtype}, and {size} of uint8 is kept"
-                )
+        features = self.layout.features
+        missing = [key for key in features if key not in frame.values]
+        if missing:
+            raise EpisodeError(f"a frame lacks {', '.join(missing)}")
         try:
-            for picture in layout.pictures:
-                self._add_picture(picture.key, values[picture.key])
+            values = {key: checked(feature, frame[key]) for key, feature in features.items()}
+            for feature in features.pictures:
+                self._add_picture(feature.key, values[feature.key])
+        except FeatureError as error:
+            raise EpisodeError(str(error)) from error
         except (OSError, av.FFmpegError) as error:
-            raise EpisodeError(f"{layout.folder} takes no picture: {error}") from error
-        for key, row in numbers.items():
-            self._vectors[key].append(row)
-        self._stamps.append(stamp_ns)
+            raise EpisodeError(f"{self.layout.folder} takes no picture: {error}") from error
+        for feature in features.numbers:
+            self._vectors[feature.key].append(values[feature.key])
+        self._stamps.append(frame.stamp_ns)
 
     def end_episode(self, task: str) -> None:
         """Ends the episode: its files are completed, then the metadata replaced. Raises EpisodeError."""
@@ -155,8 +151,8 @@ class LeRobotWriter(EpisodeWriter):
         return {"chunk_index": self.episodes // CHUNK_SIZE, "file_index": self.episodes % CHUNK_SIZE}
 
     def _clear(self) -> None:
-        self._vectors: dict[str, list[Any]] = {vector.key: [] for vector in self.layout.vectors}
-        self._samples: dict[str, list[Any]] = {picture.key: [] for picture in self.layout.pictures}
+        self._vectors: dict[str, list[Any]] = {feature.key: [] for feature in self.layout.features.numbers}
+        self._samples: dict[str, list[Any]] = {feature.key: [] for feature in self.layout.features.pictures}
         self._videos.clear()
         self._stamps: list[int] = []
 
@@ -190,7 +186,7 @@ class LeRobotWriter(EpisodeWriter):
             "dataset_from_index": self._frames,
             "dataset_to_index": self._frames + count,
         }
-        for picture in self.layout.pictures:
+        for picture in self.layout.features.pictures:
             row |= {
                 f"videos/{picture.key}/chunk_index": place["chunk_index"],
                 f"videos/{picture.key}/file_index": place["file_index"],

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
-from joshua.plugins.episodes import DatasetLayout
+from joshua.features.episodes import DatasetLayout
 
 from joshua_dataset.staging import Staging
 from joshua_dataset.statistics import Statistics, as_json, merged
@@ -37,14 +37,18 @@ INDEX_COLUMNS = {
 
 def data_schema(layout: DatasetLayout) -> pa.Schema:
     """Schema of the tables of frames; its metadata tell the ``datasets`` library the features."""
-    fields = [pa.field(vector.key, pa.list_(pa.float32(), len(vector.names))) for vector in layout.vectors]
+    numbers = layout.features.numbers
+    fields = [
+        pa.field(feature.key, pa.list_(pa.from_numpy_dtype(feature.dtype), feature.shape[0]))
+        for feature in numbers
+    ]
     described: dict[str, Any] = {
-        vector.key: {
-            "feature": {"dtype": "float32", "_type": "Value"},
-            "length": len(vector.names),
+        feature.key: {
+            "feature": {"dtype": feature.dtype, "_type": "Value"},
+            "length": feature.shape[0],
             "_type": "List",
         }
-        for vector in layout.vectors
+        for feature in numbers
     }
     for name, kind in INDEX_COLUMNS.items():
         fields.append(pa.field(name, pa.float32() if kind == "float32" else pa.int64()))
@@ -76,26 +80,28 @@ def write_metadata(
 def _info(
     layout: DatasetLayout, episodes: Sequence[Mapping[str, Any]], tasks: Sequence[str]
 ) -> dict[str, Any]:
-    features: dict[str, Any] = {
-        vector.key: {"dtype": "float32", "shape": [len(vector.names)], "names": list(vector.names)}
-        for vector in layout.vectors
-    }
-    for picture in layout.pictures:
-        features[picture.key] = {
-            "dtype": "video",
-            "shape": [picture.height, picture.width, 3],
-            "names": ["height", "width", "channels"],
-            "info": {
-                "video.height": picture.height,
-                "video.width": picture.width,
+    features: dict[str, Any] = {}
+    for feature in layout.features.values():
+        described: dict[str, Any] = {
+            "dtype": "video" if feature.is_picture else feature.dtype,
+            "shape": list(feature.shape),
+            "names": list(feature.names) or None,
+        }
+        features[feature.key] = described
+        if feature.unit:
+            described["unit"] = feature.unit
+        if feature.is_picture:
+            height, width, _ = feature.shape
+            described["info"] = {
+                "video.height": height,
+                "video.width": width,
                 "video.codec": CODEC,
                 "video.pix_fmt": PIXEL_FORMAT,
                 "video.is_depth_map": False,
                 "video.fps": layout.fps,
                 "video.channels": 3,
                 "has_audio": False,
-            },
-        }
+            }
     for name, kind in INDEX_COLUMNS.items():
         features[name] = {"dtype": kind, "shape": [1], "names": None}
     return {
@@ -110,7 +116,7 @@ def _info(
         "fps": layout.fps,
         "splits": {"train": f"0:{len(episodes)}"},
         "data_path": DATA_PATH,
-        "video_path": VIDEO_PATH if layout.pictures else None,
+        "video_path": VIDEO_PATH if layout.features.pictures else None,
         "features": features,
     }
 

@@ -8,22 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.plugins.episodes import (
-    DatasetLayout,
-    EpisodeError,
-    EpisodeWriter,
-    PictureFeature,
-    VectorFeature,
-)
+from joshua.features import ACTION, STATE, Feature, FeatureSet, Frame, camera_key
+from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
 from joshua.plugins.targets import load_target
 
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
-from joshua_mujoco_sim.settings_parts import DatasetSettings, picture_key
+from joshua_mujoco_sim.settings_parts import DatasetSettings
 from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
 from joshua_mujoco_sim.world import World
-
-STATE, ACTION = "observation.state", "action"
 
 #: Episodes that may be lost in a row, by a divergence or a reset from outside, before this gives up.
 MOST_LOST = 5
@@ -106,15 +99,20 @@ class EpisodeMaker:
             joint if drive == "position" else f"{joint}.{drive}"
             for joint, drive in zip(self._group.joints, self._group.drives, strict=True)
         ]
-        self._keys = {camera: picture_key(camera) for camera in settings.cameras}
+        self._keys = {camera: camera_key(camera) for camera in settings.cameras}
+        # drives other than those of positions take speeds or torques, so that there is no one unit
+        unit = "rad" if set(self._group.drives) == {"position"} else ""
         self._writer: EpisodeWriter = load_target(settings.writer)(
             DatasetLayout(
                 folder=Path(settings.folder),
                 robot_type=settings.robot_type,
                 fps=settings.fps,
-                vectors=(VectorFeature(STATE, self._group.joints), VectorFeature(ACTION, tuple(commanded))),
-                pictures=tuple(
-                    PictureFeature(key, settings.width, settings.height) for key in self._keys.values()
+                features=FeatureSet(
+                    [
+                        Feature.joints(STATE, self._group.joints),
+                        Feature.joints(ACTION, tuple(commanded), unit=unit),
+                        *(Feature.picture(k, settings.height, settings.width) for k in self._keys.values()),
+                    ]
                 ),
             )
         )
@@ -191,7 +189,7 @@ class EpisodeMaker:
             return  # a frame whose step has diverged ends no episode
         try:
             pictures = {self._keys[camera]: drawn.draw() for camera, drawn in self._renderers.items()}
-            self._writer.add_frame(stamp_ns, frame | pictures)
+            self._writer.add_frame(Frame(stamp_ns, frame | pictures))
             self._frame += 1
             number = self._writer.episodes
             if self._frame >= self._frames[number % len(self._frames)]:

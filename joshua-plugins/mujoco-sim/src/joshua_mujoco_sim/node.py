@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from joshua.devices.errors import DeviceError
+from joshua.features.episodes import EpisodeError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.plan import TopicSpec
-from joshua.plugins.episodes import EpisodeError
 from joshua.plugins.targets import TargetError
 
 from joshua_mujoco_sim.clock import ClockPublisher

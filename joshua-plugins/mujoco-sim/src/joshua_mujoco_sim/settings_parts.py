@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from joshua.features import camera_key
 from joshua.plugins.settings import FieldError
 from pydantic import BaseModel, ConfigDict
 
@@ -77,18 +78,9 @@ class VariationSettings(BaseModel):
     camera_rad: float
 
 
-#: Before the name of a camera in the name of its pictures' column.
-PICTURES = "observation.images."
-
-
-def picture_key(camera: str) -> str:
-    """Name of the column that holds the pictures of a camera, also a part of a path."""
-    return PICTURES + camera.replace("/", "_")
-
-
 def check_picture_keys(cameras: Sequence[str]) -> None:
     """Refuses cameras whose pictures would go into one file. Raises FieldError."""
-    keys = [picture_key(camera) for camera in cameras]
+    keys = [camera_key(camera) for camera in cameras]
     for index, (camera, key) in enumerate(zip(cameras, keys, strict=True)):
         other = cameras[keys.index(key)]
         if keys.index(key) < index:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
+from joshua.features import ACTION, STATE
 
 from joshua_mujoco_sim.trajectories.budget import LONGEST_LINE, Budget
 from joshua_mujoco_sim.trajectories.trajectory import (
@@ -22,7 +23,7 @@ from joshua_mujoco_sim.trajectories.trajectory import (
 TIME_COLUMNS = ("time_s", "timestamp")
 
 #: Columns of a recorded data set that hold all joints as one list, the commanded positions first.
-VECTOR_COLUMNS = ("action", "observation.state")
+VECTOR_COLUMNS = (ACTION, STATE)
 
 #: Columns that count and describe, and are no joints.
 _OTHER_COLUMNS = ("frame_index", "episode_index", "index", "task_index", "task", "next.done")

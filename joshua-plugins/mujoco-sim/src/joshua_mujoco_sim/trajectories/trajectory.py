@@ -8,11 +8,10 @@ from difflib import get_close_matches
 
 import numpy as np
 import numpy.typing as npt
+from joshua.features import JointRange, JointUnits, Unit
+from joshua.features.joint_units import LEROBOT_SUFFIX, is_gripper
 
 FloatArray = npt.NDArray[np.float64]
-
-#: Ending of the names of LeRobot's arms, whose values are percent of the calibrated range.
-PERCENT_SUFFIX = ".pos"
 
 
 class TrajectoryError(Exception):
@@ -31,7 +30,7 @@ class Trajectory:
         source: file that it comes from, for messages.
         names: joints, in the order of the columns; () where the recording names none.
         time_s: shape (T,), increasing, from 0.
-        position: radians, or percent of the range where the names end in ``.pos``, shape (T, N).
+        position: radians, or LeRobot's units where the names end in ``.pos``, shape (T, N).
     """
 
     source: str
@@ -65,7 +64,7 @@ class Trajectory:
 
         Args:
             joints: joints of the model that are driven.
-            ranges: limits in radians by joint, for values in percent.
+            ranges: limits in radians by joint, for values in LeRobot's units.
 
         Returns:
             The joints that the recording moves, and their positions in radians, shape (T, M).
@@ -73,7 +72,7 @@ class Trajectory:
         Raises:
             TrajectoryError: no column fits a joint.
         """
-        plain = [name.removesuffix(PERCENT_SUFFIX) for name in self.names]
+        plain = [name.removesuffix(LEROBOT_SUFFIX) for name in self.names]
         if plain and not set(plain) & set(joints):
             if len(plain) != len(joints) or any(get_close_matches(name, joints, n=1) for name in plain):
                 raise TrajectoryError(
@@ -92,8 +91,13 @@ class Trajectory:
         moved = tuple(plain[index] for index in columns)
         position = self.position[:, columns].copy()
         for column, (index, joint) in enumerate(zip(columns, moved, strict=True)):
-            if self.names and self.names[index].endswith(PERCENT_SUFFIX):
-                low, high = ranges[joint]
-                least = 0.0 if position[:, column].min() >= 0 and joint == "gripper" else -100.0
-                position[:, column] = low + (position[:, column] - least) / (100.0 - least) * (high - low)
+            if self.names and self.names[index].endswith(LEROBOT_SUFFIX):
+                values = position[:, column : column + 1]
+                # data sets of other layouts have grippers from -100 to 100, too
+                percent = is_gripper(joint) and values.min() >= 0
+                try:
+                    units = JointUnits([JointRange(joint, *ranges[joint], percent=percent)])
+                except ValueError as error:
+                    raise TrajectoryError(f"{self.source}: {error}") from error
+                position[:, column : column + 1] = units.to_radians(values, Unit.LEROBOT)
         return moved, position

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from joshua.features.feature_set import FeatureSet
+from joshua.features.frame import Frame
 
 
 class EpisodeError(Exception):
     """A data set cannot be written; the message says where, why and what to do."""
-
-
-@dataclass(frozen=True)
-class VectorFeature:
-    """Numbers of each frame: ``key`` such as ``observation.state``, and the name of each number."""
-
-    key: str
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class PictureFeature:
-    """A picture of each frame: ``key`` such as ``observation.images.top``, and its size in pixels."""
-
-    key: str
-    width: int
-    height: int
 
 
 @dataclass(frozen=True)
@@ -37,14 +21,13 @@ class DatasetLayout:
     Attributes:
         folder: of the data set; robot_type: what was recorded.
         fps: frames per second.
-        vectors, pictures: what each frame has.
+        features: what each frame has.
     """
 
     folder: Path
     robot_type: str
     fps: int
-    vectors: tuple[VectorFeature, ...]
-    pictures: tuple[PictureFeature, ...] = ()
+    features: FeatureSet
 
 
 class EpisodeWriter(ABC):
@@ -68,15 +51,11 @@ class EpisodeWriter(ABC):
         """Makes the folder. Raises EpisodeError, also where a data set stands there already."""
 
     @abstractmethod
-    def add_frame(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
-        """Adds a frame to the present episode.
-
-        Args:
-            stamp_ns: when it was taken, which need not be on the beat of ``fps``.
-            values: by key of the feature: numbers of shape (N,), pictures of shape (H, W, 3), uint8, RGB.
+    def add_frame(self, frame: Frame) -> None:
+        """Adds a frame to the present episode; its stamp need not be on the beat of ``fps``.
 
         Raises:
-            EpisodeError: a value has another shape, or the disk refuses it.
+            EpisodeError: a value is missing or does not fit its feature, or the disk refuses it.
         """
 
     @abstractmethod
