@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from joshua.features import ACTION, STATE
 from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
 from joshua_mujoco_sim.envs.tasks import reach
 from joshua_mujoco_sim.envs.terms import ResetTerm
@@ -56,6 +57,23 @@ def test_passes_the_checks_of_gymnasium(name: str) -> None:
         made = gymnasium.make(name, render_mode=mode, disable_env_checker=True)
         check_env(made.unwrapped, skip_render_check=not has_gl())
         made.close()
+
+
+def test_features_describe_observation_and_action(environment) -> None:
+    features = environment.unwrapped.features
+    observed = [feature for key, feature in features.items() if key != ACTION]
+    assert all(key.startswith("observation.") for key in features if key != ACTION)
+    assert sum(feature.shape[0] for feature in observed) == environment.observation_space.shape[0]
+    assert features[ACTION].shape == environment.action_space.shape
+    assert len(features[ACTION].names) == environment.action_space.shape[0]
+
+
+def test_the_arm_is_observed_as_data_sets_record_it() -> None:
+    environment = TermEnv(reach)
+    state = environment.features[STATE]
+    assert (state.names[0], state.names[-1], state.unit) == ("shoulder_pan", "gripper", "rad")
+    observation, _ = environment.reset(seed=0)
+    assert observation[:6] == pytest.approx(environment.state.qpos[0, :6])
 
 
 def test_seed_decides_every_bit(environment) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from joshua_mujoco_sim.envs.state import SingleState
 from joshua_mujoco_sim.envs.tasks import ARM_RANDOMISATION
@@ -21,6 +20,7 @@ _ONLY = np.zeros(1, np.int64)
 class TermEnv(gymnasium.Env[Any, Any]):
     """An environment that a task describes. Actions are in [-1, 1]; observations float32.
 
+    ``features`` names the parts of an observation, which stand side by side in it, and of an action.
     ``info`` carries each reward term (``reward_terms``), each reason to end that holds (``ended_by``), and
     ``is_success``.
 
@@ -60,9 +60,9 @@ class TermEnv(gymnasium.Env[Any, Any]):
         self.task.prepare(self._state)
         self._evaluator = Evaluator(self.task, self._state)
         self._keyframe = model.key("home").id if model.nkey else -1
-        self.action_space = spaces.Box(-1.0, 1.0, (self.task.action_size,), np.float32)
-        size = self._evaluator.observation().shape[1]
-        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+        self.features = self._evaluator.features
+        self.action_space = self._evaluator.action_space
+        self.observation_space = self._evaluator.observation_space
 
     @property
     def state(self) -> SingleState:

@@ -13,9 +13,9 @@ from joshua_mujoco_sim.envs.terms import ObservationTerm, ResetTerm, RewardTerm,
 _ARM = slice(0, 6)
 
 _ARM_OBSERVATIONS = (
-    ObservationTerm("joint_position_rad", common.columns, {"qpos": _ARM}),
-    ObservationTerm("joint_velocity_rad_s", common.velocities, {"qvel": _ARM, "scale": 0.1}),
-    ObservationTerm("grip_position_m", common.site_position, {"site": "gripper"}),
+    ObservationTerm("state", common.columns, {"qpos": _ARM}, "rad", _ARM),
+    ObservationTerm("velocity", common.velocities, {"qvel": _ARM, "scale": 0.1}, "10 rad/s", _ARM),
+    ObservationTerm("grip", common.site_position, {"site": "gripper"}, "m"),
     ObservationTerm("last_action", common.last_action),
 )
 
@@ -59,7 +59,7 @@ def reach(reward: str = "reach") -> Task:
         frame_skip=20,
         action=arm.move_goals,
         action_size=6,
-        observations=(*_ARM_OBSERVATIONS, ObservationTerm("to_goal_m", arm.offset, sites)),
+        observations=(*_ARM_OBSERVATIONS, ObservationTerm("to_goal", arm.offset, sites, "m")),
         rewards=_choose("reach", rewards, reward),
         terminations=(
             TerminationTerm("reached", arm.within, {**sites, "radius_m": 0.01}, success=True),
@@ -101,8 +101,8 @@ def pick_place(reward: str = "pick_place") -> Task:
         action_size=6,
         observations=(
             *_ARM_OBSERVATIONS,
-            ObservationTerm("to_cube_m", arm.offset, to_cube),
-            ObservationTerm("cube_to_goal_m", arm.offset, {"first": "cube", "second": "goal"}),
+            ObservationTerm("to_cube", arm.offset, to_cube, "m"),
+            ObservationTerm("cube_to_goal", arm.offset, {"first": "cube", "second": "goal"}, "m"),
             ObservationTerm("cube_attitude", common.columns, {"qpos": slice(9, 13)}),
         ),
         rewards=_choose("pick_place", rewards, reward),

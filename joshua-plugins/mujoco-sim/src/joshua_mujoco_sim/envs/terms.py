@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
+from joshua.features import ACTION, Feature, FeatureSet
 
 from joshua_mujoco_sim.envs.state import FloatArray, IntArray, State
 
@@ -19,11 +21,18 @@ Generators = Sequence[np.random.Generator]
 
 @dataclass(frozen=True)
 class ObservationTerm:
-    """One part of the observation: ``function(state, **parameters)`` gives shape (N, k)."""
+    """One part of the observation: ``function(state, **parameters)`` gives shape (N, k).
+
+    Attributes:
+        name: of the feature, such as ``state`` for ``observation.state``.
+        unit: of its numbers; joints: those that it shows, if it has a number for each.
+    """
 
     name: str
     function: Callable[..., FloatArray]
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    unit: str = ""
+    joints: slice | None = None
 
 
 @dataclass(frozen=True)
@@ -110,26 +119,37 @@ class Evaluator:
 
     Args:
         task: the terms; state: what they look at.
+
+    Attributes:
+        features: of the observation, whose values stand side by side in it, and ``action``, in [-1, 1].
+        observation_space, action_space: of one environment.
     """
 
     def __init__(self, task: Task, state: State) -> None:
         self._task = task
         self._state = state
         self._observe: list[Any] = []
-        self._width = 0
+        width = 0
+        features = []
+        joints = [state.model.joint(i).name for i in range(state.model.njnt)]
         for term in task.observations:
             size = term.function(state, **term.parameters).shape[1]
-            columns = slice(self._width, self._width + size)
-            self._observe.append((columns, term.function, dict(term.parameters)))
-            self._width += size
+            self._observe.append((slice(width, width + size), term.function, dict(term.parameters)))
+            width += size
+            names = tuple(joints[term.joints]) if term.joints is not None else ()
+            features.append(Feature(f"observation.{term.name}", "float32", (size,), names, term.unit))
         state.step_cache.clear()
+        driven = tuple(state.model.actuator(i).name for i in range(state.model.nu))
+        self.features = FeatureSet([*features, Feature(ACTION, "float32", (task.action_size,), driven)])
+        self.observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (task.action_size,), np.float32)
         self._reward = [(t.name, t.weight, t.function, dict(t.parameters)) for t in task.rewards]
         self._end = [(t.name, t.success, t.function, dict(t.parameters)) for t in task.terminations]
 
     def observation(self) -> Any:
         """All observation terms side by side, shape (N, K), float32."""
         state = self._state
-        values = np.empty((state.count, self._width), np.float32)
+        values = np.empty((state.count, *self.observation_space.shape), np.float32)
         for columns, function, parameters in self._observe:
             values[:, columns] = function(state, **parameters)
         return values

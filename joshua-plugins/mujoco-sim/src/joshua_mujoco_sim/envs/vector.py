@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -52,9 +51,9 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         self._ended = np.zeros(num_envs, bool)
         self._reset(np.arange(num_envs))
-        size = self._evaluator.observation().shape[1]
-        self.single_action_space = spaces.Box(-1.0, 1.0, (self.task.action_size,), np.float32)
-        self.single_observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+        self.features = self._evaluator.features
+        self.single_action_space = self._evaluator.action_space
+        self.single_observation_space = self._evaluator.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
