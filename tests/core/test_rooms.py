@@ -22,10 +22,10 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "messages": ("schema", "plan"),
     "ipc": ("plan",),
     "transport": ("messages",),
-    "node": ("transport", "plugins", "ipc"),
-    # The process beside an actuator, and the driver's link to it.
+    "node": ("transport", "plugins", "ipc", "guardian"),
+    # The process beside an actuator, the driver's link to it, and the judge of silence.
     "guardian": (),
-    "devices": ("node", "guardian"),
+    "devices": ("node",),
     "mock": ("devices",),
     "models": ("node", "features"),
     "modes": ("config", "plugins"),

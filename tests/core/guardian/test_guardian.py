@@ -17,12 +17,10 @@ from typing import Any
 
 import pytest
 from joshua.guardian import main
-from joshua.guardian.driver_process import DriverProcess
 from joshua.guardian.estop_files import EstopFiles
 from joshua.guardian.latch import LatchFolder
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import ARMED, DONE, GuardianOrder
-from joshua.guardian.silence import TICK_S, SilenceWatch
 from stepped_time import SteppedTime
 
 ACTION = """
@@ -234,56 +232,3 @@ def test_only_time_in_which_a_guardian_could_look_counts_before_the_first_beat(
         monkeypatch.setattr(main, "select", looks)
         hung = "the driver hung while it switched the device on or off"
         assert guardian._watch() == ("" if len(steps) == 1 else hung)
-
-
-class Driver(DriverProcess):
-    """A driver whose share of the processor is given."""
-
-    def __init__(self) -> None:
-        self.times: tuple[int, int] | None = (0, 0)
-        self.runnable = False
-
-    def processor_ns(self) -> tuple[int, int] | None:
-        return self.times
-
-    def is_runnable(self) -> bool:
-        return self.runnable
-
-
-def silent_until(watch: SilenceWatch, begin_s: float, end_s: float, step_s: float = TICK_S) -> bool:
-    now_s = begin_s
-    while now_s < end_s:
-        now_s += step_s
-        if watch.hung(now_s):
-            return True
-    return False
-
-
-def test_silence_beyond_the_limit_is_a_hang() -> None:
-    watch = SilenceWatch(Driver(), 0.2)
-    watch.heard(1.0)
-    assert not silent_until(watch, 1.0, 1.1)
-    assert silent_until(watch, 1.12, 1.3)
-
-
-def test_a_machine_that_stood_still_is_no_hang() -> None:
-    watch = SilenceWatch(Driver(), 0.2)
-    watch.heard(1.0)
-    assert not watch.hung(1.9)
-
-
-def test_a_driver_that_waits_for_a_processor_does_not_hang_yet() -> None:
-    driver = Driver()
-    watch = SilenceWatch(driver, 0.2)
-    watch.heard(1.0)
-    driver.runnable = True
-    assert not silent_until(watch, 1.0, 1.8)
-    assert silent_until(watch, 1.8, 2.2)  # but not for ever
-
-
-def test_a_driver_that_is_busy_with_something_else_hangs() -> None:
-    driver = Driver()
-    watch = SilenceWatch(driver, 0.2)
-    watch.heard(1.0)
-    driver.runnable, driver.times = True, (200_000_000, 0)
-    assert silent_until(watch, 1.0, 1.3)

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import pytest
 from camera_settings import make_settings
+from joshua.guardian.silence import AwakeClock
 from joshua.messages.make import pixels
-from joshua.node.standstill import Standstills
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.testing.recording_context import RecordingContext
 from joshua_camera import node as node_module
@@ -205,9 +205,9 @@ def test_a_machine_that_stood_still_is_no_fault_of_the_camera(
     monkeypatch: pytest.MonkeyPatch, held_ns: int, passed: bool
 ) -> None:
     now_ns = [0]
-    held = Standstills(lambda: now_ns[0])
+    held = AwakeClock(lambda: now_ns[0] / 1e9, 0.04)
     now_ns[0] = held_ns + 20_000_000
-    held.look()
-    monkeypatch.setattr(node_module, "standstills", lambda: held)
+    held.now_s()
+    monkeypatch.setattr(node_module, "witness", lambda: held)
     figures = Figures(24.0, 60, 60, 0, 0, 0, 0.0, 0.0, "", "", span_ns=(0, 2_500_000_000))
     assert node_module._rate(figures, 30.0)[1] is passed

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 from eventually import eventually
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading
+from joshua.guardian.silence import AwakeClock
 from joshua.messages import decode, encode
 from joshua.messages.make import pixels
 from joshua.node.errors import StopObeyed

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 from eventually import eventually
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.guardian.silence import AwakeClock
 from joshua.node.errors import StopObeyed
 from joshua_emulator import EmulatedEncoder, EmulatedLidar
 from joshua_encoder.encoder import SerialEncoder

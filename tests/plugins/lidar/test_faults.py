@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import pytest
 from eventually import eventually
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.guardian.silence import AwakeClock
 from joshua.node.errors import StopObeyed
 from joshua_emulator import EmulatedLidar
 from joshua_lidar import lidar as lidar_module

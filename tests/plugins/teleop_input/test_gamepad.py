@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 from gamepads import STICK, gamepad_settings, wait_until, wait_until_reported
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected
 from joshua.devices.sensor import Sensor
+from joshua.guardian.silence import AwakeClock
 from joshua.testing import check_sensor
 from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input.errors import InputDeviceError

@@ -266,15 +266,16 @@ class ActuatorNode(NodeBehaviour):
 
     def _read(self, actuator: Actuator) -> JointReading | None:
         """Reads; None where the device did not answer, which it must do again soon. Raises DeviceError."""
-        patience, began_s = self._status.patience, time.monotonic()
+        patience = self._status.patience
+        patience.begin()
         try:
             reading = actuator.read()
         except DeviceSilent as error:
-            if not patience.miss(began_s, time.monotonic()):
+            if not patience.miss():
                 raise
             self.context.log.debug("this cycle is left out: %s", error)
             return None
-        silence_s = patience.hear(time.monotonic())
+        silence_s = patience.hear()
         if silence_s:
             self.context.log.warning("no answer for %.2f s: the cycles in between were left out", silence_s)
         self._status.reading = reading

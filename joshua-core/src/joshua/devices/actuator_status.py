@@ -2,12 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 
 from joshua.devices.actuator import Actuator, JointReading
 from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
-from joshua.devices.patience import Patience
+from joshua.guardian.silence import AwakeClock
 from joshua.plan import NodeSpec
+
+#: A hub that settles keeps every reply back for a tenth of a second or two. Nothing is written meanwhile, so
+#: the joints stay at their last goal.
+SILENCE_LIMIT_S = 0.4
+
+#: What holds the device up may hold its driver up, too: so many readings are tried at least …
+LEAST_MISSES = 5
+#: … within this time.
+LONGEST_SILENCE_S = 1.0
+
+
+class Patience:
+    """Judges readings that did not come; one for each actuator.
+
+    Args:
+        limit_s: silence of the device that its node does not bear; clock: seconds that never run backwards.
+
+    Attributes:
+        missed: readings that did not come so far; longest_s: the longest silence of those that ended.
+    """
+
+    def __init__(self, limit_s: float = SILENCE_LIMIT_S, clock: Callable[[], float] = time.monotonic) -> None:
+        self._limit_s = limit_s
+        self._clock = AwakeClock(clock, limit_s / LEAST_MISSES)
+        self._began = (0.0, 0.0)
+        self._since: tuple[float, float] | None = None
+        self.missed = 0
+        self.longest_s = 0.0
+
+    def begin(self) -> None:
+        """A reading begins."""
+        self._began = (self._clock.now_s(), self._clock.looked_s)
+
+    def miss(self) -> bool:
+        """The reading did not come; returns whether that is still bearable."""
+        self.missed += 1
+        awake_s, now_s = self._clock.now_s(), self._clock.looked_s
+        self._since = self._since or self._began
+        silent_s, since_s = awake_s - self._since[0], now_s - self._since[1]
+        return silent_s < self._limit_s and (since_s < LONGEST_SILENCE_S or self._since is self._began)
+
+    def hear(self) -> float:
+        """The reading came; returns how long the silence was that it ends, 0 where there was none."""
+        if self._since is None:
+            return 0.0
+        self._clock.now_s()
+        silence_s, self._since = self._clock.looked_s - self._since[1], None
+        self.longest_s = max(self.longest_s, silence_s)
+        return silence_s
 
 
 class ActuatorStatus:

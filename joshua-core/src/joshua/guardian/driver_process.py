@@ -1,4 +1,4 @@
-"""The driver as its guardian sees it: whether it lives, gets its share of the processor, and its end."""
+"""The driver as its guardian sees it: whether it lives, and its end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import select
 import signal
 import sys
 import time
-from pathlib import Path
 
 #: The end of a killed process is waited for so long; a device call may hold it in the kernel.
 END_TIMEOUT_S = 1.0
@@ -23,9 +22,8 @@ class DriverProcess:
     the system has none, the parent's number is compared before each use.
     """
 
-    def __init__(self, process_id: int, thread_id: int) -> None:
+    def __init__(self, process_id: int) -> None:
         self.process_id = process_id
-        self._thread = Path(f"/proc/{process_id}/task/{thread_id}")
         self._descriptor = -1
         if sys.platform == "linux":
             with contextlib.suppress(OSError):
@@ -50,18 +48,3 @@ class DriverProcess:
         while self.alive and time.monotonic() < deadline_s:
             time.sleep(_POLL_S)
         return not self.alive
-
-    def processor_ns(self) -> tuple[int, int] | None:
-        """Time that the control loop's thread ran, and that it waited for a processor; None if unknown."""
-        try:
-            ran, waited, _ = (self._thread / "schedstat").read_text().split()
-        except (OSError, ValueError):
-            return None
-        return int(ran), int(waited)
-
-    def is_runnable(self) -> bool:
-        """Whether the thread runs or waits for a processor just now."""
-        try:
-            return (self._thread / "stat").read_text().rpartition(")")[2].split()[0] == "R"
-        except (OSError, IndexError):
-            return False

@@ -12,6 +12,7 @@ import signal
 import socket
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from joshua.guardian.order import (
     GuardianOrder,
 )
 from joshua.guardian.reporting import report_to_run
-from joshua.guardian.silence import SilenceWatch
+from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
 
 #: Signals that end other programs; the guardian ends when its work is done.
 IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGPIPE", "SIGUSR1", "SIGUSR2", "SIGTSTP", "SIGALRM")
@@ -42,8 +43,8 @@ FIRST_BEAT_S = 2.0
 #: While an e-stop is latched, the driver has this long to let go by itself, and again to say that it has.
 ESTOP_PATIENCE_S = 0.3
 
-#: Pause between two looks for an e-stop.
-LOOK_S = 0.1
+#: Pause of the guardian's loop, after which it looks for an e-stop and judges the driver's silence.
+LOOK_S = 0.06
 
 
 class Guardian:
@@ -58,7 +59,7 @@ class Guardian:
         self._socket = sock
         self._order = order
         self._action = action
-        self._driver = DriverProcess(order.process_id, order.thread_id)
+        self._driver = DriverProcess(order.process_id)
         self._latches = LatchFolder(Path(order.latch_folder)) if order.latch_folder else None
         self._subject = Subject(order.robot, order.domain_id, order.node)
         self._release_only = False
@@ -86,16 +87,16 @@ class Guardian:
 
     def _watch(self) -> str:
         """Listens; returns why the safe state is called for, "" where it is not."""
-        silence = SilenceWatch(self._driver, self._order.hang_limit_s)
+        order = self._order
+        clock = AwakeClock(time.monotonic, WATCHER_LOOK_S)  # which stands still with the machine
+        loop = partial(thread_time, order.process_id, order.thread_id)
+        silence = SilenceJudge(order.hang_limit_s, clock, loop)
         armed = beating = False
         give_up_s = estop_s = float("inf")
         while True:
-            pause_s = silence.patience_s() if beating else LOOK_S
-            began_s = time.monotonic()
+            pause_s = max(0.001, min(LOOK_S, silence.left_s())) if beating else LOOK_S
             ready, _, _ = select.select([self._socket], [], [], pause_s)
-            now_s = time.monotonic()
-            stood_still_s = max(0.0, now_s - began_s - pause_s)  # the machine, and so perhaps the driver
-            give_up_s, estop_s = give_up_s + stood_still_s, estop_s + stood_still_s
+            now_s = clock.now_s()
             if armed and estop_s == float("inf") and self._latch() is not None:
                 estop_s = now_s + ESTOP_PATIENCE_S
             if ready:
@@ -111,16 +112,16 @@ class Guardian:
                     armed, give_up_s = True, now_s + FIRST_BEAT_S
                 if BEAT in words:
                     beating = True
-                    silence.heard(now_s)
+                    silence.heard()
                 if STOPPING in words:
-                    beating, give_up_s = False, now_s + self._order.timeout_s
+                    beating, give_up_s = False, now_s + order.timeout_s
                     estop_s += ESTOP_PATIENCE_S
             if armed and now_s > estop_s:
                 return "the e-stop is latched, and the driver has not let go"
             if ready:
                 continue
-            if beating and silence.hung(now_s):
-                return f"the driver hung: no sign of life for {self._order.hang_limit_s:g} s"
+            if beating and silence.hung():
+                return f"the driver hung: no sign of life for {order.hang_limit_s:g} s"
             if not beating and now_s > give_up_s:
                 return "the driver hung while it switched the device on or off"
 

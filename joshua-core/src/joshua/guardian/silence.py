@@ -1,62 +1,145 @@
-"""Judges a driver's silence: a hang, or a machine that gives nobody its time."""
+"""The one judge of silence, on a clock that counts only time in which somebody could have been heard."""
 
 from __future__ import annotations
 
-from joshua.guardian.driver_process import DriverProcess
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
 
-#: Pause of the guardian's own loop.
-TICK_S = 0.06
+#: What one look at a clock counts at most, where it is looked at several times in each such time.
+LONGEST_LOOK_S = 0.25
 
-#: A pause counts as silence up to this multiple of the tick: beyond it the whole machine stood still.
-STALL_FACTOR = 1.5
+#: The same for those who watch a control loop; they look every 0.06 s or more often.
+WATCHER_LOOK_S = 0.09
 
-#: Silence beyond this multiple of the limit counts whatever the reason.
+#: Silence of a loop beyond this multiple of its limit is a hang even while the loop waits for a processor.
 PATIENCE_FACTOR = 5.0
 
-NS_PER_S = 1e9
+#: How often the witness of a process looks; a look that comes this much late says that it was held up.
+WITNESS_PERIOD_S = 0.02
 
 
-class SilenceWatch:
-    """Adds up the silence that the guardian itself has witnessed.
+class AwakeClock:
+    """Seconds that pass only while somebody looks.
+
+    A machine that gives this process no time for seconds has often given none to what it listens to, or to
+    what lies between both. Once it goes on, what was said meanwhile is still on its way: that silence was
+    nobody's. So a look counts the time since the look before, ``longest_look_s`` at most.
 
     Args:
-        driver: for its share of the processor.
-        limit_s: silence that counts as a hang.
+        clock: seconds that never run backwards; longest_look_s: looks come several times in each.
+
+    Attributes:
+        looked_s: the clock's time of the last look.
     """
 
-    def __init__(self, driver: DriverProcess, limit_s: float) -> None:
-        self._driver = driver
-        self._limit_s = limit_s
-        self._last_s = 0.0
-        self._heard_s = 0.0
-        self._silent_s = 0.0
-        self._processor = driver.processor_ns()
+    def __init__(
+        self, clock: Callable[[], float] = time.monotonic, longest_look_s: float = LONGEST_LOOK_S
+    ) -> None:
+        self._clock = clock
+        self._longest_look_s = longest_look_s
+        self.looked_s = clock()
+        self._awake_s = 0.0
+        self._gaps: deque[tuple[float, float]] = deque(maxlen=10_000)
 
-    def heard(self, now_s: float) -> None:
-        """A sign of life came."""
-        self._last_s = self._heard_s = now_s
-        self._silent_s = 0.0
-        self._processor = self._driver.processor_ns()
+    def now_s(self) -> float:
+        """Looks; the seconds that have counted so far."""
+        now_s = self._clock()
+        counted_s = min(now_s - self.looked_s, self._longest_look_s)
+        if counted_s < now_s - self.looked_s:
+            self._gaps.append((self.looked_s + counted_s, now_s))
+        self._awake_s += counted_s
+        self.looked_s = now_s
+        return self._awake_s
 
-    def patience_s(self) -> float:
-        """How long to listen before the next look."""
-        return max(0.001, min(TICK_S, self._limit_s - self._silent_s))
+    def missed_s(self, start_s: float, end_s: float) -> float:
+        """How much between two times of the clock has not counted."""
+        return sum(max(0.0, min(end, end_s) - max(start, start_s)) for start, end in tuple(self._gaps))
 
-    def hung(self, now_s: float) -> bool:
-        """Whether the silence counts as a hang; call it after each pause."""
-        self._silent_s += min(now_s - self._last_s, TICK_S * STALL_FACTOR)
-        self._last_s = now_s
-        if self._silent_s < self._limit_s:
+
+@lru_cache(maxsize=1)
+def witness() -> AwakeClock:
+    """A clock of this process at which a thread of its own looks from the first call on."""
+    clock = AwakeClock(longest_look_s=2 * WITNESS_PERIOD_S)
+
+    def look() -> None:
+        while True:
+            time.sleep(WITNESS_PERIOD_S)
+            clock.now_s()
+
+    threading.Thread(target=look, name="witness", daemon=True).start()
+    return clock
+
+
+class ThreadTime(NamedTuple):
+    """Nanoseconds that a thread ran and waited for a processor so far; whether it does either just now."""
+
+    ran_ns: int
+    waited_ns: int
+    runnable: bool
+
+
+def thread_time(process_id: int, thread_id: int) -> ThreadTime | None:
+    """Reads the times of a thread; None where the system does not tell.
+
+    Source: Documentation/scheduler/sched-stats.rst, first two fields of ``schedstat``.
+    """
+    task = Path(f"/proc/{process_id}/task/{thread_id}")
+    try:
+        ran, waited, _ = (task / "schedstat").read_text().split()
+        state = (task / "stat").read_text().rpartition(")")[2].split()[0]
+    except (OSError, ValueError, IndexError):
+        return None
+    return ThreadTime(int(ran), int(waited), state == "R")
+
+
+class SilenceJudge:
+    """Judges whether a control loop in another process hangs, by its signs of life.
+
+    It hangs when it was silent for the limit, on a clock that stands still while the judge itself is held
+    up, less the time in which the loop wanted to run and got no processor.
+
+    Args:
+        limit_s: silence that counts as a hang; clock: what the judge looks at, every ``WATCHER_LOOK_S``.
+        loop: reads the times of the loop's thread.
+    """
+
+    def __init__(self, limit_s: float, clock: AwakeClock, loop: Callable[[], ThreadTime | None]) -> None:
+        self.limit_s = limit_s
+        self._clock = clock
+        self._loop = loop
+        self.heard()
+
+    def heard(self) -> None:
+        """A sign of life came, or the watch begins."""
+        self._heard_s = self._clock.now_s()
+        self._heard_at_s = self._clock.looked_s
+        self._then = self._loop()
+
+    def left_s(self) -> float:
+        """How long silence may still last."""
+        return self.limit_s - (self._clock.now_s() - self._heard_s)
+
+    def silence_s(self) -> float:
+        """Time since the last sign of life, whatever the reason of the silence."""
+        return self._clock.looked_s - self._heard_at_s
+
+    def hung(self) -> bool:
+        """Whether the silence counts as a hang."""
+        over_s = -self.left_s()
+        if over_s < 0:
             return False
-        if now_s - self._heard_s >= self._limit_s * PATIENCE_FACTOR:
-            return True
-        return self._silent_s - self._starved_s(now_s) >= self._limit_s
+        return self.silence_s() >= self.limit_s * PATIENCE_FACTOR or over_s >= self._waited_s()
 
-    def _starved_s(self, now_s: float) -> float:
-        """Part of the silence in which the driver wanted to run and could not."""
-        before, after = self._processor, self._driver.processor_ns()
-        if before is None or after is None:
+    def _waited_s(self) -> float:
+        """Part of the silence in which the loop wanted to run and could not."""
+        then, now = self._then, self._loop()
+        if then is None or now is None:
             return 0.0
-        if self._driver.is_runnable() and before[0] == after[0]:
-            return now_s - self._heard_s  # it still waits, which the kernel adds up only afterwards
-        return (after[1] - before[1]) / NS_PER_S
+        if now.runnable and now.ran_ns == then.ran_ns:
+            return self.silence_s()  # it still waits, which the kernel adds up only afterwards
+        return (now.waited_ns - then.waited_ns) / 1e9

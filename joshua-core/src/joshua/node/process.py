@@ -16,6 +16,7 @@ from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from importlib.metadata import version
 
+from joshua.guardian.silence import AwakeClock
 from joshua.ipc.frames import FrameError
 from joshua.ipc.messages import (
     Activate,
@@ -188,11 +189,9 @@ class NodeProcess:
         """Does something after a time, in which a pause of this whole process counts little."""
 
         def wait_and_act() -> None:
-            left_s = delay_s
-            while left_s > 0:
-                began_s = time.monotonic()
+            clock = AwakeClock(longest_look_s=2 * PATIENCE_STEP_S)
+            while (left_s := delay_s - clock.now_s()) > 0:
                 time.sleep(min(left_s, PATIENCE_STEP_S))
-                left_s -= min(time.monotonic() - began_s, 2 * PATIENCE_STEP_S)
             action()
 
         threading.Thread(target=wait_and_act, name="patience", daemon=True).start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from joshua.node.standstill import Standstills, standstills
+from joshua.guardian.silence import AwakeClock, witness
 from joshua.plan import NodeSpec
 
 NS_PER_S = 1_000_000_000
@@ -16,14 +16,14 @@ class RateMeter:
 
     Args:
         clock: nanoseconds that never run backwards.
-        standstills: when this process stood still, which is no fault of what sends the events.
+        witness: knows when this process stood still, which is no fault of what sends the events.
     """
 
     def __init__(
-        self, clock: Callable[[], int] = time.monotonic_ns, standstills: Standstills | None = None
+        self, clock: Callable[[], int] = time.monotonic_ns, witness: AwakeClock | None = None
     ) -> None:
         self._clock = clock
-        self._standstills = standstills
+        self._witness = witness
         self._first_ns = self._last_ns = 0
         self.count = 0
 
@@ -44,7 +44,8 @@ class RateMeter:
         """A row of MODE_TEST: whether the rate is the configured one, within a fraction of it."""
         least_hz, most_hz, remark = self.rate_hz, self.rate_hz, ""
         elapsed_ns = self._last_ns - self._first_ns
-        held_ns = self._standstills.between_ns(self._first_ns, self._last_ns) if self._standstills else 0
+        first_s, last_s = self._first_ns / NS_PER_S, self._last_ns / NS_PER_S
+        held_ns = self._witness.missed_s(first_s, last_s) * NS_PER_S if self._witness else 0
         if 0 < held_ns < elapsed_ns:  # nobody knows how many events would have come
             most_hz *= elapsed_ns / (elapsed_ns - held_ns)
             remark = (
@@ -56,7 +57,7 @@ class RateMeter:
 
 def meter_for(spec: NodeSpec) -> RateMeter:
     """A meter for a topic of a node; in MODE_TEST, which judges devices, it knows when the machine stood."""
-    return RateMeter(standstills=standstills() if spec.context.get("testing") else None)
+    return RateMeter(witness=witness() if spec.context.get("testing") else None)
 
 
 class RateLimit:

@@ -8,10 +8,11 @@ import signal
 import time
 from typing import Any
 
+from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
 from joshua.plan import NodeKind, NodeSpec, TransportSpec
 from joshua.supervisor.child import Child
-from joshua.supervisor.heartbeats import HeartbeatWatch, ProcessorTime, processor_time
+from joshua.supervisor.heartbeats import HeartbeatWatch
 from joshua.supervisor.ladder import HANG_TIMES, Rung, StopLadder
 from joshua.supervisor.launcher import Launcher, describe_status
 from joshua.supervisor.logbook import Logbook
@@ -52,7 +53,7 @@ class ManagedProcess:
         self.specs = specs
         self.records = {spec.full_name: NodeRecord(spec) for spec in specs}
         self.policy = RestartPolicy(strictest([spec.restart for spec in specs]), options.restart)
-        self.watch = HeartbeatWatch(self._usage)
+        self.watch = HeartbeatWatch(self._loop_time)
         self.restart_timer: ReactorTimer | None = None
         self.stop_reason = ""
         self.run_context: dict[str, Any] = {}
@@ -161,7 +162,7 @@ class ManagedProcess:
         """Ends the process if one of its nodes hangs; ask every ``CHECK_PERIOD_S``."""
         if not self.watch.active or self._ladder.begun or self._dump is not None or self._child is None:
             return
-        hang = self.watch.hung(self._reactor.now_s())
+        hang = self.watch.hung()
         if hang is None:
             return
         node, evidence = hang
@@ -283,7 +284,7 @@ class ManagedProcess:
                 self._owner.on_process_configured(self)
         elif step == "active":
             resumed, record.state, record.reason = record.state == "resuming", "ready", ""
-            self.watch.begin(record.spec, self._reactor.now_s())
+            self.watch.begin(record.spec)
             if self.ready:
                 self._cancel_deadline()
                 if not resumed:
@@ -323,8 +324,9 @@ class ManagedProcess:
         if self._child is not None:
             self._child.send(message)
 
-    def _usage(self, thread_id: int) -> ProcessorTime | None:
-        return None if self._child is None else processor_time(self._child.process_id, thread_id)
+    def _loop_time(self, thread_id: int) -> ThreadTime | None:
+        process_id = 0 if self._child is None else self._child.process_id
+        return thread_time(process_id, thread_id or process_id)
 
     def _restart(self) -> None:
         self._logbook.write(logging.WARNING, f"{self.names}: starting again")

@@ -15,7 +15,7 @@ from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import RunDirectoryError
 from joshua.plan import NodeKind, Plan, RunReport
 from joshua.supervisor.fork_server import ForkServer
-from joshua.supervisor.heartbeats import CHECK_PERIOD_S, HELD_UP_S
+from joshua.supervisor.heartbeats import CHECK_PERIOD_S
 from joshua.supervisor.launcher import Launcher
 from joshua.supervisor.log_files import new_log
 from joshua.supervisor.logbook import Logbook
@@ -91,7 +91,6 @@ class Supervisor:
         self._activated = False
         self._settling = False
         self._defects = 0
-        self._checked_s = 0.0
         self._run_context: dict[str, Any] = {}
 
     def run(self) -> RunReport:
@@ -174,7 +173,6 @@ class Supervisor:
             return
         for process in self._processes:
             process.start()
-        self._checked_s = self._reactor.now_s()
         self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
         self._reactor.call_later(options.status_period_s, self._show_status)
 
@@ -284,12 +282,7 @@ class Supervisor:
         self._stop("the fork server has died, so that no node could start again", EXIT_FAILED)
 
     def _check_heartbeats(self) -> None:
-        now_s = self._reactor.now_s()
-        late_s = now_s - self._checked_s - CHECK_PERIOD_S
-        self._checked_s = now_s
         for process in self._processes:
-            if late_s > HELD_UP_S:
-                process.watch.excuse(late_s, now_s)
             process.check_heartbeats()
         if self._phase is not Phase.ENDED:
             self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.stamps import StampClock
+from joshua.guardian.silence import AwakeClock
 from joshua.node import ros_time
 from joshua.node.errors import StopObeyed
 

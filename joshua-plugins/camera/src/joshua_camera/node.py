@@ -10,8 +10,8 @@ from pathlib import Path
 from joshua.devices.preview import Preview, display_problem
 from joshua.devices.sensor import Reading
 from joshua.devices.sensor_node import SensorNode
+from joshua.guardian.silence import witness
 from joshua.node.behaviour import NodeContext
-from joshua.node.standstill import standstills
 from joshua.supervisor.log_files import log_directory
 
 from joshua_camera.camera import OpenCvCamera
@@ -127,7 +127,7 @@ class CameraNode(SensorNode):
 
 def _rate(figures: Figures, wanted_hz: float) -> tuple[str, bool, str]:
     first_ns, last_ns = figures.span_ns
-    ran_ns = last_ns - first_ns - standstills().between_ns(first_ns, last_ns)
+    ran_ns = last_ns - first_ns - 1e9 * witness().missed_s(first_ns / 1e9, last_ns / 1e9)
     most_hz = figures.fps * (last_ns - first_ns) / ran_ns if ran_ns > 0 else figures.fps
     slow, fast = wanted_hz * (1 - RATE_TOLERANCE), wanted_hz * (1 + RATE_TOLERANCE)
     passed = most_hz >= slow and figures.fps <= fast  # a machine that stood still is no fault of the camera

@@ -6,10 +6,9 @@ import time
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.patience import machine_is_busy
 from joshua.devices.stamps import StampClock
+from joshua.guardian.silence import AwakeClock, witness
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 
@@ -293,8 +292,11 @@ class Amt21Source(Source):
         """Addresses of the bus at which something may answer; an answer does not say from where it is."""
         addresses = range(0, _LARGEST_ADDRESS + 1, 4)
         heard: set[int] = set()
-        rounds = 2 if machine_is_busy() else 1
-        for place, address in [*enumerate(addresses)] * rounds:
+        clock, began_s = witness(), time.monotonic()
+        rounds = [*enumerate(addresses)] * 2
+        for number, (place, address) in enumerate(rounds):
+            if number == len(addresses) and not clock.missed_s(began_s, time.monotonic()):
+                break  # the second round is for a process that was held up in the first
             for _ in range(_RETRIES):
                 self.port.send(bytes((address,)))
                 if self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s):
@@ -308,7 +310,7 @@ class Amt21Source(Source):
         port, asked = self.port, self.port.baudrate
         listed = ", ".join(f"{address} ({address:#04x})" for address in missing)
         wanted = f"no AMT21 answers at address {listed}"
-        patient_s = ANSWER_S * (BUSY_FACTOR if machine_is_busy() else 1.0)
+        patient_s = BUSY_FACTOR * ANSWER_S
         at_times = DeviceError(
             f"{port}: the AMT21 at address {listed} answers only at times: check its power, both wires of "
             "the bus and its termination"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceError
-from joshua.devices.patience import machine_is_busy
+from joshua.guardian.silence import AwakeClock, witness
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 
@@ -21,7 +20,7 @@ from joshua_lidar.stop_bytes import STOP_BYTES
 LISTEN_S = 0.4
 ANSWER_S = 0.15
 
-#: How much longer than that everything may take on a machine that has more to do than it can.
+#: How much longer than that everything may take on a machine that has held this process up.
 BUSY_FACTOR = 3.0
 
 #: How long a sender of whatever kind is listened to for its first byte.
@@ -41,7 +40,14 @@ def detect(port: SerialPort) -> str:
 
     A scanner that sends by itself is known by its packets; others are asked. Raises PortDisconnected.
     """
-    factor = BUSY_FACTOR if machine_is_busy() else 1.0
+    clock, began_s = witness(), time.monotonic()
+    found = _detect(port, 1.0)
+    if not found and clock.missed_s(began_s, time.monotonic()):
+        found = _detect(port, BUSY_FACTOR)
+    return found
+
+
+def _detect(port: SerialPort, factor: float) -> str:
     requests.quieten(port)
     heard = _listen(port, LISTEN_S * factor)
     if heard:

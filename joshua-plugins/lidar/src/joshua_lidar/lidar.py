@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.stamps import StampClock
+from joshua.guardian.silence import AwakeClock
 from joshua.messages import message_class
 from joshua.messages.make import header
 from joshua_serial.port import BITS_PER_BYTE, SerialPort

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.patience import machine_is_busy
+from joshua.guardian.silence import witness
 from joshua_serial.errors import PortDisconnected, PortUnusable
 
 from joshua_servo.bus import REPLY_MARGIN_S, ServoBus
@@ -35,8 +36,8 @@ class SetUp:
         working: what a servo of an arm needs beside its id: it moves to positions, and answers at once.
         quiet_s: a line without a byte for this long has nobody who answers a call to all.
         calls: how often all are called before nobody is believed to be there.
-        looks: how often a scan goes through the line speeds while it finds nobody at any of them, or on a
-            busy machine through those at which it found nobody.
+        looks: how often a scan goes through the line speeds while it finds nobody at any of them, or where
+            this process was held up, through those at which it found nobody.
     """
 
     torque_enable: Register
@@ -63,14 +64,15 @@ class ServoBusTools(BusTools):
 
     def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
         """Looks for servos at each line speed; yields each as it is found. Raises PortDisconnected."""
+        clock = witness()
         with self._line_speed_kept():
             speeds = tuple(baudrates or self.baudrates)
             for _ in range(self.set_up.looks):
-                found = set()
+                began_s, found = time.monotonic(), set()
                 for motor in self._look(speeds):
                     found.add(motor.baudrate)
                     yield motor
-                if found and not machine_is_busy():
+                if found and not clock.missed_s(began_s, time.monotonic()):
                     return
                 speeds = tuple(speed for speed in speeds if speed not in found)
 

@@ -14,8 +14,8 @@ import select
 import socket
 from typing import Any
 
-from joshua.devices.awake_clock import AwakeClock
 from joshua.devices.errors import DeviceDisconnected
+from joshua.guardian.silence import AwakeClock
 
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.events import AxisRange, Capabilities, EventDecoder, InputEvent
