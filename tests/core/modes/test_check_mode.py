@@ -180,10 +180,8 @@ def test_every_mode_has_its_checks(tmp_path: Path) -> None:
     ("mode", "block", "expected"),
     [
         ("MODE_TEST", "test { duration_s: 1 }", []),
-        ("MODE_CALIBRATION", "calibration_run { }", []),
         ("MODE_TEST", "calibration_run { }", ["block-unused"]),
         ("MODE_TEST", SIMULATION % ("OFFSCREEN", ""), []),
-        ("MODE_CALIBRATION", SIMULATION % ("OFFSCREEN", ""), []),
     ],
 )
 def test_blocks_without_effect_are_noted(mode: str, block: str, expected: list[str], tmp_path: Path) -> None:

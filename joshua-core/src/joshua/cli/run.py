@@ -43,10 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.planner.pipeline import finish
 
         checked = check(arguments)
-        if arguments.open and not is_calibration(checked) and not checked.examination.errors:
+        if arguments.open and not runs_itself(checked) and not checked.examination.errors:
             return without_effect("--open shows the page of a calibration, and this file's mode is another")
-        if is_calibration(checked) and not checked.examination.errors and calibration_command() is None:
-            return ExitCode.NOT_INSTALLED
         links: dict[str, Coupling] = {}
         if arguments.sim and not checked.examination.errors:
             simulated = simulate(checked, arguments, stack)
@@ -59,8 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
             if isinstance(started, int):
                 return started
             rig = started
-        if is_calibration(checked):
-            return calibrate(checked, arguments, rig)
+        if program := runs_itself(checked):
+            return run_mode(program, checked, arguments, rig)
         examination = finish(checked)
         if examination.plan is None:
             return refuse(examination, arguments)
@@ -124,30 +122,22 @@ def simulate(
     return start_simulation(checked, stack, emulated=arguments.emulate)
 
 
-def is_calibration(checked: Checked) -> bool:
-    """Whether the file's mode is calibration, in which no node is started."""
-    from joshua.schema import config_pb2
+def runs_itself(checked: Checked) -> str:
+    """What runs the file's mode where no node is started, such as a calibration; "" for a run of nodes."""
+    from joshua.modes import mode_of
 
-    return checked.loaded.config.general.mode == config_pb2.MODE_CALIBRATION
+    return mode_of(checked.loaded.config, checked.registry).run
 
 
-def calibration_command() -> Any:
-    """The module of ``joshua calibrate``, which a plugin brings; None where it cannot be used, said so."""
-    from importlib import import_module
-
-    from joshua.cli.plugin_commands import PluginCommandError, find_command
+def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
+    """Runs a mode that starts no node."""
+    from joshua.plugins.targets import TargetError, load_target
 
     try:
-        command = find_command("calibrate")
-    except PluginCommandError as error:
-        sys.stderr.write(f"joshua: error: MODE_CALIBRATION: {error}\nnothing was started\n")
-        return None
-    return import_module(command.module) if command else None
-
-
-def calibrate(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
-    """Calibrates the arms of the file."""
-    return int(calibration_command().run_mode(checked, arguments, rig))
+        return int(load_target(program)(checked, arguments, rig))
+    except TargetError as error:
+        sys.stderr.write(f"joshua: error: the mode's plugin is broken: {error}\nnothing was started\n")
+        return ExitCode.NOT_INSTALLED
 
 
 def refuse(examination: Examination, arguments: argparse.Namespace) -> int:

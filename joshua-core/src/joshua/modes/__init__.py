@@ -1,4 +1,4 @@
-"""The operation modes: one file and one ``ModeSpec`` each."""
+"""The operation modes: one file and one ``ModeSpec`` each; a plugin can bring further ones."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from joshua.config.checks import Context, settle
-from joshua.modes.queries import mode_name, unused
+from joshua.modes.queries import mode_name, mode_position, unused
 from joshua.modes.spec import ModeSpec, ServiceSpec
 from joshua.plan import Diagnostic
+from joshua.plugins import ModeOffer
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.nearest import nearest
 
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
+    from joshua.plugins import Registry
 
 __all__ = ["ModeSpec", "ServiceSpec", "check_mode", "mode_name", "mode_of"]
 
@@ -22,7 +25,6 @@ _MODULES = {
     "MODE_TELEOPERATE": "teleoperate",
     "MODE_INFERENCE": "inference",
     "MODE_TRAINING": "training",
-    "MODE_CALIBRATION": "calibration",
     "MODE_TEST": "test",
     "MODE_DATA_STORE": "data_store",
     "MODE_SIMULATION": "simulation",
@@ -47,35 +49,61 @@ ABSENT = frozenset(
 )
 
 
-def mode_of(config: pb.Config) -> ModeSpec:
+def mode_of(config: pb.Config, registry: Registry | None = None) -> ModeSpec:
     """The mode of a file, with what the file's own choices change of it.
 
-    A mode that nobody knows starts every device.
+    An unset mode and one whose plugin is not there start every device; ``check_mode`` names the latter, and
+    nothing is said of what that plugin would waive.
     """
-    spec = _find(config)
-    return spec.for_file(spec, config) if isinstance(spec, ModeSpec) else ModeSpec(mode_name(config))
+    spec = _find(config, registry)
+    if isinstance(spec, ModeSpec):
+        return spec.for_file(spec, config)
+    return ModeSpec(mode_name(config), works_uncalibrated=bool(config.general.mode))
 
 
-def _find(config: pb.Config) -> ModeSpec | None:
-    """The mode as its author wrote it; None where nobody brings it."""
+def _find(config: pb.Config, registry: Registry | None) -> ModeSpec | str | None:
+    """The mode as its author wrote it; why its plugin cannot bring it; None where no plugin does."""
     name = mode_name(config)
     if name in _MODULES:
         spec: ModeSpec = import_module(f"joshua.modes.{_MODULES[name]}").SPEC
         return spec
-    return None
+    offer = registry.modes().get(name) if registry is not None and name else None
+    if offer is None:
+        return None
+    from joshua.plugins.targets import TargetError, load_target
+
+    try:
+        found = load_target(offer.implementation)
+    except TargetError as error:
+        return str(error)
+    return found if isinstance(found, ModeSpec) else f"{offer.implementation} is no joshua.modes.ModeSpec"
 
 
-def check_mode(loaded: LoadedConfig) -> list[Diagnostic]:
+def check_mode(
+    loaded: LoadedConfig, registry: Registry | None = None, *, launch: bool = False
+) -> list[Diagnostic]:
     """Checks that the file holds what its operation mode needs; a file without a mode has no findings here.
 
     Args:
         loaded: what ``joshua.config.load`` returned, be it complete or not.
+        registry: the installed plugins, which may bring the mode.
+        launch: nodes are going to be started, so that a mode whose plugin is missing is an error.
     """
     context = Context(loaded)
-    spec = _find(context.config)
-    if spec is None:
-        return []
-    findings = list(_checked(context, spec))
+    general = context.config.general
+    findings = [*_plugin_fields(context)]
+    if general.mode and mode_name(context.config):
+        found = _find(context.config, registry)
+        if isinstance(found, ModeSpec):
+            try:
+                findings += _checked(context, found)
+            except Exception as error:
+                if found.name in _MODULES or registry is None:
+                    raise
+                reason = f"its check failed: {type(error).__name__}: {error}"
+                findings.append(_without_plugin(context, registry, reason, launch))
+        elif registry is not None:
+            findings.append(_without_plugin(context, registry, found, launch))
     if not context.graph.all_published:
         findings = [item for item in findings if item.code not in ABSENT]
     return settle(iter(findings), loaded, absent=ABSENT)
@@ -84,3 +112,41 @@ def check_mode(loaded: LoadedConfig) -> list[Diagnostic]:
 def _checked(context: Context, spec: ModeSpec) -> Iterator[Diagnostic]:
     yield from spec.check(context)
     yield from unused(context, spec.for_file(spec, context.config))
+
+
+def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
+    """MODE_PLUGIN and the fields that belong to it go together."""
+    general = context.config.general
+    if general.mode == pb.MODE_PLUGIN and not general.plugin_mode:
+        yield context.error(
+            "mode-lacks-field",
+            "MODE_PLUGIN needs general.plugin_mode, the name of the mode",
+            "general.plugin_mode",
+            position=mode_position(context),
+            remedy='Add plugin_mode: "..." to general; `joshua plugins` lists the modes that plugins bring',
+        )
+    elif general.mode and general.mode != pb.MODE_PLUGIN:
+        for name in ("plugin_mode", "plugin_config"):
+            if context.loaded.positions.is_set(f"general.{name}"):
+                yield context.note(
+                    "field-unused",
+                    f"{name} has no effect: it belongs to MODE_PLUGIN",
+                    f"general.{name}",
+                    position=context.block_position(f"general.{name}"),
+                    remedy="Remove it, or set mode: MODE_PLUGIN in general",
+                )
+
+
+def _without_plugin(context: Context, registry: Registry, reason: str | None, launch: bool) -> Diagnostic:
+    name = mode_name(context.config)
+    own = context.config.general.mode == pb.MODE_PLUGIN
+    path = "general.plugin_mode" if own else "general.mode"
+    known = [offer.name for offer in registry.modes().values() if offer.name] if own else []
+    near = nearest(name, known)
+    if reason is not None:
+        code, message, remedy = "broken-plugin", f"{name}: {reason}", "See what `joshua plugins --check` says"
+    else:
+        code, message = "plugin-missing", registry.missing(path, ModeOffer, "", name)
+        remedy = f"Did you mean {near[0]}?" if near else registry.remedy(ModeOffer, "", name)
+    make = context.error if launch else context.note
+    return make(code, message, path, found=context.found(path, name), allowed=tuple(near), remedy=remedy)

@@ -22,8 +22,10 @@ _COUNTS = {
 
 
 def mode_name(config: pb.Config) -> str:
-    """Name of the file's mode, such as ``MODE_TEST``; "" for an unknown number."""
+    """Name of the file's mode: ``MODE_…``, or the own name of a plugin's; "" for an unknown number."""
     mode = config.general.mode
+    if mode == pb.MODE_PLUGIN:
+        return config.general.plugin_mode
     return pb.OperationMode.Name(mode) if mode in pb.OperationMode.values() else ""
 
 

@@ -56,7 +56,7 @@ class EmulatedRig:
         self._registry = registry
         self._faults = faults
         self._physics = physics or {}
-        mode = mode_of(config)
+        mode = mode_of(config, registry)
         wanted = wanted_nodes(config, devices=mode.devices, models=False)
         self._wanted = [want for want in wanted if not self._is_virtual(want)]
         self._stack = ExitStack()

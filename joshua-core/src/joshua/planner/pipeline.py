@@ -69,7 +69,7 @@ def check_file(request: Request) -> Checked:
         message_types=registry.message_modules(),
         calibration=calibration_place(request.emulate),
     )
-    diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded)]
+    diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded, registry, launch=request.launch)]
     diagnostics += check_paths(
         loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged
     )

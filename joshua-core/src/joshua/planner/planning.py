@@ -31,7 +31,7 @@ class Planning:
         self._config = loaded.config
         self._registry = registry
         self._request = request
-        self._mode = mode_of(loaded.config)
+        self._mode = mode_of(loaded.config, registry)
         self._findings = Findings(loaded, launch=request.launch)
         self._graph = loaded.graph
         self._resolver = Resolver(
@@ -72,7 +72,7 @@ class Planning:
             self._mode, self._graph, self._registry, self._resolver.joints, self._findings, request.path
         )
         nodes = planner.specs(self._nodes)
-        nodes += [service_node(resolved, self._graph, self._registry) for resolved in self._services]
+        nodes += [service_node(resolved, self._graph) for resolved in self._services]
         if config.simulation.use_sim_time:
             nodes = [
                 node.model_copy(update={"context": node.context | {"use_sim_time": True}}) for node in nodes

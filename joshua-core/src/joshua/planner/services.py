@@ -33,6 +33,7 @@ class ResolvedService:
 
     Attributes:
         block: the block that asks for it, as far as the mode uses it; enum_value: what chose the plugin.
+        plugin: distribution that provides it.
         settings: the checked settings model; None where the plugin declares none.
         context: further facts for the service, such as the folder at which relative paths start.
     """
@@ -41,6 +42,7 @@ class ResolvedService:
     block: Any
     enum_value: str
     spec: PluginSpec
+    plugin: str
     settings: Any
     context: dict[str, Any]
 
@@ -58,10 +60,13 @@ def resolve_services(
     chosen = choose_environment(config, registry, findings) if mode.uses("ai.training") else None
     for service in mode.services:
         block = service.block(config)
-        if block is None:
+        if service.behaviour:
+            resolved.append(_own(service, block, mode, registry, findings, source))
+            continue
+        if block is None or service.kind is None:
             continue
         value = service.value(config)
-        spec = registry.find(service.kind, service.name, value)
+        spec = registry.find(service.kind, service.path.rpartition(".")[2], value)
         if spec is None:
             if service.is_chosen(config):  # else a check says what to choose
                 findings.service_missing(
@@ -78,8 +83,21 @@ def resolve_services(
         if service.kind is TrainerSpec and chosen is not None:
             context["environment"] = chosen.as_context()
         settings = _settings(service, block, spec, context, findings)
-        resolved.append(ResolvedService(service, block, value, spec, settings, context))
+        owner = registry.owner(spec).distribution
+        resolved.append(ResolvedService(service, block, value, spec, owner, settings, context))
     return resolved
+
+
+def _own(
+    service: ServiceSpec, block: Any, mode: ModeSpec, registry: Registry, findings: Findings, source: str
+) -> ResolvedService:
+    """A service that the plugin of the mode brings itself."""
+    spec = PluginSpec(implementation=service.behaviour, settings=service.settings)
+    context = {"folder": _folder(service.path, findings, source)}
+    offer = registry.modes().get(mode.name)
+    owner = registry.owner(offer).distribution if offer is not None else "joshua-core"
+    settings = _settings(service, block, spec, context, findings) if block is not None else None
+    return ResolvedService(service, block, mode.name, spec, owner, settings, context)
 
 
 def _settings(
@@ -141,21 +159,23 @@ def graph_services(resolved: Iterable[ResolvedService], graph: RobotGraph, confi
     )
 
 
-def service_node(resolved: ResolvedService, graph: RobotGraph, registry: Registry) -> NodeSpec:
+def service_node(resolved: ResolvedService, graph: RobotGraph) -> NodeSpec:
     """Makes the node spec of a service."""
     from google.protobuf import json_format
 
     from joshua.plan import NodeKind, NodeSpec
 
     service, spec, settings = resolved.service, resolved.spec, resolved.settings
-    values = json_format.MessageToDict(resolved.block, preserving_proto_field_name=True)
+    values = {}
+    if resolved.block is not None:
+        values = json_format.MessageToDict(resolved.block, preserving_proto_field_name=True)
     topics = next(item.topics for item in graph.services if item.name == service.name)
     return NodeSpec(
         name=service.name,
         kind=NodeKind.SERVICE,
         role=resolved.enum_value,
-        block=service.name,
-        plugin=registry.owner(spec).distribution,
+        block=service.path.rpartition(".")[2],
+        plugin=resolved.plugin,
         behaviour=spec.implementation,
         implementation=spec.implementation,
         settings_type=spec.settings,

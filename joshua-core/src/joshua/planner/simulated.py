@@ -66,7 +66,7 @@ def simulate(config: pb.Config, registry: Registry, *, emulated: bool = False) -
 
 
 def _replaceable(config: pb.Config, registry: Registry, *, emulated: bool) -> list[Wanted]:
-    mode = mode_of(config)
+    mode = mode_of(config, registry)
     found = []
     for want in wanted_nodes(config, devices=mode.devices, models=False):
         spec = registry.find(want.kind, want.block_name, want.enum_value)

@@ -53,7 +53,7 @@ KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
         ("PERCEPTION_GAMEPAD", "PERCEPTION_KEYBOARD"),
         ("find-gamepads", "share-gamepad"),
     ),
-    KnownPlugin("joshua-calibration", commands=("calibrate",)),
+    KnownPlugin("joshua-calibration", enum_values=("MODE_CALIBRATION",), commands=("calibrate",)),
     KnownPlugin("joshua-smolvla", (), ("SMOLVLA",)),
     KnownPlugin(
         "joshua-mujoco-sim",

@@ -8,7 +8,7 @@ from typing import TypeGuard, TypeVar
 
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
-from joshua.plugins.specs import Environment, EnvironmentSpec, PluginSpec, SimulatorSpec
+from joshua.plugins.specs import Environment, EnvironmentSpec, ModeOffer, PluginSpec, SimulatorSpec
 from joshua.plugins.targets import TargetError, load_target
 
 SpecT = TypeVar("SpecT", bound=PluginSpec)
@@ -51,6 +51,8 @@ def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
         # many may offer some, as long as each is another one
         ids = [offer.id for offer in second.environments]
         return tuple(offer.id for offer in first.environments if offer.id in ids) or None
+    if isinstance(first, ModeOffer) and isinstance(second, ModeOffer) and first.name != second.name:
+        return None
     if not first.enum_values or not second.enum_values:
         return ()
     common = tuple(value for value in first.enum_values if value in second.enum_values)
@@ -141,6 +143,11 @@ class Registry:
         """
         fitting = [offer for offer, _ in self._usable if _answers(offer, EnvironmentSpec, backend)]
         return tuple((environment, offer) for offer in fitting for environment in offer.environments)
+
+    def modes(self) -> dict[str, ModeOffer]:
+        """The modes that plugins bring, by their own name or by the enum value that they answer for."""
+        offers = (spec for spec, _ in self._usable if isinstance(spec, ModeOffer))
+        return {offer.name or offer.enum_values[0]: offer for offer in offers}
 
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""

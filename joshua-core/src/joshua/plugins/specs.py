@@ -161,6 +161,22 @@ class EmulatorSpec(PluginSpec):
     base: ClassVar[str] = "joshua.plugins.emulator:DeviceEmulator"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModeOffer(PluginSpec):
+    """An operation mode: ``implementation`` is its ``joshua.modes.ModeSpec``.
+
+    ``enum_values`` names the one mode of the schema that it answers for, or MODE_PLUGIN for a mode of the
+    plugin's own. ``block`` is the message of its settings in ``general.plugin_config``; "" if it has none.
+
+    Attributes:
+        name: of a mode of the plugin's own, as ``general.plugin_mode`` gives it.
+    """
+
+    kind: ClassVar[str] = "mode"
+
+    name: str = ""
+
+
 @dataclass(frozen=True)
 class Environment:
     """A task that trainers can learn, as data.

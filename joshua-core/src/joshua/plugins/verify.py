@@ -21,6 +21,7 @@ from joshua.plugins.specs import (
     EnvironmentSpec,
     EpisodeWriterSpec,
     ModelSpec,
+    ModeOffer,
     PluginSpec,
     SensorSpec,
     SimulatorSpec,
@@ -34,6 +35,9 @@ from joshua.schema.data_types import type_names
 _IMPORT_STRING = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _MODULE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _MESSAGE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
+
+#: Modes that the core leaves to plugins.
+MODES_OF_PLUGINS = ("MODE_CALIBRATION", "MODE_PLUGIN")
 
 # Enum values that fit one block only.
 _OWN_BLOCK = {"ACTION_MOCK": "mock_motor_config", "ACTION_SPIKE": "spike_motor_config"}
@@ -62,6 +66,7 @@ def _blocks() -> dict[type[PluginSpec], tuple[str, ...]]:
         EmulatorSpec: actuators + sensors,
         EnvironmentSpec: ("training",),
         EpisodeWriterSpec: ("data_store",),
+        ModeOffer: (),
     }
 
 
@@ -80,6 +85,7 @@ def _enums() -> dict[type[PluginSpec], tuple[EnumDescriptor, ...]]:
         EmulatorSpec: (actions, perceptions),
         EnvironmentSpec: (backends,),
         EpisodeWriterSpec: (config_pb2.DataFormat.DESCRIPTOR,),
+        ModeOffer: (config_pb2.OperationMode.DESCRIPTOR,),
     }
 
 
@@ -140,6 +146,7 @@ def _problems(spec: PluginSpec) -> list[str]:
         *_import_string_problems(spec),
         *_data_type_problems(spec),
         *_environment_problems(spec),
+        *_mode_problems(spec),
     ]
 
 
@@ -220,6 +227,16 @@ def _environment_problems(spec: PluginSpec) -> list[str]:
     if not offers:
         return ["environments is empty, and it needs at least one joshua.plugins.Environment"]
     return [f"environment {offer.id!r} offers no reward" for offer in offers if not offer.rewards]
+
+
+def _mode_problems(spec: PluginSpec) -> list[str]:
+    if not isinstance(spec, ModeOffer):
+        return []
+    if len(spec.enum_values) != 1 or spec.enum_values[0] not in MODES_OF_PLUGINS:
+        return [f"a mode answers for one of {', '.join(MODES_OF_PLUGINS)}; the core has the others"]
+    if (spec.enum_values[0] == "MODE_PLUGIN") != bool(spec.name):
+        return ["name is that of a mode with MODE_PLUGIN, which general.plugin_mode chooses by it"]
+    return []
 
 
 def _nearest(name: str, known: tuple[str, ...], count: int | None = None) -> str:

@@ -24,6 +24,7 @@ class OperationMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MODE_TEST: _ClassVar[OperationMode]
     MODE_DATA_STORE: _ClassVar[OperationMode]
     MODE_SIMULATION: _ClassVar[OperationMode]
+    MODE_PLUGIN: _ClassVar[OperationMode]
 
 class ActionType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -149,6 +150,7 @@ MODE_CALIBRATION: OperationMode
 MODE_TEST: OperationMode
 MODE_DATA_STORE: OperationMode
 MODE_SIMULATION: OperationMode
+MODE_PLUGIN: OperationMode
 ACTION_UNSPECIFIED: ActionType
 ACTION_LEADER: ActionType
 ACTION_FOLLOWER: ActionType
@@ -239,16 +241,20 @@ class Config(_message.Message):
     def __init__(self, general: _Optional[_Union[General, _Mapping]] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., ai: _Optional[_Union[Ai, _Mapping]] = ..., calibration: _Optional[_Union[_calibration_pb2.Calibration, _Mapping]] = ..., simulation: _Optional[_Union[_simulation_pb2.SimulationConfig, _Mapping]] = ..., include: _Optional[_Iterable[str]] = ..., test: _Optional[_Union[TestConfig, _Mapping]] = ..., transport: _Optional[_Union[_transport_pb2.TransportConfig, _Mapping]] = ..., calibration_run: _Optional[_Union[CalibrationRun, _Mapping]] = ...) -> None: ...
 
 class General(_message.Message):
-    __slots__ = ("mode", "robot_type", "name", "id")
+    __slots__ = ("mode", "robot_type", "name", "id", "plugin_config", "plugin_mode")
     MODE_FIELD_NUMBER: _ClassVar[int]
     ROBOT_TYPE_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     ID_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_MODE_FIELD_NUMBER: _ClassVar[int]
     mode: OperationMode
     robot_type: str
     name: str
     id: str
-    def __init__(self, mode: _Optional[_Union[OperationMode, str]] = ..., robot_type: _Optional[str] = ..., name: _Optional[str] = ..., id: _Optional[str] = ...) -> None: ...
+    plugin_config: _any_pb2.Any
+    plugin_mode: str
+    def __init__(self, mode: _Optional[_Union[OperationMode, str]] = ..., robot_type: _Optional[str] = ..., name: _Optional[str] = ..., id: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., plugin_mode: _Optional[str] = ...) -> None: ...
 
 class Robot(_message.Message):
     __slots__ = ("actions", "perceptions")

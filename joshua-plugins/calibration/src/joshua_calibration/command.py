@@ -10,7 +10,6 @@ from joshua.tools import FAULT_ALONE, ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.tools import Checked, EmulatedRig
 
 SUMMARY = "calibrate arms by hand, compare file and servos, or exchange calibrations with LeRobot"
 ACTIONS = ("import-lerobot", "export-lerobot")
@@ -85,13 +84,6 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua_calibration.hardware import with_arms
 
     return with_arms(arguments)
-
-
-def run_mode(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
-    """``joshua --config`` with MODE_CALIBRATION: calibrates the arms of the file; returns the exit code."""
-    from joshua_calibration.run import run_calibration
-
-    return run_calibration(checked, arguments, rig)
 
 
 def _without_effect(arguments: argparse.Namespace) -> str:

@@ -1,11 +1,17 @@
-"""What this distribution provides to the host: no block of a file; it brings a command."""
+"""What this distribution provides to the host: MODE_CALIBRATION; it brings a command, too."""
 
 from __future__ import annotations
 
-from joshua.plugins import PluginSpec, hookimpl
+from joshua.plugins import ModeOffer, hookimpl
 
 
 @hookimpl
-def joshua_specs() -> list[PluginSpec]:
-    """Names nothing that a block asks for."""
-    return []
+def joshua_specs() -> list[ModeOffer]:
+    """Names the mode."""
+    return [
+        ModeOffer(
+            enum_values=("MODE_CALIBRATION",),
+            implementation="joshua_calibration.mode:SPEC",
+            summary="zero points and ranges of motors, measured by hand",
+        )
+    ]

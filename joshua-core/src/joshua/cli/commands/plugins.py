@@ -92,7 +92,7 @@ def checked(row: PluginRow) -> PluginRow:
 
 def subject(spec: PluginSpec) -> str:
     """What something of a plugin answers for, in words of the configuration file."""
-    return spec.block or ", ".join(spec.enum_values)
+    return getattr(spec, "name", "") or spec.block or ", ".join(spec.enum_values)
 
 
 def listing(rows: Sequence[PluginRow]) -> str:

@@ -53,4 +53,5 @@ SPEC = ModeSpec(
     services=(SIMULATION,),
     blocks=("calibration_run",),
     works_uncalibrated=True,
+    run="joshua_calibration.run:run_calibration",
 )
