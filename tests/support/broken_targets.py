@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.calibration_target import CalibrationTarget, Hand, StoredMotor, TargetMotor
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.units import rad_to_ticks
 from joshua_calibration.hand import Path, hand_paths
+from joshua_calibration.target import CalibrationTarget, Hand, StoredMotor, TargetMotor
 
 MOTORS = (
     TargetMotor(1, "shoulder", typical_range_ticks=2000),

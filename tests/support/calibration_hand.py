@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from joshua.devices.calibration_target import TargetMotor
 from joshua_calibration.procedure import Procedure
+from joshua_calibration.target import TargetMotor
 
 PERIOD_S = 0.02
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from joshua.config.calibration_paths import journal_path
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
-from joshua.devices.calibration_target import SO_ARM_JOINTS, StoredMotor
 from joshua_calibration import arm_file, journal, transaction
+from joshua_calibration.target import SO_ARM_JOINTS, StoredMotor
 from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 from joshua_sts3215.settings import Sts3215Settings
 from patience import patient

@@ -7,8 +7,8 @@ from typing import Any
 
 import broken_targets as broken
 import pytest
-from joshua.devices.calibration_target import CalibrationTarget
 from joshua.testing import ConformanceError
+from joshua_calibration.target import CalibrationTarget
 from joshua_calibration.testing import check, check_calibration_target
 
 

@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 from calibration_run import Page
-from joshua.devices.calibration_target import arm_motors
 from joshua_calibration.front_end import ArmState, Ask, Board, Request
 from joshua_calibration.page import server
 from joshua_calibration.page.front_end import PageFrontEnd
 from joshua_calibration.page.server import FILES
 from joshua_calibration.procedure import Procedure
+from joshua_calibration.target import arm_motors
 
 VIEW = Procedure(arm_motors(range(1, 7))).view()
 BOARD = Board("rig", (("leader_arm", ArmState.ACTIVE), ("follower_arm", ArmState.WAITING)), 0, VIEW)

@@ -7,9 +7,9 @@ from calibration_hand import Hand
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
-from joshua.devices.calibration_target import TargetMotor, arm_motors
 from joshua_calibration.procedure import Procedure
 from joshua_calibration.result import RangeRefused
+from joshua_calibration.target import TargetMotor, arm_motors
 from joshua_calibration.view import JointState, Step
 
 THREE = tuple(TargetMotor(i, name) for i, name in ((1, "base"), (2, "elbow"), (3, "jaw")))

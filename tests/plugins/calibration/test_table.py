@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 
 from calibration_hand import Hand
-from joshua.devices.calibration_target import TargetMotor
 from joshua_calibration.front_end import ArmState, Board
 from joshua_calibration.table import board_lines, event_text
+from joshua_calibration.target import TargetMotor
 from joshua_calibration.terminal import TerminalFrontEnd
 
 MOTORS = (TargetMotor(1, "base"), TargetMotor(2, "a_joint_with_a_long_name"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from joshua.devices.calibration_target import StoredMotor
 from joshua.devices.errors import DeviceDisconnected
+from joshua_calibration.target import StoredMotor
 from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus

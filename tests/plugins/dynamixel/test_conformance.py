@@ -3,8 +3,8 @@
 from typing import ClassVar
 
 from joshua.devices.actuator import Actuator
-from joshua.devices.calibration_target import CalibrationTarget
 from joshua.testing import check_actuator
+from joshua_calibration.target import CalibrationTarget
 from joshua_calibration.testing import check_calibration_target
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus_tools import DynamixelBusTools

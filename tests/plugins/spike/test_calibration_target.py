@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 from eventually import eventually
-from joshua.devices.calibration_target import StoredMotor
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua_calibration.target import StoredMotor
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike.actuator import SpikeActuator
 from joshua_spike.calibration_target import SpikeCalibrationTarget

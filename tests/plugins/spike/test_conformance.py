@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from joshua.devices.actuator import Actuator
-from joshua.devices.calibration_target import CalibrationTarget
 from joshua.testing import check_actuator
+from joshua_calibration.target import CalibrationTarget
 from joshua_calibration.testing import check_calibration_target
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike.actuator import SpikeActuator

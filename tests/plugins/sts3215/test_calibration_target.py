@@ -6,8 +6,8 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from joshua.devices.calibration_target import StoredMotor
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua_calibration.target import StoredMotor
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 from joshua_sts3215.settings import Sts3215Settings

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from joshua.devices.calibration_target import CalibrationTarget
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
@@ -162,8 +161,11 @@ class Actuator(ABC):
         """
         raise NotImplementedError(f"{type(self).__name__} offers {type_name} and does not make it")
 
-    def calibration_target(self) -> CalibrationTarget:
+    def calibration_target(self) -> Any:
         """What a calibration works on, which opens the device itself; this object stays unconnected.
+
+        It is a ``CalibrationTarget`` of the distribution ``joshua-calibration``; import that here, so that
+        a driver runs without it.
 
         Raises:
             NotImplementedError: the device has nothing to calibrate.

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
-from joshua.devices.calibration_target import CalibrationTarget, StoredMotor
+
+from joshua_calibration.target import CalibrationTarget, StoredMotor
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import os
 import tempfile
 from pathlib import Path
 
-from joshua.devices.calibration_target import StoredMotor
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from joshua_calibration.arm_file import sync_folder
+from joshua_calibration.target import StoredMotor
 
 
 class Record(BaseModel):

@@ -9,10 +9,10 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.calibration_target import TargetMotor
 
 from joshua_calibration.result import RangeRefused, motor_calibration, require_middle, require_range
 from joshua_calibration.sweep import Sweep
+from joshua_calibration.target import TargetMotor
 from joshua_calibration.track import Track
 from joshua_calibration.view import JointState, JointView, Step, View
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from joshua.devices.calibration import MotorCalibration
-from joshua.devices.calibration_target import TargetMotor
 
 from joshua_calibration.sweep import Sweep
+from joshua_calibration.target import TargetMotor
 
 MIDDLE_MARGIN = 0.1  # of the range: the middle pose is at least this far from both ends
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.calibration_target import CalibrationTarget, Hand
 from joshua.devices.errors import DeviceError, DeviceSilent
 
 from joshua_calibration import transaction
@@ -16,6 +15,7 @@ from joshua_calibration.arm_file import ArmFile
 from joshua_calibration.front_end import ArmState, Ask, Board, FrontEnd, Request
 from joshua_calibration.journal import Journal
 from joshua_calibration.procedure import Procedure
+from joshua_calibration.target import CalibrationTarget, Hand
 from joshua_calibration.view import Step, View
 
 PERIOD_S = 0.02

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.devices.calibration_target import TargetMotor
+from joshua_calibration.target import TargetMotor
 
 BINS_PER_TURN = 64
 TURNS_BACK = 1 / 128  # of a turn: the way back from an end by which it counts as an end

@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.calibration_target import CalibrationTarget, StoredMotor
 from joshua.devices.errors import DeviceError
 from joshua.tools import FileRefused
 
 from joshua_calibration.arm_file import ArmFile
 from joshua_calibration.journal import Journal, JournalRefused, Record
+from joshua_calibration.target import CalibrationTarget, StoredMotor
 
 ROLLBACK_S = 3.0  # how long an arm that has gone is waited for before the note is left to a later start
 PAUSE_S = 0.25

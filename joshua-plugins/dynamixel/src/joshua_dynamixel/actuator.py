@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from joshua_serial.port import SerialPort
 from joshua_servo.arm import ServoArm
@@ -12,7 +12,6 @@ from joshua_servo.inspection import ServoSetup, check_start
 from joshua_servo.torque import MoveValues
 
 from joshua_dynamixel.bus import Bus
-from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 from joshua_dynamixel.family import X_SERIES
 from joshua_dynamixel.feedback import parse_feedback
 from joshua_dynamixel.inspection import inspect
@@ -23,6 +22,9 @@ from joshua_dynamixel.registers import (
     VELOCITY_TICKS_S,
 )
 from joshua_dynamixel.settings import DynamixelSettings
+
+if TYPE_CHECKING:
+    from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 
 
 class DynamixelActuator(ServoArm):
@@ -51,6 +53,8 @@ class DynamixelActuator(ServoArm):
 
     def calibration_target(self) -> DynamixelCalibrationTarget:
         """The servos as a calibration sees them: positions without torque, and their EEPROM."""
+        from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
+
         return DynamixelCalibrationTarget(self.settings)
 
     def move_values(self) -> list[MoveValues]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
 from joshua.devices.stamps import StampClock
 from joshua.mock.motion import FileMotion, Motion, SineMotion
 
-from joshua_mujoco_sim.calibration_target import SimCalibrationTarget
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
 from joshua_mujoco_sim.world import World, leave_world, shared_world
+
+if TYPE_CHECKING:
+    from joshua_mujoco_sim.calibration_target import SimCalibrationTarget
 
 #: No-load speed of a small serial bus servo at 12 V, which the models stand for.
 VELOCITY_MAX_RAD_S = 4.7
@@ -201,7 +203,9 @@ class SimActuator(Actuator):
         """What a calibration works on: the joints that turn between stops, and a hand that moves them."""
         simulation = self.plan_context.get("simulation")
         if not simulation or not any(joint["by_hand"] for joint in self.settings.joint_ranges):
-            return super().calibration_target()  # type: ignore[return-value]
+            return super().calibration_target()  # type: ignore[no-any-return]
+        from joshua_mujoco_sim.calibration_target import SimCalibrationTarget
+
         return SimCalibrationTarget(self.settings, simulation)
 
     def _make_motion(self) -> Motion | None:

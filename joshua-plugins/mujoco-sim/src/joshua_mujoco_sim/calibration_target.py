@@ -14,11 +14,11 @@ from typing import Any
 import mujoco
 import numpy as np
 from joshua.devices.calibration import ArmCalibration
-from joshua.devices.calibration_target import CalibrationTarget, StoredMotor, TargetMotor
-from joshua.devices.calibration_target import Hand as HandMoves
 from joshua.devices.errors import DeviceError
 from joshua.devices.units import TICKS_PER_TURN
 from joshua_calibration.hand import hand_paths
+from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
+from joshua_calibration.target import Hand as HandMoves
 
 from joshua_mujoco_sim.calibration import IDENTITY, encoder_ticks, misfits
 from joshua_mujoco_sim.hand import Hand

@@ -6,11 +6,10 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
-from joshua.devices.calibration_target import CalibrationTarget
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceError
 
@@ -20,6 +19,9 @@ from joshua_spike.errors import NotCalibrated, NotEnabled, ProgramFailed, Safety
 from joshua_spike.joint_map import RADIANS_PER_DEGREE, JointMap
 from joshua_spike.session import Counters, StampedState
 from joshua_spike.settings import SpikeSettings
+
+if TYPE_CHECKING:
+    from joshua_calibration.target import CalibrationTarget
 
 MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
 NEWTON_METRES_PER_MNM = 1e-3

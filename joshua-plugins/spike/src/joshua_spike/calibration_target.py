@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.devices.calibration_target import CalibrationTarget, StoredMotor, TargetMotor
+from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
 
 from joshua_spike.client import HubClient
 from joshua_spike.settings import TICKS_PER_TURN, SpikeSettings, port_id

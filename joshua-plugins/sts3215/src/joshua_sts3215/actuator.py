@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from joshua_serial.port import SerialPort
 from joshua_servo.arm import ServoArm
@@ -11,11 +12,13 @@ from joshua_servo.inspection import ServoSetup, check_start
 from joshua_servo.torque import MoveValues
 
 from joshua_sts3215.bus import Bus
-from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 from joshua_sts3215.family import STS3215
 from joshua_sts3215.inspection import inspect
 from joshua_sts3215.registers import ACCELERATION, GOAL_SPEED, GOAL_TIME
 from joshua_sts3215.settings import Sts3215Settings
+
+if TYPE_CHECKING:
+    from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 
 BEYOND_TICKS = 30  # about 2.6°, for a joint that its stop has pushed a little beyond where it was calibrated
 
@@ -43,6 +46,8 @@ class Sts3215Actuator(ServoArm):
 
     def calibration_target(self) -> Sts3215CalibrationTarget:
         """The servos as a calibration sees them: positions without torque, and their EEPROM."""
+        from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
+
         return Sts3215CalibrationTarget(self.settings)
 
     def parse(self, values: Sequence[bytes]) -> list[Feedback]:

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Collection
 
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
-from joshua.devices.calibration_target import CalibrationTarget, Hand, StoredMotor, TargetMotor
 from joshua.devices.errors import DeviceError
 from joshua.testing import lifecycle
 from joshua.testing.conformance import Checklist, name_of, refuses, require
 
 from joshua_calibration.sweep import MOVED, SMALLEST_RANGE
+from joshua_calibration.target import CalibrationTarget, Hand, StoredMotor, TargetMotor
 from joshua_calibration.testing.values import (
     LARGEST_ID,
     check_kept,
@@ -43,7 +43,7 @@ def check_calibration_target(
     timeout_s: float = 10.0,
     only: Collection[str] = (),
 ) -> None:
-    """Checks a driver against the contract of ``joshua.devices.calibration_target.CalibrationTarget``.
+    """Checks a driver against the contract of ``joshua_calibration.target.CalibrationTarget``.
 
     What the motors keep is overwritten and put back. Nothing gets torque, so an arm may sink: support it.
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 from joshua.devices.calibration import LARGEST_OFFSET
-from joshua.devices.calibration_target import CalibrationTarget, StoredMotor, TargetMotor
 from joshua.devices.errors import DeviceError
 from joshua.devices.units import TICKS_PER_TURN
 from joshua.testing import lifecycle
 from joshua.testing.conformance import ViolationError, require
+
+from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
 
 #: How far a joint that nobody moves may go between two readings: noise, and an arm that settles.
 STILL = 1 / 64
