@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.features import Feature, JointRange, JointUnits, Unit
+from joshua.features import CalibratedJoint, Feature, JointUnits, Unit
 from joshua.plan.feature import STATE
 
 PI = math.pi
@@ -91,7 +91,7 @@ def test_there_and_back_is_the_same_position(
     unit: Unit, joints: list[tuple[float, float, float, bool]]
 ) -> None:
     units = JointUnits(
-        JointRange(f"joint_{i}", low, low + width, inverted, percent=inverted)
+        CalibratedJoint(f"joint_{i}", low, low + width, inverted, percent=inverted)
         for i, (low, width, _, inverted) in enumerate(joints)
     )
     positions = np.array([[position for *_, position, _ in joints]] * 3)
@@ -122,7 +122,7 @@ def test_a_feature_says_its_unit_and_has_lerobots_names() -> None:
 @pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (1.0, 0.0), (0.0, math.inf), (math.nan, 1.0)])
 def test_an_empty_range_is_refused(low: float, high: float) -> None:
     with pytest.raises(ValueError, match=r"elbow: .* rad is no range: calibrate the joint, or"):
-        JointRange("elbow", low, high)
+        CalibratedJoint("elbow", low, high)
 
 
 def test_two_joints_of_one_name_are_refused() -> None:

@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from joshua.features.derive import camera_key, features_of
     from joshua.features.feature_set import FeatureSet
     from joshua.features.frame import FeatureError, Frame, checked
-    from joshua.features.joint_units import JointRange, JointUnits, Unit
+    from joshua.features.joint_units import CalibratedJoint, JointUnits, Unit
 
 __all__ = [
     "ACTION",
     "IMAGES",
     "STATE",
     "Alignment",
+    "CalibratedJoint",
     "Feature",
     "FeatureCounts",
     "FeatureError",
     "FeatureSet",
     "Frame",
-    "JointRange",
     "JointUnits",
     "TimeAligner",
     "Unit",
@@ -41,7 +41,7 @@ _LATER = {
     "derive": ("camera_key", "features_of"),
     "feature_set": ("FeatureSet",),
     "frame": ("FeatureError", "Frame", "checked"),
-    "joint_units": ("JointRange", "JointUnits", "Unit"),
+    "joint_units": ("CalibratedJoint", "JointUnits", "Unit"),
 }
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _LATER.items() for name in names}
 

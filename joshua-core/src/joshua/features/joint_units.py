@@ -66,27 +66,27 @@ class CalibratedMotor(Protocol):
 
 
 @dataclass(frozen=True)
-class JointRange:
+class CalibratedJoint:
     """The calibrated range of one joint.
 
     Attributes:
-        name: of the joint; low_rad, high_rad: ends of the range, the first below the second.
+        name: of the joint; min_rad, max_rad: ends of the range, the first below the second.
         inverted: the motor counts against the joint's positive direction.
         ticks_per_turn: of the motor's encoder.
         percent: LeRobot normalises it to 0…100 and not to -100…100, as it does with grippers.
     """
 
     name: str
-    low_rad: float
-    high_rad: float
+    min_rad: float
+    max_rad: float
     inverted: bool = False
     ticks_per_turn: int = TICKS_PER_TURN
     percent: bool = False
 
     def __post_init__(self) -> None:
-        if not 0 < self.high_rad - self.low_rad < math.inf:
+        if not 0 < self.max_rad - self.min_rad < math.inf:
             raise ValueError(
-                f"{self.name}: {self.low_rad} to {self.high_rad} rad is no range: calibrate the joint, "
+                f"{self.name}: {self.min_rad} to {self.max_rad} rad is no range: calibrate the joint, "
                 "or give it limits"
             )
 
@@ -101,7 +101,7 @@ class JointUnits:
         ValueError: two joints have one name.
     """
 
-    def __init__(self, joints: Iterable[JointRange]) -> None:
+    def __init__(self, joints: Iterable[CalibratedJoint]) -> None:
         self.joints = tuple(joints)
         self.names = tuple(joint.name for joint in self.joints)
         if len(set(self.names)) < len(self.names):
@@ -131,7 +131,7 @@ class JointUnits:
             low, high = ((t - zero) * math.tau / ticks_per_turn for t in (motor.range_min, motor.range_max))
             low, high = (-high, -low) if motor.inverted else (low, high)
             name = motor.joint_name
-            ranges.append(JointRange(name, low, high, motor.inverted, ticks_per_turn, is_gripper(name)))
+            ranges.append(CalibratedJoint(name, low, high, motor.inverted, ticks_per_turn, is_gripper(name)))
         return cls(ranges)
 
     @classmethod
@@ -140,7 +140,7 @@ class JointUnits:
     ) -> JointUnits:
         """Units of joints that have limits and no motors, such as those of a simulated arm."""
         return cls(
-            JointRange(name, float(low), float(high), percent=is_gripper(name))
+            CalibratedJoint(name, float(low), float(high), percent=is_gripper(name))
             for name, low, high in zip(names, low_rad, high_rad, strict=True)
         )
 
@@ -180,11 +180,11 @@ def is_gripper(name: str) -> bool:
     return name == "gripper" or name.endswith("_gripper")
 
 
-def _is_normalised(joint: JointRange, unit: Unit) -> bool:
+def _is_normalised(joint: CalibratedJoint, unit: Unit) -> bool:
     return unit is Unit.LEROBOT or (joint.percent and unit is Unit.LEROBOT_DEGREES)
 
 
-def _line(joint: JointRange, unit: Unit) -> tuple[float, float, float]:
+def _line(joint: CalibratedJoint, unit: Unit) -> tuple[float, float, float]:
     """Position in radians, value there, and values per radian."""
     if unit is Unit.RADIANS:
         return 0.0, 0.0, 1.0
@@ -192,7 +192,7 @@ def _line(joint: JointRange, unit: Unit) -> tuple[float, float, float]:
         return 0.0, 0.0, 180 / math.pi
     if _is_normalised(joint, unit):
         least = 0.0 if joint.percent else -100.0
-        return joint.low_rad, least, (100.0 - least) / (joint.high_rad - joint.low_rad)
+        return joint.min_rad, least, (100.0 - least) / (joint.max_rad - joint.min_rad)
     sign = -1.0 if joint.inverted else 1.0
     turn = 360.0 * joint.ticks_per_turn / (joint.ticks_per_turn - 1)
-    return (joint.low_rad + joint.high_rad) / 2, 0.0, sign * turn / math.tau
+    return (joint.min_rad + joint.max_rad) / 2, 0.0, sign * turn / math.tau

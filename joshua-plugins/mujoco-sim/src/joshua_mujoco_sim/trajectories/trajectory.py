@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 import numpy as np
 import numpy.typing as npt
-from joshua.features import JointRange, JointUnits, Unit
+from joshua.features import CalibratedJoint, JointUnits, Unit
 from joshua.features.joint_units import LEROBOT_SUFFIX, is_gripper
 
 FloatArray = npt.NDArray[np.float64]
@@ -96,7 +96,7 @@ class Trajectory:
                 # data sets of other layouts have grippers from -100 to 100, too
                 percent = is_gripper(joint) and values.min() >= 0
                 try:
-                    units = JointUnits([JointRange(joint, *ranges[joint], percent=percent)])
+                    units = JointUnits([CalibratedJoint(joint, *ranges[joint], percent=percent)])
                 except ValueError as error:
                     raise TrajectoryError(f"{self.source}: {error}") from error
                 position[:, column : column + 1] = units.to_radians(values, Unit.LEROBOT)
