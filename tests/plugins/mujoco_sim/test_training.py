@@ -17,8 +17,8 @@ from joshua.planner.pipeline import check_file, examine
 from joshua.planner.request import Purpose, Request
 from joshua.plugins.environments import make_environment
 from joshua.testing.domain import reserved_domain
-from joshua_mujoco_sim.environments import ENVIRONMENTS
 from joshua_mujoco_sim.envs import TASKS, make_vector_environment
+from joshua_mujoco_sim.plugin import ENVIRONMENTS
 
 REACH = 'environment_id: "joshua/SoArm100Reach-v0"'
 

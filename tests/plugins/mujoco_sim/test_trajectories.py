@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
-from joshua_mujoco_sim.trajectories import budget
+from joshua_mujoco_sim.trajectories import trajectory as recordings
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -161,10 +161,10 @@ def test_a_recording_that_is_too_long_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], Path]
 ) -> None:
     path = write(tmp_path)
-    monkeypatch.setattr(budget, "MOST_NUMBERS", 14)
+    monkeypatch.setattr(recordings, "MOST_NUMBERS", 14)
     with pytest.raises(TrajectoryError, match=r"too long to be replayed at once: more than 14 numbers"):
         read_trajectories(path)
-    monkeypatch.setattr(budget, "MOST_NUMBERS", 40)
+    monkeypatch.setattr(recordings, "MOST_NUMBERS", 40)
     assert len(read_trajectories(path)[0].time_s) == 5
 
 
@@ -223,30 +223,30 @@ def trajectory(*names: str, values: np.ndarray = POSITIONS) -> Trajectory:
 
 
 def test_columns_find_their_joints_in_any_order() -> None:
-    joints, position = trajectory("gripper", "shoulder_pan").for_joints(JOINTS, RANGES)
+    joints, position = trajectory("gripper", "shoulder_pan").for_joints(RANGES)
     assert joints == ("gripper", "shoulder_pan")
     assert position == pytest.approx(POSITIONS)
 
 
 def test_other_columns_are_left_out() -> None:
-    joints, position = trajectory("gripper", "door").for_joints(JOINTS, RANGES)
+    joints, position = trajectory("gripper", "door").for_joints(RANGES)
     assert joints == ("gripper",)
     assert position.shape == (5, 1)
 
 
 def test_numbered_joints_go_by_order() -> None:
-    assert trajectory("joint_1", "joint_2").for_joints(JOINTS, RANGES)[0] == JOINTS
+    assert trajectory("joint_1", "joint_2").for_joints(RANGES)[0] == JOINTS
 
 
 def test_percent_of_lerobot_becomes_the_range() -> None:
     values = np.column_stack([np.linspace(-100, 100, 5), np.linspace(0, 100, 5)])
-    _, position = trajectory("shoulder_pan.pos", "gripper.pos", values=values).for_joints(JOINTS, RANGES)
+    _, position = trajectory("shoulder_pan.pos", "gripper.pos", values=values).for_joints(RANGES)
     assert position[:, 0] == pytest.approx(np.linspace(-2, 2, 5))
     assert position[:, 1] == pytest.approx(np.linspace(0, 1, 5))
 
 
 def test_columns_that_fit_nothing_are_named() -> None:
     with pytest.raises(TrajectoryError, match=r"no column fits a joint.*griper.*rename the columns"):
-        trajectory("griper", "shoulder_pam").for_joints(JOINTS, RANGES)
+        trajectory("griper", "shoulder_pam").for_joints(RANGES)
     with pytest.raises(TrajectoryError, match=r"2 columns without names, and the model has 1"):
-        trajectory().for_joints(JOINTS[:1], RANGES)
+        trajectory().for_joints({"shoulder_pan": RANGES["shoulder_pan"]})

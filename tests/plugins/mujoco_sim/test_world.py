@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua_mujoco_sim.pacing import LARGEST_LAG_S, Pacer
-from joshua_mujoco_sim.world import World, WorldSettings, leave_world, shared_world
+from joshua_mujoco_sim.world import LARGEST_LAG_S, Pacer, World, WorldSettings, leave_world, shared_world
 
 SCENE = WorldSettings("so_arm100/scene.xml")
 

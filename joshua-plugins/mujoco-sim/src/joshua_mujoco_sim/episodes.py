@@ -34,13 +34,7 @@ class RecordedDrive:
 
     def __init__(self, physics: Physics, trajectory: Trajectory) -> None:
         everything = physics.group(())
-        ranges = {
-            joint: (float(low), float(high))
-            for joint, low, high in zip(
-                everything.joints, everything.range_min_rad, everything.range_max_rad, strict=True
-            )
-        }
-        joints, self._position = trajectory.for_joints(everything.joints, ranges)
+        joints, self._position = trajectory.for_joints(everything.ranges_rad)
         chosen = [everything.joints.index(joint) for joint in joints]
         unfit = [everything.joints[index] for index in chosen if everything.drives[index] != "position"]
         if unfit:

@@ -209,6 +209,12 @@ class ActuatorGroup:
         return len(self.names)
 
     @property
+    def ranges_rad(self) -> dict[str, tuple[float, float]]:
+        """Lower and upper limit of each joint by its name; infinite where it has none."""
+        ends = zip(self.range_min_rad.tolist(), self.range_max_rad.tolist(), strict=True)
+        return dict(zip(self.joints, ends, strict=True))
+
+    @property
     def middle_rad(self) -> FloatArray:
         """Middles of the joints' ranges, shape (N,); 0 for a joint without limits."""
         middle = (self.range_min_rad + self.range_max_rad) / 2

@@ -3,8 +3,20 @@
 from __future__ import annotations
 
 from joshua.plugins import ActuatorSpec, EnvironmentSpec, PluginSpec, SensorSpec, SimulatorSpec, hookimpl
+from joshua.plugins.specs import Environment
 
-from joshua_mujoco_sim.environments import ENVIRONMENTS
+#: As data: naming them imports neither Gymnasium nor MuJoCo.
+ENVIRONMENTS = (
+    Environment(
+        "joshua/SoArm100Reach-v0", ("reach", "reach_sparse"), "the grip goes to a place in front of the arm"
+    ),
+    Environment(
+        "joshua/SoArm100PickPlace-v0",
+        ("pick_place", "pick_place_sparse"),
+        "the cube goes onto the goal, and the jaw lets go",
+    ),
+    Environment("joshua/Ant-v0", ("forward",), "the ant runs along x"),
+)
 
 
 @hookimpl

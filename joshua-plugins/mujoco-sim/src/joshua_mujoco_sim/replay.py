@@ -50,15 +50,8 @@ class Replay:
         self._physics = physics
         self._group = physics.group(())
         self._speed = speed
-        ranges = {
-            joint: (float(low), float(high))
-            for joint, low, high in zip(
-                self._group.joints, self._group.range_min_rad, self._group.range_max_rad, strict=True
-            )
-        }
-        self._parts = [
-            (trajectory, *trajectory.for_joints(self._group.joints, ranges)) for trajectory in trajectories
-        ]
+        ranges = self._group.ranges_rad
+        self._parts = [(trajectory, *trajectory.for_joints(ranges)) for trajectory in trajectories]
         self._part = self._sample = 0
         self._clock_s = 0.0
         self._broken: set[str] = set()

@@ -165,7 +165,7 @@ def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> No
     ranges = {facts.joints[actuator]: limits for actuator, limits in facts.ranges.items()}
     try:
         for recording in read_trajectories(place, episodes):
-            recording.for_joints(list(ranges), ranges)
+            recording.for_joints(ranges)
     except MissingExtraError:
         return
     except TrajectoryError as error:

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from joshua_mujoco_sim.trajectories.budget import Budget
 from joshua_mujoco_sim.trajectories.tables import VECTOR_COLUMNS, from_columns, parquet_columns
-from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
+from joshua_mujoco_sim.trajectories.trajectory import Budget, Trajectory, TrajectoryError
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from joshua_mujoco_sim.trajectories.budget import Budget
 from joshua_mujoco_sim.trajectories.datasets import is_lerobot, is_rosbag, read_lerobot, read_rosbag
 from joshua_mujoco_sim.trajectories.tables import read_csv, read_json_lines, read_parquet
-from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
+from joshua_mujoco_sim.trajectories.trajectory import Budget, Trajectory, TrajectoryError
 
 FORMS = "a .csv, .jsonl or .parquet file, the folder of a LeRobot data set, an .mcap file or a rosbag2 folder"
 

@@ -12,8 +12,9 @@ from typing import Any, TextIO
 import numpy as np
 from joshua.features import ACTION, STATE
 
-from joshua_mujoco_sim.trajectories.budget import LONGEST_LINE, Budget
 from joshua_mujoco_sim.trajectories.trajectory import (
+    LONGEST_LINE,
+    Budget,
     FloatArray,
     MissingExtraError,
     Trajectory,

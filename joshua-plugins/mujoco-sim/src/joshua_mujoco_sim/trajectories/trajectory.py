@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +15,35 @@ from joshua.features.joint_units import LEROBOT_SUFFIX, is_gripper
 FloatArray = npt.NDArray[np.float64]
 
 
+#: Numbers in memory at once, samples times columns: eight hours of six joints at 100 Hz, 160 MB.
+MOST_NUMBERS = 20_000_000
+
+#: Characters of one sample in a text file.
+LONGEST_LINE = 1 << 20
+
+
 class TrajectoryError(Exception):
     """A recording cannot be read or does not fit the model; the message says where, why and what to do."""
 
 
 class MissingExtraError(TrajectoryError):
     """A recording cannot be read here, since a library is not installed; the message says which."""
+
+
+class Budget:
+    """What is left of the numbers that one replay may hold."""
+
+    def __init__(self) -> None:
+        self._most = self._left = MOST_NUMBERS
+
+    def take(self, source: str | Path, count: int) -> None:
+        """Counts numbers that are about to be kept. Raises TrajectoryError."""
+        self._left -= count
+        if self._left < 0:
+            raise TrajectoryError(
+                f"{source} is too long to be replayed at once: more than {self._most} numbers (samples times "
+                "columns): cut it into parts, keep fewer samples a second, or name fewer episodes"
+            )
 
 
 @dataclass(frozen=True)
@@ -57,14 +81,11 @@ class Trajectory:
         """Time of the last sample."""
         return float(self.time_s[-1])
 
-    def for_joints(
-        self, joints: Sequence[str], ranges: Mapping[str, tuple[float, float]]
-    ) -> tuple[tuple[str, ...], FloatArray]:
+    def for_joints(self, ranges: Mapping[str, tuple[float, float]]) -> tuple[tuple[str, ...], FloatArray]:
         """Chooses the columns of a model's joints.
 
         Args:
-            joints: joints of the model that are driven.
-            ranges: limits in radians by joint, for values in LeRobot's units.
+            ranges: limits in radians of the joints that the model drives, in its order.
 
         Returns:
             The joints that the recording moves, and their positions in radians, shape (T, M).
@@ -72,6 +93,7 @@ class Trajectory:
         Raises:
             TrajectoryError: no column fits a joint.
         """
+        joints = list(ranges)
         plain = [name.removesuffix(LEROBOT_SUFFIX) for name in self.names]
         if plain and not set(plain) & set(joints):
             if len(plain) != len(joints) or any(get_close_matches(name, joints, n=1) for name in plain):
