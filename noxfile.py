@@ -29,43 +29,10 @@ PLUGIN = "joshua-plugins"
 CORE_SOURCES = "joshua-core/src"
 EXAMPLES = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("docs/examples/*/pyproject.toml"))
 PLUGINS = sorted(str(path.parent.relative_to(ROOT)) for path in ROOT.glob("joshua-plugins/*/pyproject.toml"))
-
-# Tests that run several at a time: they compute, or wait for time-outs of devices, and their outcome does
-# not depend on how busy the machine is. All others run one after the other, because they judge rates, motions
-# and latencies, which a busy machine spoils; so does what is new.
+# Everything but what judges rates, motions and latencies runs several at a time: most of it waits.
 SIDE_BY_SIDE = (
-    "tests/core/cli",
-    "tests/core/config",
-    "tests/core/devices",
-    "tests/core/messages",
-    "tests/core/mock",
-    "tests/core/models",
-    "tests/core/modes",
-    "tests/core/plan",
-    "tests/core/planner",
-    "tests/core/plugins",
-    "tests/core/schema",
-    "tests/core/supervisor",
-    "tests/core/testing",
-    "tests/core/textproto",
-    "tests/core/test_rooms.py",
-    "tests/end_to_end/test_bad_input.py",
-    "tests/end_to_end/test_calibrat*.py",
-    "tests/end_to_end/test_lidar_window.py",
-    "tests/end_to_end/test_set_up.py",
-    "tests/plugins/*/test_bus_tools.py",
-    "tests/plugins/*/test_calibration_transaction.py",
-    "tests/plugins/*/test_doctor.py",
-    "tests/plugins/*/test_fa*.py",
-    "tests/plugins/*/test_find_port.py",
-    "tests/plugins/*/test_lines.py",
-    "tests/plugins/*/test_motors_setup.py",
-    "tests/plugins/*/test_parsers.py",
-    "tests/plugins/calibration",
-    "tests/plugins/serial",
-    "tests/plugins/servo",
-    "tests/presets",
-    "tests/tools",
+    *("-m", "not timing", "--dist=worksteal", "--durations=40"),
+    f"--numprocesses={min(2 * (os.cpu_count() or 1), 8)}",
 )
 
 
@@ -112,16 +79,30 @@ def tests(session: nox.Session) -> None:
     if session.posargs:
         session.run("pytest", *session.posargs)
         return
-    beside = [str(path.relative_to(ROOT)) for pattern in SIDE_BY_SIDE for path in sorted(ROOT.glob(pattern))]
-    workers = min(2 * (os.cpu_count() or 1), 8)  # most of what they do is to wait
     failed: CommandFailed | None = None
     try:
-        session.run("pytest", f"--numprocesses={workers}", "--dist=worksteal", *beside)
+        session.run("pytest", *SIDE_BY_SIDE)
     except CommandFailed as error:  # what fails here must not hide what fails in the other part
         failed = error
-    session.run("pytest", "tests", *(f"--ignore={path}" for path in beside))
+    session.run("pytest", "-m", "timing", "--durations=20")
     if failed is not None:
         raise failed
+
+
+@nox.session
+def coverage(session: nox.Session) -> None:
+    """Reports which lines the tests reach, child processes included; ``-- PATH …`` for some of the tests.
+
+    Tests that judge timing are left out: they would judge the measurement.
+    """
+    install(session, *group("test"), *editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS))
+    session.run("coverage", "erase")
+    # By absolute path, because child processes run elsewhere.
+    sources = [f"--cov={ROOT / folder / 'src'}" for folder in (CORE, *PLUGINS)]
+    session.run("pytest", *SIDE_BY_SIDE, *sources, "--cov-report=", *session.posargs, success_codes=[0, 1])
+    session.run("coverage", "report")
+    for folder in (CORE, *PLUGINS):
+        session.run("coverage", "report", f"--include={folder}/src/*", "--format=total", silent=False)
 
 
 @nox.session
@@ -145,15 +126,48 @@ def mjx(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Runs the benchmarks and prints their figures; ``-- NAME …`` runs those whose name contains NAME."""
+    """Runs the benchmarks and prints their figures; ``-- NAME …`` runs those whose name contains NAME.
+
+    ``-- --against REV [--rounds N] [NAME …]`` runs some of them alternately here and in a checkout of another
+    commit, or in the folder REV, and prints the ratios.
+    """
     install(session, *group("test"), *editable(f"{CORE}[dds]", *PLUGINS))
+    words = list(session.posargs)
+    if "--against" in words:
+        position = words.index("--against")
+        revision = "".join(words[position + 1 : position + 2])
+        del words[position : position + 2]
+        session.run("python", "tests/benchmarks/_paired.py", str(checkout(session, revision)), *words)
+        return
     scripts = sorted(path for path in (ROOT / "tests/benchmarks").glob("*.py") if path.name[0] != "_")
-    if session.posargs:
-        scripts = [path for path in scripts if any(word in path.name for word in session.posargs)]
+    if words:
+        scripts = [path for path in scripts if any(word in path.name for word in words)]
     if not scripts:
         session.error("no benchmark matches; see tests/benchmarks")
     for script in scripts:
         session.run("python", str(script.relative_to(ROOT)))
+
+
+def checkout(session: nox.Session, revision: str) -> Path:
+    """A folder that holds a commit, installed into a .venv of its own; made once for each commit."""
+    if Path(revision).is_dir():
+        return Path(revision).resolve()
+    asked = session.run_install(
+        "git", "rev-parse", "--verify", f"{revision}^{{commit}}", external=True, silent=True
+    )
+    commit = str(asked).strip()
+    folder = ROOT / ".nox" / "checkouts" / commit
+    if not folder.is_dir():
+        session.run_install("git", "worktree", "add", "--detach", str(folder), commit, external=True)
+    python = folder / ".venv/bin/python"
+    if not python.is_file():
+        session.run_install("python", "-m", "venv", str(folder / ".venv"))
+        distributions = sorted(path.parent for path in folder.glob("joshua-plugins/*/pyproject.toml"))
+        arguments = ["-e", f"{folder / CORE}[dds]", *(f"-e{path}" for path in distributions)]
+        groups = list(nox.project.dependency_groups(nox.project.load_toml(folder / "pyproject.toml"), "test"))
+        install_command = [str(python), "-m", "pip", "install", "-q", "-c", str(folder / "constraints.txt")]
+        session.run_install(*install_command, *arguments, *groups, external=True)
+    return folder
 
 
 @nox.session(reuse_venv=False)

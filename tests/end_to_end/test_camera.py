@@ -47,6 +47,7 @@ def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.timing
 def test_a_good_camera_passes(tmp_path: Path, joshua_domain_id: int) -> None:
     code, text = while_steady(
         lambda: run(tmp_path, joshua_domain_id, "--duration", "4"), lambda done: done[0] == 0
@@ -61,12 +62,14 @@ def test_a_good_camera_passes(tmp_path: Path, joshua_domain_id: int) -> None:
     assert Path(picture[1]).read_bytes().startswith(b"\xff\xd8")
 
 
+@pytest.mark.timing
 def test_a_slow_camera_fails(tmp_path: Path, joshua_domain_id: int) -> None:
     code, text = run(tmp_path, joshua_domain_id, "--duration", "4", "--fault", "camera:rate=5")
     assert code == 1, text
     assert re.search(r"FAIL  /camera  frame rate .* of 10 Hz: many cameras are slower in poor light", text)
 
 
+@pytest.mark.timing
 def test_a_camera_that_is_unplugged_comes_back_and_fails_the_test(
     tmp_path: Path, joshua_domain_id: int
 ) -> None:

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from doc_commands import Step, steps
@@ -113,8 +114,16 @@ def commanding_pages() -> list[Path]:
     return [page for page in PAGES if steps(page)]
 
 
+def marked(page: Path) -> Any:
+    """A page whose commands run a robot judges rates, as MODE_TEST does."""
+    runs = re.compile(r"joshua --config (?!.*--validate-only)")
+    commands = (command for step in steps(page) for command in step.commands)
+    marks = [pytest.mark.timing] if any(map(runs.match, commands)) else []
+    return pytest.param(page, id=str(page.relative_to(ROOT)), marks=marks)
+
+
 @pytest.mark.timeout(1500)
-@pytest.mark.parametrize("page", commanding_pages(), ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize("page", [marked(page) for page in commanding_pages()])
 def test_the_commands_of_a_page_run(page: Path, terminal: Terminal):
     for step in steps(page):
         try:

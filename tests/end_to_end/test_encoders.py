@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from emulators_of_runs import bring_about
 from steady_machine import while_steady
 from watched import Watched, watched_run
@@ -44,6 +45,7 @@ def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
         return watched.end(100.0)
 
 
+@pytest.mark.timing
 def test_good_encoders_pass(tmp_path: Path, joshua_domain_id: int) -> None:
     code, text = while_steady(
         lambda: run(tmp_path, joshua_domain_id, "--duration", "5"), lambda done: done[0] == 0
@@ -61,6 +63,7 @@ def test_a_line_that_damages_counts_fails(tmp_path: Path, joshua_domain_id: int)
     assert re.search(r"FAIL  /steering +line whole +\d+ counts, \d+ damaged: check cable, ground", text)
 
 
+@pytest.mark.timing
 def test_an_encoder_without_its_magnet_fails_and_the_others_go_on(
     tmp_path: Path, joshua_domain_id: int
 ) -> None:

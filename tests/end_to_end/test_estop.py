@@ -83,6 +83,7 @@ def test_a_hung_supervisor_is_not_needed(tmp_path: Path, joshua_domain_id: int) 
         assert f"the supervisor, process {rig.process.pid}, does not answer (timed out)" in result.stderr
 
 
+@pytest.mark.timing
 def test_a_hung_driver_is_replaced_by_its_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
     with running(tmp_path, joshua_domain_id, HOLD) as rig:
         os.kill(rig.process.pid, signal.SIGSTOP)  # which would end the driver, too

@@ -43,7 +43,7 @@ def test_a_killed_driver_is_replaced_by_its_guardian(tmp_path: Path, joshua_doma
     with running(tmp_path, joshua_domain_id, RELEASE) as rig:
         os.kill(rig.driver, signal.SIGKILL)
         rig.wait(lambda: rig.energised() == {False})
-        rig.wait(lambda: rig.gone(rig.guardian))
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without letting go"))
         output = rig.stop()
         assert "guardian: the driver ended without letting go; 1 released" in output
         assert rig.energised() == {False}
@@ -52,7 +52,7 @@ def test_a_killed_driver_is_replaced_by_its_guardian(tmp_path: Path, joshua_doma
 def test_a_killed_driver_leaves_a_held_arm_held(tmp_path: Path, joshua_domain_id: int) -> None:
     with running(tmp_path, joshua_domain_id, HOLD) as rig:
         os.kill(rig.driver, signal.SIGKILL)
-        rig.wait(lambda: rig.gone(rig.guardian))
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without letting go"))
         assert rig.energised() == {True}
         output = rig.stop()
         assert "guardian: the driver ended without letting go; 1 held" in output

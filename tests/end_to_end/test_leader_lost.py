@@ -41,6 +41,7 @@ def leader_of(rig: Rig) -> int:
     return number
 
 
+@pytest.mark.timing
 def test_the_follower_holds_then_ramps_or_acts_by_its_policy(tmp_path: Path, joshua_domain_id: int) -> None:
     policy = ("robot.actions[1].on_stale=RELEASE", "robot.actions[1].on_stale_after_s=9")
     with running(tmp_path, joshua_domain_id, policy) as rig:

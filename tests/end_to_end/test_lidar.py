@@ -44,6 +44,7 @@ def run(folder: Path, domain_id: int, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.timing
 def test_a_good_scanner_passes(tmp_path: Path, joshua_domain_id: int) -> None:
     code, text = while_steady(
         lambda: run(tmp_path, joshua_domain_id, "--emulate", "--duration", "5"), lambda done: done[0] == 0
@@ -61,6 +62,7 @@ def test_a_good_scanner_passes(tmp_path: Path, joshua_domain_id: int) -> None:
     assert Path(picture[1]).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.timing
 def test_a_scanner_that_turns_too_slowly_fails(tmp_path: Path, joshua_domain_id: int) -> None:
     code, text = run(
         tmp_path, joshua_domain_id, "--emulate", "--duration", "4", "--fault", "lidar:turn_hz=2.5"

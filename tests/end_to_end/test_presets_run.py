@@ -39,6 +39,7 @@ def test_each_copy_is_valid_and_lacks_no_plugin_that_its_header_hides(preset: Pr
     assert missing <= set(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))
 
 
+@pytest.mark.timing
 def test_the_mock_hardware_preset_passes_its_own_test(tmp_path: Path, joshua_domain_id: int):
     joshua("new", "mine", "--from", "test_mock_hardware", cwd=tmp_path)
     result = while_steady(

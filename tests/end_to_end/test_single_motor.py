@@ -33,6 +33,7 @@ def measured(output: str, check: str) -> str:
     return found[1]
 
 
+@pytest.mark.timing
 def test_figures_and_a_picture_of_the_motion(joshua_run: JoshuaProgram) -> None:
     result = undisturbed(joshua_run)
     assert re.search(r"0\.0\d+ rad rms, 0\.\d+ rad at most over", measured(result.stdout, "tracking error"))
@@ -47,6 +48,7 @@ def test_figures_and_a_picture_of_the_motion(joshua_run: JoshuaProgram) -> None:
     assert Path(picture).with_name(Path(picture).name.replace("-servo.png", ".jsonl")).exists()
 
 
+@pytest.mark.timing
 def test_amplitude_and_frequency_are_fields(joshua_run: JoshuaProgram) -> None:
     still = "robot.actions[oscillation].mock_motor_config.motion_amplitude_rad=0.001"
     result = undisturbed(joshua_run, "--set", still)

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from joshua.testing.program import JoshuaProgram
 from joshua_emulator.spike.process import EmulatedHub
 from steady_machine import while_steady
@@ -17,6 +18,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 PRESET = str(CONFIGS / "test_spike_ble.pbtxt")
 
 
+@pytest.mark.timing
 def test_the_preset_passes_on_an_emulated_hub(joshua_run: JoshuaProgram) -> None:
     result = while_steady(
         lambda: joshua_run("--config", PRESET, "--emulate", "--duration", "3"),
@@ -35,6 +37,7 @@ def test_the_preset_passes_on_an_emulated_hub(joshua_run: JoshuaProgram) -> None
         assert re.search(rf"^PASS +/spike_hub +{check}", said, re.MULTILINE), said
 
 
+@pytest.mark.timing
 def test_a_hub_that_goes_away_comes_back_while_the_rest_runs(joshua_run: JoshuaProgram) -> None:
     rate = re.compile(r"^PASS +/oscillation +rate of /test/oscillation", re.MULTILINE)
 
@@ -63,6 +66,7 @@ def test_a_hub_that_is_not_there_is_named_with_the_remedy(joshua_run: JoshuaProg
     assert "Switch the hub on and bring it near" in said
 
 
+@pytest.mark.timing
 def test_two_hubs_run_in_one_file(joshua_run: JoshuaProgram, tmp_path: Path) -> None:
     text = Path(PRESET).read_text(encoding="utf-8")
     block = text[text.index("  # The hub's motors.") : text.index("  # The pattern.")]
@@ -128,6 +132,7 @@ def test_a_killed_run_leaves_motors_without_torque_by_the_hubs_own_switch(joshua
         assert hub.state()["running"]  # it was the program's own doing
 
 
+@pytest.mark.timing
 def test_a_search_for_a_hub_ends_when_it_is_told_to(joshua_run: JoshuaProgram) -> None:
     process = joshua_run.start("--config", PRESET, "--emulate", "--fault", "spike_hub:unplug")
     log = joshua_run.folder / "log"

@@ -76,6 +76,7 @@ class Desk:
         self._transport.close()
 
 
+@pytest.mark.timing
 @pytest.mark.parametrize("kind", ["zenoh", "dds"])
 def test_the_override_commands_while_it_sends(
     kind: Any, joshua_run: JoshuaProgram, joshua_domain_id: int, tmp_path: Path

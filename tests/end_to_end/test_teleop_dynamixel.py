@@ -58,6 +58,7 @@ def fractions(arm: EmulatedBus) -> list[float]:
     ]
 
 
+@pytest.mark.timing
 @pytest.mark.parametrize("direction", ["koch leads", "koch follows"])
 def test_each_arm_follows_the_other_in_its_own_range(
     direction: str, tmp_path: Path, joshua_domain_id: int

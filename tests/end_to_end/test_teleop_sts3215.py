@@ -44,6 +44,7 @@ def energise(arm: EmulatedBus) -> None:
     port.close()
 
 
+@pytest.mark.timing
 def test_the_follower_repeats_what_a_hand_does_with_the_leader(tmp_path: Path, joshua_domain_id: int) -> None:
     with (
         EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER") as leader,

@@ -88,6 +88,7 @@ check_actuator(lambda: Gripper(GripperSettings(stroke_m=0.08, finger_length_m=0.
     python(installed, code)
 
 
+@pytest.mark.timing
 def test_its_robot_is_valid_and_passes_its_test(joshua: JoshuaProgram, robot: Path) -> None:
     valid = joshua("--config", str(robot), "--validate-only")
     assert valid.returncode == 0, valid.stderr

@@ -66,7 +66,12 @@ def teleoperation(
         stderr=subprocess.STDOUT,
         stdin=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain_id), "XDG_RUNTIME_DIR": str(runtime)},
+        env={
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain_id),
+            "XDG_RUNTIME_DIR": str(runtime),
+            "JOSHUA_LOG_DIR": str(folder / "log"),
+        },
     )
     try:
         yield process

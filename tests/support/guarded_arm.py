@@ -51,6 +51,10 @@ class Rig:
         """Whether the servos of the follower have torque: {True}, {False} or both."""
         return {servo["energised"] for servo in self.follower.servos()}
 
+    def logged(self, text: str) -> bool:
+        """Whether the log of the run holds a text; a guardian's report comes after its process has ended."""
+        return any(text in path.read_text(encoding="utf-8") for path in (self.folder / "log").glob("*.jsonl"))
+
     def gone(self, process_id: int) -> bool:
         """Whether a process has ended."""
         return parent_of(process_id) == 0

@@ -73,6 +73,7 @@ def at_rest(encoder: SerialEncoder) -> Reading:
     return found[-1]
 
 
+@pytest.mark.timing
 @pytest.mark.parametrize(("kind", "options", "fields", "baudrate"), KINDS)
 def test_positions_follow_the_shaft_over_its_turns(
     emulator_of: Start,

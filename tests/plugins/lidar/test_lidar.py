@@ -209,6 +209,7 @@ def held_up_readings(lidar: SerialLidar, held_up_s: float) -> list[Reading]:
     return readings
 
 
+@pytest.mark.timing
 def test_a_reader_that_is_held_up_again_and_again_loses_no_turn(emulator_of: Start, lidar_at: Make) -> None:
     """On a busy machine more than half a turn may wait for the reader each time, and now and then many."""
     lidar = lidar_at(emulator_of("rplidar_c1").port, "rplidar_c1", MODELS["rplidar_c1"].baudrate)

@@ -114,6 +114,7 @@ def simulation(tmp_path: Path) -> Iterator[Simulation]:
         assert "Traceback" not in text
 
 
+@pytest.mark.timing
 def test_stamps_are_simulated_time(simulation: Simulation) -> None:
     for topic in ("/arm/joint_states", "/simulation/joint_states", "/wheel", "/diagnostics"):
 

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.devices.servo.reply import Reply
 from joshua_emulator.feetech.packets import status_packet
+from joshua_servo.reply import Reply
 from joshua_sts3215.packet import PING, READ, Search, request
 
 replies = st.builds(Reply, st.integers(0, 253), st.integers(0, 255), st.binary(max_size=20))
