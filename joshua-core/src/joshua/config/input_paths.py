@@ -9,9 +9,8 @@ from typing import Any, TypeVar
 
 from google.protobuf.message import Message
 
-from joshua.config.camera_source import SourceKind, source_kind
 from joshua.schema import options_pb2 as rules
-from joshua.textproto.field_facts import field_facts
+from joshua.textproto.field_facts import FieldFacts, field_facts
 from joshua.textproto.positions import Positions
 
 _Block = TypeVar("_Block", bound=Message)
@@ -46,7 +45,7 @@ def _absolute(
         if not facts.is_string or facts.repeated:
             continue
         value: Any = getattr(block, facts.name)
-        if not value or not _is_file(facts.kind, value):
+        if not value or not _is_file(facts, value):
             continue
         expanded = Path(os.path.expanduser(value))  # noqa: PTH111 - an unknown user stays as written
         if expanded.is_absolute():
@@ -59,7 +58,7 @@ def _absolute(
             yield facts.name, str(absolute)
 
 
-def _is_file(kind: int, value: str) -> bool:
-    if kind == rules.KIND_CAMERA_SOURCE:
-        return source_kind(value) in (SourceKind.FILE, SourceKind.PICTURES)
-    return kind in (rules.KIND_INPUT_FILE, rules.KIND_INTERPRETER)
+def _is_file(facts: FieldFacts, value: str) -> bool:
+    if facts.kind == rules.KIND_SOURCE:
+        return facts.named_by(value)[0] in (rules.NAMES_FILE, rules.NAMES_FILES)
+    return facts.kind in (rules.KIND_INPUT_FILE, rules.KIND_INTERPRETER)

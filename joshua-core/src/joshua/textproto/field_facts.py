@@ -5,11 +5,13 @@ The one place where checks, `joshua explain` and the reference read the custom f
 
 from __future__ import annotations
 
+import posixpath
+import re
 from typing import Any, NamedTuple
 
 from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
 
-from joshua.schema import rules
+from joshua.schema import options_pb2, rules
 
 _NUMBERS = frozenset(
     (
@@ -32,7 +34,8 @@ class FieldFacts(NamedTuple):
         message_type: descriptor of the message type; None for scalars.
         enum: descriptor of the enum type, if it is one.
         unit, example, default: texts of the rule; minimum, maximum, above: bounds, None where open.
-        required, required_unless, allowed, may_repeat, min_items, max_items: further parts of the rule.
+        required, required_unless, allowed, may_repeat, min_items, max_items, forms, overridden_by,
+            overridden_because, needs_published: further parts of the rule.
     """
 
     name: str
@@ -56,6 +59,10 @@ class FieldFacts(NamedTuple):
     allowed: tuple[str, ...]
     min_items: int
     max_items: int | None
+    forms: tuple[Any, ...]
+    overridden_by: str
+    overridden_because: str
+    needs_published: str
 
     @property
     def is_message(self) -> bool:
@@ -86,6 +93,18 @@ class FieldFacts(NamedTuple):
         if unit[:1].isdigit():
             unit = f"(unit: {unit})"
         return f"{', '.join(parts)} {unit}".rstrip()
+
+    def named_by(self, value: str) -> tuple[int, str]:
+        """What a value names by its spelling, a ``NAMES_…`` number, and a device by one spelling of all.
+
+        That spelling is "" for what any number of readers may use.
+        """
+        for form in self.forms:
+            texts = (value, posixpath.normpath(value)) if form.names == options_pb2.NAMES_DEVICE else (value,)
+            for text in texts:
+                if match := re.fullmatch(form.pattern, text, re.DOTALL):
+                    return form.names, match.expand(form.identity)
+        return options_pb2.NAMES_FILE, ""
 
     def sample(self) -> str:
         """The field with a typical value, as it may stand in a file."""
@@ -152,4 +171,8 @@ def _read(field: FieldDescriptor) -> FieldFacts:
         allowed=tuple(rule.allowed),
         min_items=rule.min_items,
         max_items=rule.max_items if rule.HasField("max_items") else None,
+        forms=tuple(rule.forms),
+        overridden_by=rule.overridden_by.field,
+        overridden_because=rule.overridden_by.because,
+        needs_published=rule.needs_published,
     )

@@ -13,10 +13,10 @@ import threading
 import time
 from urllib.parse import unquote, urlsplit
 
-from joshua.config.camera_source import scheme
 from joshua.devices.errors import DeviceError
 
 from joshua_camera.source import CameraSource
+from joshua_camera.source_text import scheme
 
 _STEP_S = 0.05  # how soon a request to stop is noticed
 _PICTURE_TYPES = ("multipart/x-mixed-replace", "image/", "video/", "application/octet-stream")

@@ -7,7 +7,6 @@ import time
 from typing import Any
 
 import numpy as np
-from joshua.config.camera_source import SourceKind
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import message_class
@@ -23,6 +22,7 @@ from joshua_camera.limits import FIRST_PICTURE_S, NEXT_FIRST_PICTURE_S
 from joshua_camera.picture import Picture
 from joshua_camera.settings import CameraSettings
 from joshua_camera.source import CameraSource
+from joshua_camera.source_text import SourceKind
 from joshua_camera.stream_capture import StreamCapture
 
 IMAGE = "sensor_msgs/msg/Image"

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from joshua.config.camera_source import BY_ID_FOLDER
+from joshua_camera.source_text import BY_ID_FOLDER
 
 _NUMBERED = re.compile(r"video(\d+)")
 

@@ -6,11 +6,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from joshua.config.camera_source import SourceKind
-
 from joshua_camera.capture import Capture, Grab
 from joshua_camera.settings import CameraSettings
 from joshua_camera.source import CameraSource
+from joshua_camera.source_text import SourceKind
 
 _NS_PER_S = 1_000_000_000
 

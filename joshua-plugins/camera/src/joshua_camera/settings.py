@@ -8,10 +8,11 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from google.protobuf.message import Message
-from joshua.config.camera_source import SourceKind, scheme, source_kind
 from joshua.plugins.settings import BlockSettings, FieldError
 from joshua.schema.data_type_names import TYPE_NAMES
 from pydantic import model_validator
+
+from joshua_camera.source_text import SourceKind, scheme, source_kind
 
 SCHEMES = ("http", "https", "rtsp", "rtsps", "rtmp", "rtp", "tcp", "udp")
 

@@ -6,9 +6,8 @@ import sys
 from dataclasses import dataclass
 from urllib.parse import urlsplit, urlunsplit
 
-from joshua.config.camera_source import SourceKind, device_path, scheme, source_kind
-
 from joshua_camera.settings import CameraSettings
+from joshua_camera.source_text import SourceKind, device_path, scheme, source_kind
 
 
 @dataclass(frozen=True)

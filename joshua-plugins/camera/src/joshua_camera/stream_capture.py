@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from urllib.parse import urlsplit
 
-from joshua.config.camera_source import scheme
-
 from joshua_camera.address import connect, explain
 from joshua_camera.capture import Capture
 from joshua_camera.interrupt import own_sockets, shut_down
 from joshua_camera.limits import stall_limit_s
 from joshua_camera.settings import CameraSettings
 from joshua_camera.source import CameraSource
+from joshua_camera.source_text import scheme
 
 OPEN_TIMEOUT_S = 5.0
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from joshua.config.checks.bus_load import PROTOCOLS, BusCycle, bus_cycle, rate_text
+from joshua.config.checks.bus_load import BusCycle, bus_cycle, rate_text
+from joshua.schema.config_pb2 import DynamixelConfig, STS3215Config
+from joshua.schema.rules import block_rule
 
-STS3215, DYNAMIXEL = PROTOCOLS["sts3215_config"], PROTOCOLS["dynamixel_config"]
+STS3215, DYNAMIXEL = (block_rule(message.DESCRIPTOR).bus for message in (STS3215Config, DynamixelConfig))
 
 
 @pytest.mark.parametrize(("data", "expected_ms"), [(2, 0.62), (8, 0.98), (15, 1.40)])

@@ -1,13 +1,7 @@
-"""How long one control cycle occupies a servo bus.
+"""How long one control cycle occupies a bus of motors, from the bytes that the schema states.
 
 A cycle is a sync read of the state, one reply from each servo, and a sync write of the goals where the arm is
-commanded. Both requests have an overhead, and 1 byte (its id) for each servo, and the data to write:
-
-- Feetech STS/SMS: ``FF FF FE LEN 82|83 address count … checksum``: 8 bytes of overhead; a reply
-  ``FF FF id LEN error data… checksum``: 6 bytes and the data.
-- Dynamixel protocol 2.0: ``FF FF FD 00 FE LEN LEN 82|83 address address count count … CRC CRC``: 14 bytes of
-  overhead; a reply ``FF FF FD 00 id LEN LEN 55 error data… CRC CRC``: 11 bytes and the data.
-
+commanded. Both requests have an overhead, and 1 byte (its id) for each servo, and the data to write.
 A serial line of 8 data bits without parity carries 10 bits for each byte.
 """
 
@@ -15,32 +9,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from joshua.schema.options_pb2 import BusRule
+
 BITS_PER_BYTE = 10
 
 # A USB adapter adds 1 to 2 ms to a cycle in practice; the smaller figure is used.
 ADAPTER_DELAY_S = 0.001
-
-
-class BusProtocol(NamedTuple):
-    """Bytes that a protocol needs.
-
-    Attributes:
-        request, reply: overhead of a request and of a reply.
-        feedback: position, speed and load of a servo: what a JointState needs at least.
-        command: goal position of a servo: the least that a command writes.
-    """
-
-    request: int
-    reply: int
-    feedback: int
-    command: int
-
-
-#: Protocols of the servo buses, by configuration block.
-PROTOCOLS = {
-    "sts3215_config": BusProtocol(request=8, reply=6, feedback=6, command=2),
-    "dynamixel_config": BusProtocol(request=14, reply=11, feedback=10, command=4),
-}
 
 
 class BusCycle(NamedTuple):
@@ -89,7 +63,7 @@ class BusCycle(NamedTuple):
         )
 
 
-def bus_cycle(protocol: BusProtocol, servos: int, baudrate: int, *, commanded: bool) -> BusCycle:
+def bus_cycle(protocol: BusRule, servos: int, baudrate: int, *, commanded: bool) -> BusCycle:
     """Computes the shortest cycle of a servo bus: read the state and, if commanded, write the goals.
 
     Args:

@@ -1,42 +1,31 @@
-"""Which block, link and message types fit which device."""
+"""Which block, link and message types fit which device, as the schema declares beside each block."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
+from joshua.config.checks.blocks import unpacked
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.schema import options_pb2
+from joshua.schema.rules import block_rule
+from joshua.textproto.field_facts import field_facts
 
-# Members of the fixed oneofs that hold the settings of a device.
-_ONEOFS = {pb.SingleAction: "actuator_config", pb.SinglePerception: "device_config"}
+PLUGIN_BLOCK = "plugin_config"
 
-ACTUATOR_BLOCKS = tuple(
-    field.name for field in pb.SingleAction.DESCRIPTOR.oneofs_by_name["actuator_config"].fields
-)
-DEVICE_BLOCKS = tuple(
-    field.name for field in pb.SinglePerception.DESCRIPTOR.oneofs_by_name["device_config"].fields
-)
-
-# Actuators without hardware: their zero is known by definition.
-VIRTUAL_BLOCKS = ("mock_motor_config", "sim_config")
-
-# An action type that is not named here fits every actuator block.
-_ACTION_BLOCKS = {
-    pb.ACTION_MOCK: ("mock_motor_config",),
-    pb.ACTION_SPIKE: ("spike_motor_config",),
-    pb.ACTION_PLUGIN: ("plugin_config",),
+# Members of the fixed oneofs that hold the settings of a device, and the enum of their type.
+_ONEOFS: dict[Any, tuple[str, str, Any]] = {
+    pb.SingleAction: ("actuator_config", "action_type", pb.ActionType),
+    pb.SinglePerception: ("device_config", "perception_type", pb.PerceptionType),
 }
-_PERCEPTION_BLOCKS = {
-    pb.PERCEPTION_CAMERA: ("camera_config", "mock_camera_config", "sim_camera_config"),
-    pb.PERCEPTION_ENCODER: ("encoder_config", "mock_encoder_config"),
-    pb.PERCEPTION_LIDAR: ("lidar_config", "mock_lidar_config"),
-    pb.PERCEPTION_GAMEPAD: ("gamepad_config",),
-    pb.PERCEPTION_KEYBOARD: ("keyboard_config",),
-    pb.PERCEPTION_PLUGIN: (),
+_MEMBERS = {
+    owner: {field.name: field.message_type for field in owner.DESCRIPTOR.oneofs_by_name[oneof].fields}
+    for owner, (oneof, _, _) in _ONEOFS.items()
 }
 
-# The link that a device needs; a block that is not named here takes either.
-LINKS = {"sts3215_config": "serial", "dynamixel_config": "serial", "spike_motor_config": "ble"}
+ACTUATOR_BLOCKS = tuple(_MEMBERS[pb.SingleAction])
+DEVICE_BLOCKS = tuple(_MEMBERS[pb.SinglePerception])
 
 
 class Messages(NamedTuple):
@@ -46,55 +35,93 @@ class Messages(NamedTuple):
     hears: tuple[int, ...] | None
 
 
-_COMMANDS = (types.JOINT_STATE, types.JOINT_TRAJECTORY)
-_ACTUATOR = Messages((types.JOINT_STATE,), _COMMANDS)
-# Actuators that publish more than their joints.
-_ACTUATORS = {"spike_motor_config": Messages((types.JOINT_STATE, types.BATTERY_STATE), _COMMANDS)}
-_PERCEPTIONS = {
-    pb.PERCEPTION_CAMERA: Messages((types.IMAGE, types.COMPRESSED_IMAGE, types.CAMERA_INFO), ()),
-    pb.PERCEPTION_ENCODER: Messages((types.JOINT_STATE,), ()),
-    pb.PERCEPTION_LIDAR: Messages((types.LASER_SCAN,), ()),
-    pb.PERCEPTION_GAMEPAD: Messages((types.JOINT_STATE, types.JOY), (types.JOINT_STATE,)),
-    pb.PERCEPTION_KEYBOARD: Messages((types.JOINT_STATE, types.JOY), (types.JOINT_STATE,)),
-}
+_ANY = Messages(None, None)
+_ACTUATOR = Messages((types.JOINT_STATE,), (types.JOINT_STATE, types.JOINT_TRAJECTORY))
 _MODEL = Messages((types.JOINT_STATE, types.JOINT_TRAJECTORY), None)
 
 
 def block_of(owner: Any) -> tuple[str, Any]:
     """Name and content of the settings block of an action or perception; ("", None) where there is none."""
     oneof = _ONEOFS.get(type(owner))
-    name = owner.WhichOneof(oneof) if oneof else None
+    name = owner.WhichOneof(oneof[0]) if oneof else None
     return (name, getattr(owner, name)) if name else ("", None)
+
+
+def device_block(owner: Any) -> tuple[str, Any, options_pb2.BlockRule]:
+    """Name, content and rule of the block of an action or perception; that of a third party is unpacked."""
+    name, content = block_of(owner)
+    if name == PLUGIN_BLOCK:
+        content = unpacked(content)
+    return name, content, options_pb2.BlockRule() if content is None else block_rule(content.DESCRIPTOR)
+
+
+def frame_rate(owner: Any) -> tuple[str, float]:
+    """Name and value of the field that says how many pictures a camera delivers; ("", 0) for others."""
+    _, content, _ = device_block(owner)
+    for facts in field_facts(content.DESCRIPTOR) if content is not None else ():
+        if facts.kind == options_pb2.KIND_FRAME_RATE:
+            return facts.name, getattr(content, facts.name)
+    return "", 0.0
+
+
+@cache
+def _blocks_that_fit(owner: Any, type_name: str) -> tuple[str, ...]:
+    members = _MEMBERS[owner].items()
+    return tuple(name for name, message in members if type_name in block_rule(message).fits)
+
+
+@cache
+def _roles() -> tuple[str, ...]:
+    """Action types that every actuator fits: those that no block claims for itself."""
+    names = [value.name for value in pb.ActionType.DESCRIPTOR.values if value.number]
+    return tuple(n for n in names if not n.endswith("_PLUGIN") and not _blocks_that_fit(pb.SingleAction, n))
 
 
 def fitting_blocks(owner: Any) -> tuple[str, ...]:
     """Blocks that fit the type of an action or perception, the usual one first."""
-    if isinstance(owner, pb.SingleAction):
-        return _ACTION_BLOCKS.get(owner.action_type, ACTUATOR_BLOCKS)
-    own = [name for name in _PERCEPTION_BLOCKS.get(owner.perception_type, ()) if name in DEVICE_BLOCKS]
-    return (*own, "plugin_config")
+    _, field, enum = _ONEOFS[type(owner)]
+    value = enum.DESCRIPTOR.values_by_number.get(getattr(owner, field))
+    name = value.name if value is not None else ""
+    kind: Any = type(owner)
+    own = _blocks_that_fit(kind, name)
+    if isinstance(owner, pb.SinglePerception):
+        return (*own, PLUGIN_BLOCK)
+    return own or ((PLUGIN_BLOCK,) if name.endswith("_PLUGIN") else ACTUATOR_BLOCKS)
 
 
 def fitting_types(owner: Any, block_name: str) -> tuple[str, ...]:
     """Names of the action or perception types that a block fits, the usual one first."""
-    if isinstance(owner, pb.SingleAction):
-        special = [number for number, names in _ACTION_BLOCKS.items() if block_name in names]
-        general = [pb.ACTION_LEADER, pb.ACTION_FOLLOWER, pb.ACTION_SINGLE]
-        return tuple(pb.ActionType.Name(number) for number in [*special, *general])
-    fitting = [number for number, names in _PERCEPTION_BLOCKS.items() if block_name in names]
-    return tuple(pb.PerceptionType.Name(number) for number in fitting)
+    message = _MEMBERS[type(owner)].get(block_name)
+    own = tuple(block_rule(message).fits) if message is not None else ()
+    if isinstance(owner, pb.SinglePerception):
+        return own
+    return (*(("ACTION_PLUGIN",) if block_name == PLUGIN_BLOCK else own), *_roles())
+
+
+def own_block(type_name: str) -> str:
+    """The only actuator block that an action type fits; "" where it fits more."""
+    blocks = _blocks_that_fit(pb.SingleAction, type_name)
+    return blocks[0] if len(blocks) == 1 else ""
 
 
 def messages_of(owner: Any) -> Messages:
     """Message types that the node of an action, perception or model can publish and listen to.
 
-    A third party's device decides for itself, so everything is allowed here.
+    A third party's device decides for itself, so everything is allowed where its block states nothing.
     """
     if isinstance(owner, pb.SingleModel):
-        return Messages(None, None) if owner.HasField("plugin_config") else _MODEL
-    block_name, _ = block_of(owner)
-    if block_name == "plugin_config":
-        return Messages(None, None)
+        return _ANY if owner.HasField(PLUGIN_BLOCK) else _MODEL
+    name, _, rule = device_block(owner)
+    if name == PLUGIN_BLOCK:
+        return _stated(rule, _ANY)
     if isinstance(owner, pb.SingleAction):
-        return _ACTUATORS.get(block_name, _ACTUATOR)
-    return _PERCEPTIONS.get(owner.perception_type, Messages(None, None))
+        return _stated(rule, _ACTUATOR)
+    own = [block for block in fitting_blocks(owner) if block != PLUGIN_BLOCK]
+    return _stated(block_rule(_MEMBERS[pb.SinglePerception][own[0]]), Messages(None, ())) if own else _ANY
+
+
+def _stated(rule: options_pb2.BlockRule, otherwise: Messages) -> Messages:
+    return Messages(
+        tuple(map(types.DataType.Value, rule.publishes)) or otherwise.publishes,
+        tuple(map(types.DataType.Value, rule.takes)) or otherwise.hears,
+    )

@@ -8,9 +8,10 @@ from typing import Any
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import LINKS, block_of, messages_of
+from joshua.config.checks.device_table import frame_rate, messages_of
 from joshua.config.checks.topics import type_text
 from joshua.plan import Diagnostic
+from joshua.schema.rules import block_rule
 from joshua.textproto.field_facts import FieldFacts, field_facts, number_text
 from joshua.textproto.nearest import nearest_first
 
@@ -70,7 +71,7 @@ def _link(block: Block, facts: FieldFacts) -> str:
     """The link of a device with the kind that it needs, serial where it takes either; "" for other fields."""
     if not facts.is_message or facts.message_type.full_name != "joshua.Comm":
         return ""
-    kind = LINKS.get(block_name(block), "serial")
+    kind = block_rule(block.message.DESCRIPTOR).link or "serial"
     inner = next(link for link in field_facts(facts.message_type) if link.name == kind)
     return f"comm {{ {inner.sample()} }}"
 
@@ -95,7 +96,7 @@ class _Endpoint:
         if facts.name == "data_type" and self.data_types:
             return f"data_type: {self.data_types[0]}"
         if facts.name == "publish_rate_hz" and self._item is not None:
-            fps = getattr(block_of(self._item.entry.owner)[1], "fps", 0)
+            _, fps = frame_rate(self._item.entry.owner)
             if fps > 0:
                 return f"publish_rate_hz: {number_text(fps)}"
         return facts.sample()

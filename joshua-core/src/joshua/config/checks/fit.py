@@ -7,12 +7,14 @@ from typing import Any
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import LINKS, block_of, fitting_blocks, fitting_types
+from joshua.config.checks.device_table import block_of, device_block, fitting_blocks, fitting_types
 from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic
 from joshua.plan.graph import NodeEntry
 from joshua.schema import comm_pb2
 from joshua.schema import config_pb2 as pb
+from joshua.schema.options_pb2 import WEIGHTS_NEEDED
+from joshua.schema.rules import block_rule, value_rule
 from joshua.textproto.field_facts import FieldFacts, field_facts
 
 
@@ -24,9 +26,10 @@ def check(context: Context) -> Iterator[Diagnostic]:
         else:
             yield from _device(context, entry)
             yield from _simulated(context, entry)
+    owners = {block.path: block for block in context.blocks}
     for block in context.blocks:
         if isinstance(block.message, comm_pb2.Comm):
-            yield from _link(context, block)
+            yield from _link(context, block, owners[block.path.rpartition(".")[0]])
     if context.config.ai.HasField("data_store"):
         yield from _data_store(context)
     if context.config.ai.HasField("training"):
@@ -76,13 +79,9 @@ def _one_of(names: tuple[str, ...]) -> str:
     return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-# Blocks of devices that live in the physics of the simulation block.
-_SIMULATED = ("sim_config", "sim_camera_config")
-
-
 def _simulated(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
-    name, _ = block_of(entry.owner)
-    if name in _SIMULATED and not context.config.HasField("simulation"):
+    name, _, rule = device_block(entry.owner)
+    if rule.simulated and not context.config.HasField("simulation"):
         path = f"{entry.owner_path}.{name}"
         yield context.error(
             "simulation-missing",
@@ -94,9 +93,9 @@ def _simulated(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
         )
 
 
-def _link(context: Context, block: Block) -> Iterator[Diagnostic]:
-    owner = block.path.split(".")[-2] if "." in block.path else ""
-    needed = LINKS.get(owner)
+def _link(context: Context, block: Block, device: Block) -> Iterator[Diagnostic]:
+    owner = device.path.rpartition(".")[2]
+    needed = block_rule(device.message.DESCRIPTOR).link
     link = block.message.WhichOneof("interface")
     if link is None:
         allowed = (needed,) if needed else ("serial", "ble")
@@ -126,26 +125,25 @@ def _samples(facts: tuple[FieldFacts, ...], names: tuple[str, ...]) -> tuple[str
     return tuple(by_name[name].sample() for name in names)
 
 
-_MODEL_BLOCKS = {
-    "plugin_config": pb.MODEL_PLUGIN,
-    "random_noise_config": pb.RANDOM_NOISE,
-    "smolvla_config": pb.SMOLVLA,
-}
-
-
 def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
     model = entry.owner
     path = entry.owner_path
     if model.model_type == pb.MODEL_PLUGIN and not model.HasField("plugin_config"):
         yield _lacks_plugin(context, path, f"{path}.model_type", "MODEL_PLUGIN")
-    for name, needed in _MODEL_BLOCKS.items():
-        if model.model_type not in (needed, pb.MODEL_UNSPECIFIED) and _has(model, name):
-            yield _unused(context, f"{path}.{name}", pb.ModelType.Name(needed), f"{path}.model_type")
+    type_name = pb.ModelType.DESCRIPTOR.values_by_number.get(model.model_type)
+    chosen = type_name.name if type_name is not None else ""
+    for field in model.DESCRIPTOR.fields:
+        if field.message_type is None or field.name == "node":
+            continue
+        fits = block_rule(field.message_type).fits or ("MODEL_PLUGIN",)
+        if model.model_type and chosen not in fits and _has(model, field.name):
+            yield _unused(context, f"{path}.{field.name}", fits[0], f"{path}.model_type")
     weights = "pretrained_model_name_or_path"
-    if model.model_type == pb.SMOLVLA and not model.pretrained_model_name_or_path:
+    needs = value_rule(pb.ModelType.DESCRIPTOR, model.model_type).weights == WEIGHTS_NEEDED
+    if needs and not model.pretrained_model_name_or_path:
         yield context.error(
             "weights-missing",
-            "SMOLVLA has no weights: an untrained model would move the robot at random",
+            f"{chosen} has no weights: an untrained model would move the robot at random",
             f"{path}.{weights}",
             position=context.block_position(path),
             allowed=('"lerobot/smolvla_base"', "a folder of trained weights"),

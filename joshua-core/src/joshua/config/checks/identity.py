@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import VIRTUAL_BLOCKS, block_of
+from joshua.config.checks.device_table import device_block
 from joshua.plan import Diagnostic
 from joshua.plan.graph import NodeEntry
 from joshua.schema import config_pb2 as pb
@@ -79,8 +79,11 @@ def _arms(context: Context) -> Iterator[Diagnostic]:
     """A calibration knows its actuator by node_name alone: no namespace tells two of one machine apart."""
     first: dict[tuple[str, str], NodeEntry] = {}
     for entry in context.graph.entries:
-        block, name = block_of(entry.owner)[0], entry.node.node_name
-        if not isinstance(entry.owner, pb.SingleAction) or not name or block in ("", *VIRTUAL_BLOCKS):
+        name = entry.node.node_name
+        if not isinstance(entry.owner, pb.SingleAction) or not name:
+            continue
+        block, _, rule = device_block(entry.owner)
+        if not block or rule.virtual:
             continue
         other = first.setdefault((name, entry.node.host), entry)
         if other is entry or other.full_name == entry.full_name:

@@ -10,6 +10,9 @@ from joshua.config.checks.context import Context
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.schema.options_pb2 import WEIGHTS_NONE
+from joshua.schema.rules import value_rule
+from joshua.textproto.field_facts import FieldFacts
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
@@ -18,6 +21,11 @@ def check(context: Context) -> Iterator[Diagnostic]:
         rule = _RULES.get(type(block.message))
         if rule is not None:
             yield from rule(context, block)
+        for facts in block.facts:
+            if facts.overridden_by:
+                yield from _overridden(context, block, facts)
+            if facts.message_type is pb.JointControl.DESCRIPTOR:
+                yield from _controls(context, block, facts)
     yield from _operation(context)
 
 
@@ -43,15 +51,12 @@ def _qos(context: Context, block: Block) -> Iterator[Diagnostic]:
         )
 
 
-def _camera(context: Context, block: Block) -> Iterator[Diagnostic]:
-    if block.message.source and context.is_set(block, "device_id"):
-        yield _note(
-            context,
-            block,
-            "device_id",
-            "source says where the pictures come from",
-            "Remove device_id or source",
-        )
+def _overridden(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
+    """A field whose place another takes."""
+    other = facts.overridden_by
+    if getattr(block.message, other) and context.is_set(block, facts.name):
+        reason = facts.overridden_because
+        yield _note(context, block, facts.name, reason, f"Remove {facts.name} or {other}")
 
 
 def _mock_motor(context: Context, block: Block) -> Iterator[Diagnostic]:
@@ -79,33 +84,36 @@ def _mock_motor(context: Context, block: Block) -> Iterator[Diagnostic]:
 
 def _model(context: Context, block: Block) -> Iterator[Diagnostic]:
     name = "pretrained_model_name_or_path"
-    if block.message.model_type == pb.RANDOM_NOISE and block.message.pretrained_model_name_or_path:
+    model_type = block.message.model_type
+    needs = value_rule(pb.ModelType.DESCRIPTOR, model_type).weights
+    if needs == WEIGHTS_NONE and block.message.pretrained_model_name_or_path:
         yield _note(
             context,
             block,
             name,
-            "RANDOM_NOISE has no weights",
+            f"{pb.ModelType.Name(model_type)} has no weights",
             "Remove it, or choose another model_type",
         )
 
 
-def _input_device(context: Context, block: Block) -> Iterator[Diagnostic]:
+def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
+    """Joints that a person moves with an input device."""
     owner = next(
         (entry for entry in context.graph.entries if block.path.startswith(f"{entry.owner_path}.")), None
     )
     sent = {publisher.data_type for publisher in owner.node.publishers} if owner else set()
-    if block.message.controls:
-        if types.JOINT_STATE not in sent and isinstance(block.message, pb.GamepadConfig):
-            remedy = "Add publishers { data_type: JOINT_STATE … } to the node, or remove controls"
-            yield _note(context, block, "controls", "the node publishes no JOINT_STATE", remedy)
+    if getattr(block.message, facts.name):
+        needed = facts.needs_published
+        if needed and types.DataType.Value(needed) not in sent:
+            remedy = f"Add publishers {{ data_type: {needed} … }} to the node, or remove {facts.name}"
+            yield _note(context, block, facts.name, f"the node publishes no {needed}", remedy)
     elif sent != {types.JOY}:
-        sample = next(facts for facts in block.facts if facts.name == "controls").sample()
         yield context.warning(
             "controls-missing",
             f"{block.path.rpartition('.')[2]} has no controls, so nothing that a person does moves a joint",
             block.path,
             position=context.block_position(block.path),
-            remedy=f"Add {sample} for each joint",
+            remedy=f"Add {facts.sample()} for each joint",
         )
 
 
@@ -136,9 +144,6 @@ def _operation(context: Context) -> Iterator[Diagnostic]:
 
 _RULES: dict[type[Any], Callable[[Context, Block], Iterator[Diagnostic]]] = {
     pb.QoSSettings: _qos,
-    pb.CameraConfig: _camera,
     pb.MockMotorConfig: _mock_motor,
     pb.SingleModel: _model,
-    pb.GamepadConfig: _input_device,
-    pb.KeyboardConfig: _input_device,
 }

@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from joshua.config.camera_source import SourceKind, source_kind
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.loading import LoadedConfig
@@ -111,8 +110,8 @@ class _Search:
         path = block.field_path(facts.name)
         if facts.kind == rules.KIND_INPUT_FILE:
             yield from self._input_file(facts, path, value)
-        elif facts.kind == rules.KIND_CAMERA_SOURCE:
-            if source_kind(value) is SourceKind.FILE:
+        elif facts.kind == rules.KIND_SOURCE:
+            if facts.named_by(value)[0] == rules.NAMES_FILE:
                 yield from self._need_file(path, value, self._resolve(path, value), "video file")
         elif facts.kind == rules.KIND_MODEL:
             yield from self._model(path, value)

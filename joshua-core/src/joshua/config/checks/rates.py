@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from joshua.config.checks.bus_load import PROTOCOLS, bus_cycle, rate_text
+from joshua.config.checks.bus_load import bus_cycle, rate_text
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import block_of
+from joshua.config.checks.device_table import device_block, frame_rate
 from joshua.plan import Diagnostic
 from joshua.plan.graph import NodeEntry
-from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.schema.comm_pb2 import Serial
+from joshua.schema.options_pb2 import KIND_MOTOR_ID, BusRule
 from joshua.textproto.field_facts import field_facts, number_text
 
 _PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
@@ -21,14 +22,16 @@ _PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares each publish rate with what the device behind it can deliver."""
     for entry in context.graph.entries:
-        name, block = block_of(entry.owner)
-        if name in PROTOCOLS:
-            yield from _bus(context, entry, name, block)
-        elif name.endswith("camera_config") and block is not None:
-            yield from _camera(context, entry, name, block.fps)
+        name, block, rule = device_block(entry.owner)
+        if rule.HasField("bus"):
+            yield from _bus(context, entry, name, block, rule.bus)
+            continue
+        field, fps = frame_rate(entry.owner)
+        if field:
+            yield from _camera(context, entry, f"{entry.owner_path}.{name}.{field}", int(fps))
 
 
-def _camera(context: Context, entry: NodeEntry, name: str, fps: int) -> Iterator[Diagnostic]:
+def _camera(context: Context, entry: NodeEntry, fps_path: str, fps: int) -> Iterator[Diagnostic]:
     for index, publisher in enumerate(entry.node.publishers):
         if publisher.data_type in _PICTURES and _usable(publisher.publish_rate_hz) and fps > 0:
             rate = publisher.publish_rate_hz
@@ -42,24 +45,27 @@ def _camera(context: Context, entry: NodeEntry, name: str, fps: int) -> Iterator
                 found=context.found(path, rate),
                 allowed=(f"above 0, at most {fps} Hz",),
                 remedy=f"Lower publish_rate_hz to {fps}, or raise fps if the camera offers more",
-                related=context.see(f"{entry.owner_path}.{name}.fps", "pictures per second"),
+                related=context.see(fps_path, "pictures per second"),
             )
 
 
 def _bus(
-    context: Context, entry: NodeEntry, name: str, block: pb.STS3215Config | pb.DynamixelConfig
+    context: Context, entry: NodeEntry, name: str, block: Any, protocol: BusRule
 ) -> Iterator[Diagnostic]:
-    servos, baudrate = len(block.motor_ids), block.comm.serial.baudrate
+    facts = field_facts(block.DESCRIPTOR)
+    ids = [item.name for item in facts if item.repeated and item.kind == KIND_MOTOR_ID]
+    serial = block.comm.serial if any(item.name == "comm" for item in facts) else Serial()
+    servos, baudrate = sum(len(getattr(block, field)) for field in ids), serial.baudrate
     rates = [
         (publisher.publish_rate_hz, index)
         for index, publisher in enumerate(entry.node.publishers)
         if _usable(publisher.publish_rate_hz)
     ]
-    if not rates or servos == 0 or not _allowed(block.comm.serial, "baudrate"):
+    if not rates or servos == 0 or not _allowed(serial, "baudrate"):
         return
     # One cycle feeds all publishers of the node, so the fastest decides.
     rate, index = max(rates)
-    cycle = bus_cycle(PROTOCOLS[name], servos, baudrate, commanded=bool(entry.node.subscriptions))
+    cycle = bus_cycle(protocol, servos, baudrate, commanded=bool(entry.node.subscriptions))
     if rate <= cycle.practical_rate_hz:
         return
     path = f"{entry.path}.publishers[{index}].publish_rate_hz"

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from google.protobuf.message import Message
 
-from joshua.config.camera_source import device_identity
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
@@ -89,10 +88,10 @@ def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, s
     """What a device is told apart by, and the path of the field that says so; "" where nothing does."""
     path = block.field_path(facts.name)
     value = getattr(block.message, facts.name)
+    if facts.overridden_by and (other := getattr(block.message, facts.overridden_by)):
+        deciding = next(item for item in block.facts if item.name == facts.overridden_by)
+        return deciding.named_by(other)[1], block.field_path(deciding.name)
     if facts.kind == rules.KIND_CAMERA_INDEX:
-        source = getattr(block.message, "source", "")
-        if source:  # where given, it decides; a stream or a file serves any number of readers
-            return device_identity(source), block.field_path("source")
         return (str(value) if value >= 0 else ""), path
     if facts.kind == rules.KIND_SERIAL_PORT:
         for name in ("serial_number", "vid_pid"):  # where given, the identity of the adapter decides
