@@ -16,6 +16,7 @@ from joshua.plan import Diagnostic
 from joshua.plan.graph import COMMAND_TYPES, NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.schema.rules import value_rule
 
 _MOST_NAMES = 50
 
@@ -28,7 +29,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "mode-lacks-model",
             "a model that drives the robot",
             "ai.models",
-            allowed=("SMOLVLA", "RANDOM_NOISE", "MODEL_PLUGIN"),
+            allowed=_model_types(),
             remedy="Add ai { models { ... } } with a node that publishes the actions",
         )
     if not context.graph.actuators:
@@ -45,8 +46,21 @@ def check(context: Context) -> Iterator[Diagnostic]:
     cameras = tuple(islice(pictures, _MOST_NAMES))
     for entry in context.graph.models:
         yield from _actions_out(context, entry, heard)
-        if entry.owner.model_type == pb.SMOLVLA:
+        if value_rule(pb.ModelType.DESCRIPTOR, entry.owner.model_type).needs_images:
             yield from _observations_in(context, entry, cameras)
+
+
+def _model_types() -> tuple[str, ...]:
+    """Types of models, those with weights first, a third party's last."""
+    values = [value for value in pb.ModelType.DESCRIPTOR.values if value.number]
+    names = {
+        value.name: (
+            value.name.endswith("_PLUGIN"),
+            value_rule(pb.ModelType.DESCRIPTOR, value.number).weights,
+        )
+        for value in values
+    }
+    return tuple(sorted(names, key=lambda name: names[name]))
 
 
 def _commands(context: Context) -> Iterator[Diagnostic]:

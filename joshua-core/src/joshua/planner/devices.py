@@ -11,6 +11,7 @@ from joshua.plan.graph import NodeEntry
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.schema import calibration_pb2
 from joshua.schema import config_pb2 as pb
+from joshua.schema.rules import block_rule
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,11 @@ class Wanted:
     block: Any
     block_path: str
     enum_value: str
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the device is part of the simulated model."""
+        return self.block is not None and block_rule(self.block.DESCRIPTOR).simulated
 
 
 def wanted_nodes(config: pb.Config, *, devices: bool, models: bool) -> list[Wanted]:

@@ -14,7 +14,6 @@ from joshua.planner.devices import Wanted
 from joshua.planner.findings import Findings
 from joshua.planner.resolution import Resolved
 from joshua.planner.safety import safety_context
-from joshua.planner.services import PHYSICS_BLOCKS
 from joshua.plugins import ActuatorSpec, NodePluginSpec, Registry, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
@@ -88,7 +87,7 @@ class NodePlanner:
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),
-            process_group=node.process_group or (PHYSICS_GROUP if want.block_name in PHYSICS_BLOCKS else ""),
+            process_group=node.process_group or (PHYSICS_GROUP if want.is_simulated else ""),
             interpreter=self._interpreter(want),
             host=node.host,
             restart=RESTART.get(node.restart, "on-failure"),

@@ -12,7 +12,6 @@ from joshua.plan.graph import RobotGraph
 from joshua.planner.devices import Wanted, joints_of
 from joshua.planner.findings import Findings
 from joshua.planner.safety import check_safety
-from joshua.planner.services import PHYSICS_BLOCKS
 from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, Registry, SensorSpec
 from joshua.schema import calibration_pb2, data_type_pb2, data_types
 from joshua.schema import config_pb2 as pb
@@ -77,7 +76,7 @@ class Resolver:
                 missing.setdefault(key, []).append(want)
             calibration = self._calibrations.get(want.entry.node.node_name)
             context = self._context(want, calibration)
-            if want.block_name in PHYSICS_BLOCKS:
+            if want.is_simulated:
                 context |= physics
             settings = None
             if spec is not None:

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from joshua.plan import NodeSpec, TopicSpec
 
 
-#: Blocks of devices that are part of the simulated model.
-PHYSICS_BLOCKS = ("sim_config", "sim_camera_config")
-
-
 @dataclass(frozen=True)
 class ResolvedService:
     """A service of the mode with the plugin spec that runs it.

@@ -98,6 +98,18 @@ def fitting_types(owner: Any, block_name: str) -> tuple[str, ...]:
     return (*(("ACTION_PLUGIN",) if block_name == PLUGIN_BLOCK else own), *_roles())
 
 
+def calibratable_blocks() -> tuple[str, ...]:
+    """Actuator blocks with a zero to find: those on a wire first, then radio, simulation and third parties.
+
+    What is virtual and not simulated has its zero by definition, and nothing that a hand could move.
+    """
+    rules = {name: block_rule(message) for name, message in _MEMBERS[pb.SingleAction].items()}
+    found = [name for name, rule in rules.items() if rule.simulated or not rule.virtual]
+    return tuple(
+        sorted(found, key=lambda n: (n == PLUGIN_BLOCK, rules[n].simulated, rules[n].link != "serial"))
+    )
+
+
 def own_block(type_name: str) -> str:
     """The only actuator block that an action type fits; "" where it fits more."""
     blocks = _blocks_that_fit(pb.SingleAction, type_name)
