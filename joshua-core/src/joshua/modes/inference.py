@@ -52,13 +52,11 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 def _model_types() -> tuple[str, ...]:
     """Types of models, those with weights first, a third party's last."""
-    values = [value for value in pb.ModelType.DESCRIPTOR.values if value.number]
+    enum = pb.ModelType.DESCRIPTOR
     names = {
-        value.name: (
-            value.name.endswith("_PLUGIN"),
-            value_rule(pb.ModelType.DESCRIPTOR, value.number).weights,
-        )
-        for value in values
+        value.name: (value.name.endswith("_PLUGIN"), value_rule(enum, value.number).weights)
+        for value in enum.values
+        if value.number
     }
     return tuple(sorted(names, key=lambda name: names[name]))
 
