@@ -1,62 +1,66 @@
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
 
 import pytest
-from joshua.features import Feature, camera_key, features_of
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from google.protobuf import text_format
+from joshua.config.graph import build_graph
+from joshua.features import Feature, FeatureSet, camera_key, features_of
+from joshua.schema import config_pb2 as pb
 
-JOINT_STATE, IMAGE = "sensor_msgs/msg/JointState", "sensor_msgs/msg/Image"
-COMPRESSED = "sensor_msgs/msg/CompressedImage"
-
-
-def topic(name: str, type_name: str = JOINT_STATE) -> TopicSpec:
-    return TopicSpec(name=name, type_name=type_name, rate_hz=50.0)
+JOINTS = ("pan", "gripper")
+CAMERA = SimpleNamespace(width=64, height=48)
 
 
-def node(
-    name: str, kind: NodeKind, *published: TopicSpec, heard: tuple[str, ...] = (), **more: Any
-) -> NodeSpec:
-    return NodeSpec(
-        name=name,
-        kind=kind,
-        behaviour="",
-        implementation="",
-        publishers=published,
-        subscriptions=tuple(topic(name) for name in heard),
-        **more,
-    )
+def topic(name: str, data_type: str = "JOINT_STATE") -> str:
+    return f'{{ data_type: {data_type} topic_name: "{name}" }}'
 
 
-def arm(name: str, *, heard: tuple[str, ...] = (), role: str = "ACTION_FOLLOWER", **more: Any) -> NodeSpec:
-    joints = {"joints": [{"name": joint, "min_rad": -1.0, "max_rad": 1.0} for joint in ("pan", "gripper")]}
-    states = topic(f"/{name}/joint_states")
-    return node(name, NodeKind.ACTUATOR, states, heard=heard, role=role, context=joints, **more)
+def node(name: str, *published: str, heard: tuple[str, ...] = ()) -> str:
+    topics = [f"publishers {item}" for item in published] + [f"subscriptions {item}" for item in heard]
+    return f'node {{ node_name: "{name}" {" ".join(topics)} }}'
 
 
-def camera(name: str, *published: TopicSpec) -> NodeSpec:
-    return node(name, NodeKind.SENSOR, *published, settings={"width": 64, "height": 48})
+def arm(name: str, *heard: str, role: str = "ACTION_FOLLOWER") -> str:
+    inner = node(name, topic(f"/{name}/joint_states"), heard=tuple(topic(name) for name in heard))
+    return f"robot {{ actions {{ {inner} action_type: {role} }} }}"
+
+
+def sensor(name: str, *published: str) -> str:
+    return f"robot {{ perceptions {{ {node(name, *published)} }} }}"
+
+
+def derived(*blocks: str, model: str = "") -> FeatureSet:
+    config = pb.Config()
+    for block in (*blocks, model):
+        text_format.Merge(block, config)
+    graph = build_graph(config)
+    settings = {
+        entry.path: SimpleNamespace(joint_names=("axle",)) if entry.node.node_name == "wheel" else CAMERA
+        for entry in graph.entries
+        if entry.is_sensor
+    }
+    joints = {entry.path: JOINTS for entry in graph.actuators}
+    return features_of(graph, joints, settings, reader=graph.models[0] if model else None)
 
 
 LEADER = arm("leader", role="ACTION_LEADER")
-FOLLOWER = arm("follower", heard=("/leader/joint_states",))
-TOP = camera("camera_top", topic("/top/image_raw", IMAGE), topic("/top/compressed", COMPRESSED))
+FOLLOWER = arm("follower", "/leader/joint_states")
+TOP = sensor("camera_top", topic("/top/image_raw", "IMAGE"), topic("/top/compressed", "COMPRESSED_IMAGE"))
 
 
 def test_a_teleoperation_rig_shows_its_follower_and_cameras_and_does_what_was_applied() -> None:
-    info = topic("/top/camera_info", "sensor_msgs/msg/CameraInfo")
-    wrist = camera("wrist", topic("/wrist/image_raw", IMAGE), info)
-    assert list(features_of([LEADER, FOLLOWER, TOP, wrist]).values()) == [
-        Feature.joints("observation.state", ("pan", "gripper"), topic="/follower/joint_states"),
+    wrist = sensor("wrist", topic("/wrist/image_raw", "IMAGE"), topic("/wrist/camera_info", "CAMERA_INFO"))
+    assert list(derived(LEADER, FOLLOWER, TOP, wrist).values()) == [
+        Feature.joints("observation.state", JOINTS, topic="/follower/joint_states"),
         Feature.picture("observation.images.top", 48, 64, topic="/top/image_raw"),
         Feature.picture("observation.images.wrist", 48, 64, topic="/wrist/image_raw"),
-        Feature.joints("action", ("pan", "gripper"), topic="/follower/applied_command"),
+        Feature.joints("action", JOINTS, topic="/follower/applied_command"),
     ]
 
 
 def test_two_arms_are_told_apart() -> None:
-    arms = [arm("left_arm", heard=("/a",)), arm("right_arm", heard=("/b",))]
-    assert list(features_of(arms)) == [
+    assert list(derived(arm("left_arm", "/a"), arm("right_arm", "/b"))) == [
         "observation.state.left_arm",
         "observation.state.right_arm",
         "action.left_arm",
@@ -65,26 +69,31 @@ def test_two_arms_are_told_apart() -> None:
 
 
 def test_other_sensors_are_columns_by_the_name_of_their_node_or_topic() -> None:
-    encoder = node("wheel", NodeKind.SENSOR, topic("/wheel/joint_states"), settings={"joint_names": ["axle"]})
-    lidar = node("lidar", NodeKind.SENSOR, topic("/front/scan", "sensor_msgs/msg/LaserScan"))
-    pad = node("gamepad", NodeKind.SENSOR, topic("/leader/joint_states"))
-    assert list(features_of([encoder, lidar, pad, FOLLOWER]).values()) == [
-        Feature("observation.wheel", "float32", (1,), ("axle",), "rad", "/wheel/joint_states"),
-        Feature("observation.front_scan", "float32", (0,), topic="/front/scan"),
-        *features_of([FOLLOWER]).values(),
-    ]
+    wheel = sensor("wheel", topic("/wheel/joint_states"))
+    lidar = sensor("lidar", topic("/front/scan", "LASER_SCAN"))
+    pad = sensor("gamepad", topic("/leader/joint_states"))
+    features = derived(wheel, lidar, pad, FOLLOWER)
+    assert list(features) == ["observation.state", "observation.wheel", "observation.front_scan", "action"]
+    assert features["observation.wheel"] == Feature.joints(
+        "observation.wheel", ("axle",), topic="/wheel/joint_states"
+    )
+    assert features["observation.front_scan"].shape == (0,)
+
+
+def model(*heard: str) -> str:
+    return f"ai {{ models {{ {node('policy', heard=heard)} }} }}"
 
 
 def test_a_model_sees_what_it_subscribes_to_and_in_that_order() -> None:
-    seen = [
-        topic("/top/compressed", COMPRESSED),
+    seen = model(
+        topic("/top/compressed", "COMPRESSED_IMAGE"),
         topic("/follower/joint_states"),
         topic("/leader/joint_states"),
-        topic("/elsewhere/camera/image_raw", IMAGE),
-        topic("/count", "std_msgs/msg/Int64"),
-        topic("/pressed", "std_msgs/msg/Bool"),
-    ]
-    features = features_of([LEADER, FOLLOWER, TOP], seen)
+        topic("/elsewhere/camera/image_raw", "IMAGE"),
+        topic("/count", "INT64"),
+        topic("/pressed", "BOOL"),
+    )
+    features = derived(LEADER, FOLLOWER, TOP, model=seen)
     assert [(feature.key, feature.shape, feature.dtype) for feature in features.values()] == [
         ("observation.images.top", (48, 64, 3), "uint8"),
         ("observation.state", (2,), "float32"),
@@ -97,13 +106,13 @@ def test_a_model_sees_what_it_subscribes_to_and_in_that_order() -> None:
 
 
 def test_a_model_may_see_one_camera_twice() -> None:
-    seen = features_of([TOP], TOP.publishers)
-    assert list(seen) == ["observation.images.top", "observation.images.top_2"]
+    seen = model(topic("/top/image_raw", "IMAGE"), topic("/top/compressed", "COMPRESSED_IMAGE"))
+    assert list(derived(TOP, model=seen)) == ["observation.images.top", "observation.images.top_2"]
 
 
 def test_two_cameras_of_one_name_are_refused() -> None:
     with pytest.raises(ValueError, match=r"two nodes show observation.images.top: rename /top_camera or the"):
-        features_of([TOP, camera("top_camera", topic("/x", IMAGE))])
+        derived(TOP, sensor("top_camera", topic("/x", "IMAGE")))
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from joshua.testing.recording_context import RecordingContext
 JOINTS = [{"name": "a", "min_rad": -1.0, "max_rad": 1.0}, {"name": "b", "min_rad": -0.1, "max_rad": 0.1}]
 ACTION = TopicSpec(name="/action", type_name="sensor_msgs/msg/JointState", rate_hz=50.0)
 SEEN = TopicSpec(name="/seen", type_name="std_msgs/msg/Int64")
+COUNTED = FeatureSet([Feature("observation.seen", "int64", (1,), topic="/seen")]).as_json()
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
@@ -74,7 +75,12 @@ def spec(**fields: Any) -> NodeSpec:
             "kind": NodeKind.MODEL,
             "behaviour": "",
             "implementation": "joshua_scripted_model:OneModel",
-            "context": {"joints": JOINTS, "task": "pick it up", "observation_stale_s": 3600.0},
+            "context": {
+                "joints": JOINTS,
+                "features": COUNTED,
+                "task": "pick it up",
+                "observation_stale_s": 3600.0,
+            },
             "publishers": (ACTION,),
             "subscriptions": (SEEN,),
             **fields,
@@ -157,7 +163,7 @@ def test_nothing_is_published_before_everything_was_observed(
 
 def test_what_was_planned_on_stale_observations_is_dropped(model: Any) -> None:
     model.chunk = np.full((1000, 2), 0.05)
-    context, node = start(spec(context={"joints": JOINTS, "observation_stale_s": 0.3}))
+    context, node = start(spec(context={"joints": JOINTS, "features": COUNTED, "observation_stale_s": 0.3}))
     play_until(context, 1, seen=1)
     time.sleep(0.35)
     count = len(actions(context))
@@ -186,7 +192,7 @@ def test_a_slow_model_does_not_stop_the_timer(model: Any) -> None:
 
 def test_actions_are_clipped_to_the_limits(model: Any) -> None:
     model.chunk = np.array([[5.0, -5.0]])
-    context, node = start(spec(subscriptions=()))
+    context, node = start(spec(subscriptions=(), context={"joints": JOINTS}))
     play_until(context, 1)
     end(context, node)
     assert actions(context)[0] == [1.0, -0.1]
@@ -203,7 +209,7 @@ def test_actions_are_clipped_to_the_limits(model: Any) -> None:
 )
 def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, message: str) -> None:
     model.chunk = chunk
-    context, node = start(spec(subscriptions=()))
+    context, node = start(spec(subscriptions=(), context={"joints": JOINTS}))
     wait_until(lambda: not any(thread.is_alive() for thread in context._threads))
     context.tick("actions", 3)
     with pytest.raises(ModelError, match=message):
@@ -275,6 +281,7 @@ def test_random_noise_runs_as_a_node() -> None:
             settings_type="joshua.models.random_noise_settings:RandomNoiseSettings",
             settings=settings.model_dump(mode="json"),
             subscriptions=(),
+            context={"joints": JOINTS},
         )
     )
     play_until(context, 20)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from joshua.features import FeatureSet
 from joshua.plan import NodeKind, Severity
 from joshua.planner.pipeline import Examination, examine
 from joshua.planner.request import Purpose, Request
@@ -130,6 +131,36 @@ ai { models { model_type: RANDOM_NOISE node { node_name: "noise" node_id: 2
     (noise,) = [node for node in examination.plan.nodes if node.name == "noise"]
     assert noise.settings["seed"] == 0
     assert noise.settings["amplitude_rad"] > 0
+
+
+def test_a_model_knows_the_features_that_it_observes(tmp_path):
+    path = write(
+        tmp_path,
+        """
+general { mode: MODE_INFERENCE name: "rig" id: "rig-1" }
+robot {
+  actions { node { node_name: "arm" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/ai/actions" } }
+    action_type: ACTION_MOCK mock_motor_config { num_motors: 2 position_max: 4095 } }
+  perceptions { node { node_name: "camera_top" node_id: 2
+      publishers { data_type: IMAGE topic_name: "/camera/top/image_raw" publish_rate_hz: 10 } }
+    perception_type: PERCEPTION_CAMERA mock_camera_config { width: 64 height: 48 fps: 10 } }
+}
+ai { models { model_type: RANDOM_NOISE node { node_name: "noise" node_id: 3
+    publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 10 }
+    subscriptions { data_type: IMAGE topic_name: "/camera/top/image_raw" }
+    subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" } } } }
+""",
+    )
+    examination = examine(Request(path))
+    assert not examination.errors
+    (noise,) = [node for node in examination.plan.nodes if node.name == "noise"]
+    features = FeatureSet.from_json(noise.context["features"])
+    assert list(features) == ["observation.images.top", "observation.state"]
+    assert features["observation.images.top"].shape == (48, 64, 3)
+    assert features["observation.state"].names == ("joint_1", "joint_2")
+    assert features["observation.state"].topic == "/arm/joint_states"
 
 
 def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):

@@ -1,53 +1,62 @@
-"""Features from the description of a robot: what its nodes publish, and what its actuators are told."""
+"""Features from the graph of a robot: what its nodes publish, and what its actuators are told."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from joshua.features.feature_set import FeatureSet
 from joshua.plan.feature import ACTION, IMAGES, STATE, Feature
-from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
+from joshua.plan.graph import Endpoint, NodeEntry, RobotGraph
+from joshua.schema import data_type_pb2 as types
+from joshua.schema import data_types
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
-PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-LEADER = "ACTION_LEADER"
+_PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
 
 #: What describes other topics, and shows nothing by itself.
-_DESCRIPTIONS = ("sensor_msgs/msg/CameraInfo",)
+_DESCRIPTIONS = (types.CAMERA_INFO,)
 
 #: Last parts of topics that say nothing about what is shown.
 _TOPIC_ENDS = ("image_raw", "image", "compressed", "joint_states")
 
 
-def features_of(nodes: Iterable[NodeSpec], topics: Iterable[TopicSpec] | None = None) -> FeatureSet:
+def features_of(
+    graph: RobotGraph,
+    joints: Mapping[str, Sequence[str]],
+    settings: Mapping[str, Any],
+    *,
+    reader: NodeEntry | None = None,
+) -> FeatureSet:
     """Derives the features of a robot, or of what one of its nodes subscribes to.
 
     The joints of the arm are ``observation.state`` and ``action``; with several arms the name of the node
     follows, as in ``observation.state.left_arm``. Pictures are ``observation.images.`` and the name of the
     camera without «camera»; what else is published is ``observation.`` and the name of its node or topic. A
-    topic that an actuator subscribes to is a command and no observation. ``action`` comes from
-    ``~/applied_command``, which says what was written after ramp and limits.
+    topic that commands an actuator is no observation. ``action`` comes from ``~/applied_command``, which
+    says what was written after ramp and limits.
 
     Args:
-        nodes: of the plan.
-        topics: those that count, such as ``spec.subscriptions`` of a model: observations only, and topics
-            that no node publishes count too, and a key that comes again gets a number; None for everything,
-            actions included.
+        graph: of the nodes.
+        joints: names of each actuator's joints; settings: of each sensor. By field path of the node block.
+        reader: a node, such as a model, of whose subscriptions the features are: observations only, and
+            topics that no node publishes count too, and a key that comes again gets a number; None for
+            everything that the robot shows, and its actions.
 
     Raises:
         ValueError: two nodes would have one key; the message names it.
     """
-    robot = _Robot(nodes)
-    if topics is None:
+    robot = _Robot(graph, joints, settings)
+    if reader is None:
         return FeatureSet(robot.everything())
     seen: dict[str, Feature] = {}
-    for topic in topics:
-        feature = robot.observed(topic)
-        key, number = feature.key, 2
-        while feature.key in seen:
-            feature, number = replace(feature, key=f"{key}_{number}"), number + 1
-        seen[feature.key] = feature
+    for item in graph.of_entry(reader):
+        if not item.is_publisher:
+            feature = robot.observed(item)
+            key, number = feature.key, 2
+            while feature.key in seen:
+                feature, number = replace(feature, key=f"{key}_{number}"), number + 1
+            seen[feature.key] = feature
     return FeatureSet(seen.values())
 
 
@@ -60,70 +69,81 @@ def camera_key(name: str) -> str:
 class _Robot:
     """The nodes of a robot, by what they are to others."""
 
-    def __init__(self, nodes: Iterable[NodeSpec]) -> None:
-        self._nodes = tuple(nodes)
-        self._actuators = [node for node in self._nodes if node.kind is NodeKind.ACTUATOR]
-        self._commands = {topic.name for node in self._actuators for topic in node.subscriptions}
+    def __init__(
+        self, graph: RobotGraph, joints: Mapping[str, Sequence[str]], settings: Mapping[str, Any]
+    ) -> None:
+        self._graph, self._joints, self._settings = graph, joints, settings
+        self._commands = {item.topic for entry in graph.actuators for item in graph.commands(entry)}
+        self._publishers: dict[str, Endpoint] = {}
+        for item in graph.usable:
+            if item.is_publisher:
+                self._publishers.setdefault(item.topic, item)
         self._arms = [
-            node
-            for node in self._actuators
-            if node.role != LEADER and any(self._is_state(topic) for topic in node.publishers)
+            entry
+            for entry in graph.actuators
+            if not entry.leads and any(self._is_state(item) for item in graph.of_entry(entry))
         ]
-        self._publisher_of = {topic.name: node for node in self._nodes for topic in node.publishers}
+        self._arm_paths = {entry.path for entry in self._arms}
 
     def everything(self) -> Iterable[Feature]:
         found: dict[str, Feature] = {}
-        for node in self._nodes:
-            if node.kind is NodeKind.SENSOR or node in self._arms:
+        for entry in self._graph.entries:
+            if entry.is_sensor or entry.path in self._arm_paths:
                 own: dict[str, Feature] = {}
-                for topic in node.publishers:
-                    if topic.name not in self._commands and topic.type_name not in _DESCRIPTIONS:
-                        feature = self.observed(topic)
+                for item in self._graph.of_entry(entry):
+                    if item.is_publisher and self._is_observation(item):
+                        feature = self.observed(item)
                         own.setdefault(feature.key, feature)  # a camera's raw and compressed pictures are one
                 both = own.keys() & found.keys()
                 if both:
-                    raise ValueError(f"two nodes show {min(both)}: rename {node.full_name} or the other one")
+                    raise ValueError(f"two nodes show {min(both)}: rename {entry.full_name} or the other one")
                 found |= own
         yield from found.values()
         for arm in self._arms:
-            if arm.subscriptions:
-                topic_name = f"{arm.full_name}/applied_command"
-                yield Feature.joints(self._of_arm(ACTION, arm), _joints(arm), topic=topic_name)
+            if self._graph.commands(arm):
+                topic = f"{arm.full_name}/applied_command"
+                yield Feature.joints(self._of_arm(ACTION, arm), self._names(arm), topic=topic)
 
-    def observed(self, topic: TopicSpec) -> Feature:
-        node = self._publisher_of.get(topic.name)
-        settings = node.settings if node is not None else {}
-        if topic.type_name in PICTURES:
-            key = camera_key(node.full_name if node is not None else _shown_by(topic))
-            height, width = (int(settings.get(side, 0)) for side in ("height", "width"))
-            return Feature.picture(key, height, width, topic=topic.name)
-        if topic.type_name == JOINT_STATE:
-            if node in self._arms and self._is_state(topic):
-                return Feature.joints(self._of_arm(STATE, node), _joints(node), topic=topic.name)
-            names = tuple(settings.get("joint_names", ())) or (_joints(node) if node is not None else ())
-            key = f"observation.{_plain(node.full_name if node is not None else _shown_by(topic))}"
-            return Feature(key, "float32", (len(names),), names, "rad", topic.name)
-        dtype, shape = _numbers(topic.type_name)
-        return Feature(f"observation.{_shown_by(topic)}", dtype, shape, topic=topic.name)
+    def observed(self, item: Endpoint) -> Feature:
+        """The feature of a topic, as the node that publishes it describes it."""
+        topic, data_type = item.topic, item.block.data_type
+        source = self._publishers.get(topic)
+        entry = source.entry if source is not None else None
+        if data_type in _PICTURES:
+            settings = self._settings.get(entry.path) if entry is not None else None
+            height, width = (int(getattr(settings, side, 0)) for side in ("height", "width"))
+            key = camera_key(entry.full_name if entry is not None else _shown_by(topic))
+            return Feature.picture(key, height, width, topic=topic)
+        if data_type == types.JOINT_STATE:
+            names = self._names(entry) if entry is not None else ()
+            key = f"observation.{_plain(entry.full_name) if entry is not None else _shown_by(topic)}"
+            if entry is not None and entry.path in self._arm_paths and topic not in self._commands:
+                key = self._of_arm(STATE, entry)
+            return Feature.joints(key, names, topic=topic)
+        dtype, shape = _numbers(data_types.type_name(data_type))
+        return Feature(f"observation.{_shown_by(topic)}", dtype, shape, topic=topic)
 
-    def _is_state(self, topic: TopicSpec) -> bool:
-        return topic.type_name == JOINT_STATE and topic.name not in self._commands
+    def _is_observation(self, item: Endpoint) -> bool:
+        return item.topic not in self._commands and item.block.data_type not in _DESCRIPTIONS
 
-    def _of_arm(self, key: str, arm: NodeSpec) -> str:
+    def _is_state(self, item: Endpoint) -> bool:
+        return item.is_publisher and item.block.data_type == types.JOINT_STATE and self._is_observation(item)
+
+    def _names(self, entry: NodeEntry) -> tuple[str, ...]:
+        known = self._joints.get(entry.path) or getattr(self._settings.get(entry.path), "joint_names", ())
+        return tuple(known or ())
+
+    def _of_arm(self, key: str, arm: NodeEntry) -> str:
         return key if len(self._arms) == 1 else f"{key}.{_plain(arm.full_name)}"
-
-
-def _joints(node: NodeSpec) -> tuple[str, ...]:
-    return tuple(joint["name"] for joint in node.context.get("joints", ()))
 
 
 def _plain(name: str) -> str:
     return name.strip("/").replace("/", "_")
 
 
-def _shown_by(topic: TopicSpec) -> str:
+def _shown_by(topic: str) -> str:
     """What a topic shows, by its name: ``top`` of ``/top/image_raw``."""
-    parts = topic.name.strip("/").split("/")
+    parts = topic.strip("/").split("/")
     while len(parts) > 1 and parts[-1] in _TOPIC_ENDS:
         parts.pop()
     return "_".join(parts)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from joshua.features.derive import features_of
 from joshua.features.feature_set import FeatureSet
 from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
 from joshua.messages.errors import MessageError
@@ -48,11 +47,7 @@ class InferenceNode(NodeBehaviour):
         self._joints = joint_space(facts.get("joints", ()))
         self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
         self._player = ChunkPlayer()
-        self._features = (
-            FeatureSet.from_json(facts["features"])
-            if "features" in facts
-            else features_of((), context.spec.subscriptions)
-        )
+        self._features = FeatureSet.from_json(facts.get("features", ()))
         self._observer = Observer(
             self._features,
             facts.get("observation_stale_s", STALE_AFTER_S),

@@ -48,15 +48,17 @@ class NodePlanner:
         self._joints = joints
         self._findings = findings
         self._without_native: dict[str, list[Wanted]] = {}
+        self._settings: dict[str, Any] = {}
         self._graph = graph
         self._testing = mode.verdict
 
     def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
         """Makes the specs of all resolved nodes."""
+        self._settings = {resolved.want.entry.path: resolved.settings for resolved in nodes}
         specs = [self._spec(resolved) for resolved in nodes]
         for plugin, wants in self._without_native.items():
             self._findings.native_missing(wants, plugin)
-        return [_with_features(spec, specs) if spec.kind is NodeKind.MODEL else spec for spec in specs]
+        return specs
 
     def _spec(self, resolved: Resolved) -> NodeSpec:
         want, spec = resolved.want, resolved.spec
@@ -128,7 +130,9 @@ class NodePlanner:
         commanded = [
             joint for entry in self._graph.driven_by(want.entry) for joint in self._joints.get(entry.path, ())
         ]
-        return {"joints": commanded} if commanded else {}
+        names = {path: [joint["name"] for joint in joints] for path, joints in self._joints.items()}
+        features = features_of(self._graph, names, self._settings, reader=want.entry)
+        return {"features": features.as_json()} | ({"joints": commanded} if commanded else {})
 
     def _commanders(self, want: Wanted) -> dict[str, Any]:
         """Of those who publish what an actuator hears: its leader, and who may take over."""
@@ -142,12 +146,6 @@ class NodePlanner:
             elif "joints" in commander:
                 facts.setdefault("leader", commander)
         return facts
-
-
-def _with_features(model: NodeSpec, nodes: list[NodeSpec]) -> NodeSpec:
-    """A model with the features that it observes, as those who publish them describe them."""
-    features = features_of(nodes, model.subscriptions).as_json()
-    return model.model_copy(update={"context": model.context | {"features": features}})
 
 
 def _times(spec: NodePluginSpec) -> dict[str, float]:
