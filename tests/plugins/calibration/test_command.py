@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import pwd
-from contextlib import nullcontext
 from pathlib import Path
 from typing import NoReturn
 
@@ -77,18 +76,22 @@ def test_an_option_before_the_command_does_not_open_the_real_arm(
     assert "calibrate is a command of a plugin and stands before all options" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [("calibrate", "--config"), ("--config",)])
-def test_without_the_plugin_it_is_named(
-    words: tuple[str, ...],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+def test_without_the_plugin_the_command_names_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("joshua.cli.plugin_commands.plugin_commands", list)
-    file = robot(tmp_path, "/dev/ttyACM0")
-    with pytest.raises(SystemExit, match="3") if len(words) > 1 else nullcontext():
-        assert main([*words, str(file)]) == 3
+    with pytest.raises(SystemExit, match="3"):
+        main(["calibrate"])
     assert "joshua-calibration: pip install joshua-calibration" in capsys.readouterr().err
+
+
+def test_without_the_plugin_the_mode_names_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = str(robot(tmp_path, "/dev/ttyACM0"))
+    assert main(["--block-plugin", "joshua-calibration", "--config", file]) == 3
+    said = capsys.readouterr().err
+    assert "MODE_CALIBRATION" in said
+    assert "joshua-calibration" in said
+    assert "nothing was started" in said
 
 
 def test_lerobot_keeps_nothing_for_a_user_without_a_home(
