@@ -6,11 +6,11 @@ import os
 import re
 import time
 
-from joshua.devices.preview import Preview, display_problem
 from joshua.devices.sensor import Reading
 from joshua.devices.sensor_node import SensorNode
 from joshua.node.behaviour import NodeContext
 from joshua.supervisor.log_files import log_directory
+from joshua_preview import Preview, display_problem
 
 from joshua_lidar.assembly import Scan
 from joshua_lidar.drawing import terminal_view, top_view

@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from joshua.devices.preview_window import HEAD
+from joshua_preview.window import HEAD
 
 #: Shape (H, W, 3), RGB.
 Pixels: TypeAlias = npt.NDArray[np.uint8]
@@ -59,7 +59,7 @@ class Preview:
 
     def open(self) -> None:
         """Opens the window."""
-        command = [sys.executable, "-m", "joshua.devices.preview_window", self._title]
+        command = [sys.executable, "-m", "joshua_preview.window", self._title]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
         self._thread.start()
 

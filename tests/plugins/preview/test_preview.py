@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joshua.devices import preview
-from joshua.devices.preview import Pixels, Preview, display_problem, portable_pixmap
+from joshua_preview import preview
+from joshua_preview.preview import Pixels, Preview, display_problem, portable_pixmap
 
 ORANGE = (250, 130, 20)
 
