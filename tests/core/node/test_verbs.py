@@ -152,12 +152,12 @@ class Two:
 
 class Untyped:
     @verb(moves=False)
-    def vague(self, what) -> None: ...  # type: ignore[no-untyped-def]
+    def vague(self, what) -> None: ...
 
 
 class Silent:
     @verb(moves=False)
-    def quiet(self): ...  # type: ignore[no-untyped-def]
+    def quiet(self): ...
 
 
 class Plain:

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 from joshua.plan import NodeKind, NodeSpec, Plan, RunReport, TopicSpec, TransportSpec
+from joshua.plan.events import Event, LogEntry, Progress, RunEvent, RunStatus, StartTable
 from joshua.supervisor import fork_server
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import HANG_AFTER_S
 from joshua.supervisor.options import SupervisorOptions
 from joshua.supervisor.restart import RestartLimits
-from joshua.supervisor.status import LogEntry, RunEvent, RunStatus, StartTable
 from joshua.supervisor.supervisor import Supervisor
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import router_port
@@ -31,33 +31,30 @@ class Recorder:
         self.entries: list[LogEntry] = []
         self.events: list[RunEvent] = []
         self.reports: list[RunReport] = []
+        self.progress: list[Progress] = []
         self.on_ready: Any = None
         self.until: Callable[[], object] | None = None
         self.on_reached: Callable[[], None] = lambda: None
 
-    def on_table(self, table: StartTable) -> None:
-        self.tables.append(table)
-        if self.on_ready is not None:
-            self.on_ready(table)
-
-    def on_status(self, status: RunStatus) -> None:
-        self.statuses.append(status)
-        self._look()
-
-    def on_log(self, entry: LogEntry) -> None:
-        self.entries.append(entry)
-        self._look()
-
-    def on_event(self, event: RunEvent) -> None:
-        self.events.append(event)
+    def __call__(self, event: Event) -> None:
+        kept: dict[type, list[Any]] = {
+            StartTable: self.tables,
+            RunStatus: self.statuses,
+            LogEntry: self.entries,
+            RunEvent: self.events,
+            RunReport: self.reports,
+            Progress: self.progress,
+        }
+        kept[type(event)].append(event)
+        if isinstance(event, StartTable) and self.on_ready is not None:
+            self.on_ready(event)
+        if isinstance(event, (RunStatus, LogEntry)):
+            self._look()
 
     def _look(self) -> None:
         if self.until is not None and self.until():
             self.until = None
             self.on_reached()
-
-    def on_finish(self, report: RunReport) -> None:
-        self.reports.append(report)
 
     def text(self, node: str | None = None) -> str:
         """The log as text, of one node or of all."""

@@ -56,14 +56,14 @@ class Caller:
 
     def state(self) -> str:
         with contextlib.suppress(CallError):
-            return next(str(n["state"]) for n in self.system.status()["nodes"] if n["full_name"] == NODE)
+            return next(str(n.state) for n in self.system.status().nodes if n.full_name == NODE)
         return ""
 
     def call(self, verb: str, timeout_s: float = 60.0, **payload: Any) -> dict[str, Any]:
         reply: dict[str, Any] = self.system.call("waver", verb, payload, timeout_s=timeout_s)
         return reply
 
-    def refused(self, verb: str, timeout_s: float = 60.0, **payload: Any) -> CallError:
+    def refused(self, verb: str, timeout_s: Any = 60.0, **payload: Any) -> CallError:
         with pytest.raises(CallError) as caught:
             self.call(verb, timeout_s, **payload)
         return caught.value

@@ -287,7 +287,7 @@ def test_the_control_socket_answers_and_stops_the_run(robot, launch):
     refused = ask(path / SOCKET_NAME, {"request": "explode"}, PATIENCE_S)
     assert refused == {
         "error": "unknown request 'explode'",
-        "allowed": ["call", "estop", "guardian", "status", "stop"],
+        "allowed": ["call", "estop", "guardian", "status", "stop", "subscribe"],
     }
     assert ask(path / SOCKET_NAME, {"request": "stop"}, PATIENCE_S) == {"stopping": True}
 

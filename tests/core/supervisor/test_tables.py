@@ -15,7 +15,7 @@ from joshua.plan import (
     TopicReport,
     TopicSpec,
 )
-from joshua.supervisor.status import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
 from joshua.supervisor.tables import clean, log_line, report_lines, start_lines, status_line
 
 JOINTS = "sensor_msgs/msg/JointState"

@@ -10,8 +10,8 @@ import time
 
 import pytest
 from joshua.plan import RunReport
+from joshua.plan.events import LogEntry, NodeStatus, RunStatus, StartTable
 from joshua.supervisor.background_writer import MAX_WAITING, BackgroundWriter
-from joshua.supervisor.status import LogEntry, NodeStatus, RunStatus, StartTable
 from joshua.supervisor.terminal import Terminal
 
 REPORT = RunReport(exit_code=0, reason="done")
@@ -28,11 +28,11 @@ def status(phase="running"):
 def test_logs_go_to_one_stream_by_level_and_the_rest_to_the_other():
     output, errors = io.StringIO(), io.StringIO()
     terminal = Terminal(logging.INFO, output, errors)
-    terminal.on_log(entry(logging.DEBUG, "detail"))
-    terminal.on_log(entry(logging.INFO, "news"))
-    terminal.on_table(StartTable("r.pbtxt", "m", "", "zenoh", 0.1, ()))
-    terminal.on_status(status())
-    terminal.on_finish(REPORT)
+    terminal(entry(logging.DEBUG, "detail"))
+    terminal(entry(logging.INFO, "news"))
+    terminal(StartTable("r.pbtxt", "m", "", "zenoh", 0.1, ()))
+    terminal(status())
+    terminal(REPORT)
 
     assert errors.getvalue().endswith("INFO    /a: news\n")
     assert "detail" not in errors.getvalue()
@@ -46,9 +46,9 @@ def test_without_a_terminal_the_status_is_a_line_now_and_then(monkeypatch):
     monkeypatch.setattr("joshua.supervisor.terminal.PLAIN_STATUS_PERIOD_S", 0.0)
     output = io.StringIO()
     terminal = Terminal(logging.INFO, output, io.StringIO())
-    terminal.on_status(status("starting"))
-    terminal.on_status(status())
-    terminal.on_finish(REPORT)
+    terminal(status("starting"))
+    terminal(status())
+    terminal(REPORT)
     assert output.getvalue().splitlines()[0] == "running 1 s | /a"
 
 
@@ -57,9 +57,9 @@ def test_in_a_terminal_the_status_stays_below_the_log_and_levels_have_colours(mo
     master, slave = pty.openpty()
     with open(slave, "w") as stream:
         terminal = Terminal(logging.INFO, stream, stream)
-        terminal.on_status(status())
-        terminal.on_log(entry(logging.ERROR, "broken"))
-        terminal.on_finish(REPORT)
+        terminal(status())
+        terminal(entry(logging.ERROR, "broken"))
+        terminal(REPORT)
         shown = b""
         while b"ended with" not in shown:
             shown += os.read(master, 65536)
@@ -75,8 +75,8 @@ def test_a_reader_that_has_gone_is_no_failure():
     stream = open(writing, "w")  # noqa: SIM115
     terminal = Terminal(logging.INFO, stream, stream)
     for _ in range(10):
-        terminal.on_log(entry(logging.INFO, "x" * 1000))
-    terminal.on_finish(REPORT)
+        terminal(entry(logging.INFO, "x" * 1000))
+    terminal(REPORT)
     with pytest.raises(BrokenPipeError):
         stream.close()
 
@@ -85,10 +85,10 @@ def test_a_terminal_that_stands_still_holds_up_nobody():
     reading, writing = os.pipe()
     stream = open(writing, "w")  # noqa: SIM115
     terminal = Terminal(logging.INFO, stream, stream)
-    terminal.on_log(entry(logging.INFO, "x" * 200_000))
+    terminal(entry(logging.INFO, "x" * 200_000))
     began_s = time.monotonic()
     for _ in range(3 * MAX_WAITING):
-        terminal.on_log(entry(logging.INFO, "more"))
+        terminal(entry(logging.INFO, "more"))
     waited_s = time.monotonic() - began_s
     assert terminal._writer.dropped > 0
     assert waited_s < 30.0

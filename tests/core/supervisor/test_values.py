@@ -6,12 +6,12 @@ import json
 
 from joshua.ipc.messages import Topics
 from joshua.plan import NodeKind, NodeReport, NodeSpec, TopicSpec
+from joshua.plan.events import LogEntry
 from joshua.supervisor.ladder import LadderTimes
 from joshua.supervisor.node_record import NodeRecord
 from joshua.supervisor.options import ladder_times, ready_timeout_s
 from joshua.supervisor.process_groups import process_groups
 from joshua.supervisor.stack_dump import StackDump
-from joshua.supervisor.status import LogEntry
 
 
 def node(name, **fields):

@@ -14,14 +14,14 @@ def node_that_holds(processes: Iterable[int]) -> str:
 
     for system in RunningSystem.all():
         try:
-            nodes = system.status()["nodes"]
-        except (CallError, KeyError):
+            nodes = system.status().nodes
+        except CallError:
             continue  # it ends just now, or does not answer; the process is named all the same
         info = system.info
         for node in nodes:
-            if node["process_id"] in wanted:
+            if node.process_id in wanted:
                 return (
-                    f"in use by {node['full_name']} of {info.source}, which runs now: "
+                    f"in use by {node.full_name} of {info.source}, which runs now: "
                     f"`joshua stop` ends it (process {info.process_id})"
                 )
     return ""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from joshua.ipc.socket_address import socket_address
 
 if TYPE_CHECKING:
     from joshua.ipc.messages import VerbInfo
+    from joshua.plan.events import Event, RunStatus
 
 LOCK_NAME = "lock"
 INFO_NAME = "run.json"
@@ -103,9 +105,47 @@ class RunningSystem:
         """The run, for messages."""
         return f"process {self.info.process_id}, which runs {self.info.source}"
 
-    def status(self) -> dict[str, Any]:
-        """The run just now: ``RunStatus`` as JSON-able data. Raises CallError."""
-        return dict(self.request({"request": "status"}).get("status", {}))
+    def has(self, node: str) -> bool:
+        """Whether a user's word means a node of this run, as ``is_named`` says."""
+        return any(is_named(name, node) for name in self.info.nodes)
+
+    def status(self) -> RunStatus:
+        """The run just now. Raises CallError."""
+        from joshua.plan.events import RunStatus, event_of
+
+        answer = self.request({"request": "status"})
+        try:
+            status = event_of({"event": "status", **answer["status"]})
+            assert isinstance(status, RunStatus)
+        except (ValueError, TypeError, KeyError) as error:
+            raise self._unreachable(error) from error
+        return status
+
+    def events(self, names: Sequence[str] = ()) -> Iterator[Event]:
+        """What happens in the run from now on, its status first, until it ends.
+
+        Args:
+            names: of the wanted events, such as ``progress``; none for all but log lines.
+
+        Raises:
+            CallError: nobody answers, or the run refuses.
+        """
+        from joshua.plan.events import event_of
+
+        try:
+            with _connected(self.path / SOCKET_NAME, 5.0) as connection, connection.makefile("rb") as lines:
+                connection.sendall(_line({"request": "subscribe", "events": list(names)}))
+                connection.settimeout(None)
+                for line in lines:
+                    record = json.loads(line)
+                    if "error" in record:
+                        raise _error_of(record)
+                    with contextlib.suppress(ValueError):  # an event that this version does not know
+                        yield event_of(record)
+        except ConnectionResetError:
+            return  # the run has ended, and with it the stream
+        except (OSError, ValueError) as error:
+            raise self._unreachable(error) from error
 
     def verbs(self, node: str, *, timeout_s: float = 5.0) -> tuple[VerbInfo, ...]:
         """What can be asked of a node. Raises CallError."""
@@ -163,16 +203,17 @@ class RunningSystem:
         try:
             answer = ask(self.path / SOCKET_NAME, request, timeout_s)
         except (OSError, ValueError) as error:
-            reason = str(error) or type(error).__name__
-            raise CallError("unreachable", f"{self.name}, does not answer: {reason}") from error
+            raise self._unreachable(error) from error
         if "error" in answer:
-            code, allowed = str(answer.get("code", "failed")), answer.get("allowed", ())
-            raise CallError(code, str(answer["error"]), [str(name) for name in allowed])
+            raise _error_of(answer)
         return answer
+
+    def _unreachable(self, error: Exception) -> CallError:
+        return CallError("unreachable", f"{self.name}, does not answer: {str(error) or type(error).__name__}")
 
     def _run_of(self, node: str) -> RunningSystem | None:
         others = (item for item in RunningSystem.all() if item.info.run != self.info.run)
-        return next((item for item in others if any(is_named(name, node) for name in item.info.nodes)), None)
+        return next((item for item in others if item.has(node)), None)
 
 
 def is_named(full_name: str, word: str) -> bool:
@@ -187,11 +228,8 @@ def ask(path: Path, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[
         OSError: nobody answers.
         ValueError: the answer is not one of this protocol.
     """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        connection.settimeout(timeout_s)
-        with socket_address(path) as address:
-            connection.connect(address)
-        connection.sendall(json.dumps(request).encode() + b"\n")
+    with _connected(path, timeout_s) as connection:
+        connection.sendall(_line(request))
         data = b""
         while not data.endswith(b"\n"):
             part = connection.recv(65536)
@@ -202,6 +240,27 @@ def ask(path: Path, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[
     if not isinstance(answer, dict):
         raise ValueError(f"expected an object, found {answer!r}")
     return answer
+
+
+def _connected(path: Path, timeout_s: float) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        connection.settimeout(timeout_s)
+        with socket_address(path) as address:
+            connection.connect(address)
+    except OSError:
+        connection.close()
+        raise
+    return connection
+
+
+def _line(request: Mapping[str, Any]) -> bytes:
+    return json.dumps(request).encode() + b"\n"
+
+
+def _error_of(answer: Mapping[str, Any]) -> CallError:
+    allowed = [str(name) for name in answer.get("allowed", ())]
+    return CallError(str(answer.get("code", "failed")), str(answer["error"]), allowed)
 
 
 def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:

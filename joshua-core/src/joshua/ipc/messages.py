@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from joshua.ipc.frames import FrameError
 from joshua.plan import NodeReport, NodeSpec, TransportSpec
+from joshua.plan.events import Progress
 
 #: The verb that every node has: it tells the others.
 LIST_VERBS = "verbs"
@@ -108,6 +109,14 @@ class Shown(Message):
     kind: Literal["shown"] = "shown"
     node: str
     text: str
+
+
+class Progressed(Message):
+    """Child to supervisor: how far a node is with work that ends."""
+
+    kind: Literal["progress"] = "progress"
+    node: str
+    progress: Progress
 
 
 class ThreadAge(BaseModel):
@@ -247,6 +256,7 @@ ToSupervisor = (
     | Step
     | Waiting
     | Shown
+    | Progressed
     | Heartbeat
     | Log
     | Topics

@@ -86,6 +86,24 @@ class NodeContext(Protocol):
     def show(self, text: str) -> None:
         """Puts a short text into the node's part of the live status line; "" takes it away; any thread."""
 
+    def progress(
+        self,
+        name: str,
+        current: float,
+        total: float | None = None,
+        *,
+        unit: str = "",
+        rate: float | None = None,
+        remaining_s: float | None = None,
+    ) -> None:
+        """Says how far work is that ends, as often as it likes; any thread.
+
+        Args:
+            name: of the work, such as ``episodes``.
+            current: what is done, in ``unit``; total: all of it, None where nobody knows.
+            rate: units a second; remaining_s: time to the end. None computes them from what was said before.
+        """
+
     def end_run(self, reason: str) -> None:
         """Asks for the end of the whole run in good order: the node's work is done; any thread."""
 

@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
+import time
 from collections.abc import Callable
 
-from joshua.ipc.messages import Fault, Message, NodeWarning, Shown, StopRun, Waiting, printable
+from joshua.ipc.messages import (
+    Fault,
+    Message,
+    NodeWarning,
+    Progressed,
+    Shown,
+    StopRun,
+    Waiting,
+    printable,
+)
 from joshua.node import ros_time
 from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback, NamedMessageCallback
 from joshua.node.readers import ReaderThread, ReaderThreads
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan.events import Progress
 
 #: Silence of a reader thread that counts as a hang, by kind of node. A model may think for long.
 READER_HANG_S: dict[NodeKind, float] = {NodeKind.MODEL: 60.0}
 READER_HANG_DEFAULT_S = 5.0
+
+#: Distance of two reports of progress.
+PROGRESS_PERIOD_S = 0.2
 
 
 class NodeFailedError(Exception):
@@ -54,6 +69,7 @@ class RuntimeContext:
         self._lock = threading.Lock()
         self._stopping = False
         self._shown = ""
+        self._progress: dict[str, tuple[float, float, float, float]] = {}
 
     def publisher(self, topic: TopicSpec) -> CountingPublisher:
         """Declares a publisher."""
@@ -132,6 +148,32 @@ class RuntimeContext:
         if text != self._shown:
             self._shown = text
             self._send(Shown(node=self.spec.full_name, text=printable(text, 120)))
+
+    def progress(
+        self,
+        name: str,
+        current: float,
+        total: float | None = None,
+        *,
+        unit: str = "",
+        rate: float | None = None,
+        remaining_s: float | None = None,
+    ) -> None:
+        """Says how far work is; the end of it always, what lies between a few times a second."""
+        now_s = time.monotonic()
+        began_s, first, sent_s, sent = self._progress.get(name, (now_s, current, -math.inf, math.nan))
+        if current < first:  # it begins anew
+            began_s, first = now_s, current
+        if current == sent or (current != total and now_s - sent_s < PROGRESS_PERIOD_S):
+            return
+        self._progress[name] = (began_s, first, now_s, current)
+        if rate is None and current > first and now_s > began_s:
+            rate = (current - first) / (now_s - began_s)
+        if remaining_s is None and total is not None and rate:
+            remaining_s = max(0.0, (total - current) / rate)
+        node = self.spec.full_name
+        said = Progress(node, printable(name, 60), current, total, printable(unit, 20), rate, remaining_s)
+        self._send(Progressed(node=node, progress=said))
 
     def end_run(self, reason: str) -> None:
         """Asks for the end of the run."""

@@ -26,6 +26,7 @@ from joshua.ipc.messages import (
     Hello,
     Log,
     Message,
+    Progressed,
     Start,
     Stop,
     ToChild,
@@ -54,7 +55,7 @@ SWITCH_INTERVAL_S = 0.0005
 DRAIN_S = 1.0
 
 #: Messages that may be dropped while the supervisor does not read.
-CAN_MISS = (Heartbeat, Log, Topics)
+CAN_MISS = (Heartbeat, Log, Progressed, Topics)
 
 
 @lru_cache(maxsize=1)

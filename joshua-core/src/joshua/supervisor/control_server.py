@@ -1,4 +1,4 @@
-"""The control socket of a run: one JSON object a line in, one out."""
+"""The control socket of a run: one JSON object a line in, one out, or a stream of events."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from joshua.ipc.socket_address import socket_address
+from joshua.plan.events import Gap, event_record
+from joshua.supervisor.event_bus import EventStream
 from joshua.supervisor.reactor import Reactor
 
 Request = Mapping[str, Any]
@@ -32,10 +34,13 @@ class Deferred:
             self.deliver(values)
 
 
-Handler = Callable[[Request], dict[str, Any] | Deferred]
+Handler = Callable[[Request], dict[str, Any] | Deferred | EventStream]
 
 MAX_REQUEST_BYTES = 65536
 MAX_CLIENTS = 16
+
+#: Unread bytes of a program beyond which events for it are dropped and counted.
+STREAM_BACKLOG_BYTES = 256 * 1024
 
 
 class ControlServer:
@@ -125,8 +130,11 @@ class ControlServer:
         else:
             self._reactor.watch(client.descriptor, lambda: self._read(client))
 
-    def _reply(self, client: _Client, answer: dict[str, Any] | Deferred) -> None:
-        if isinstance(answer, Deferred):
+    def _reply(self, client: _Client, answer: dict[str, Any] | Deferred | EventStream) -> None:
+        if isinstance(answer, EventStream):
+            client.waits_for.append(answer)
+            answer.attach(lambda line: self._stream(client, line))
+        elif isinstance(answer, Deferred):
             answer.deliver = lambda values: self._deliver(client, values)
             client.waits_for.append(answer)
         else:
@@ -137,7 +145,19 @@ class ControlServer:
             client.outgoing += json.dumps(values).encode() + b"\n"
             self._write(client)
 
-    def _answer(self, line: bytes) -> dict[str, Any] | Deferred:
+    def _stream(self, client: _Client, line: bytes) -> None:
+        if self._clients.get(client.descriptor) is not client:
+            return
+        if len(client.outgoing) > STREAM_BACKLOG_BYTES:
+            client.dropped += 1
+            return
+        if client.dropped:
+            client.outgoing += json.dumps(event_record(Gap(client.dropped))).encode() + b"\n"
+            client.dropped = 0
+        client.outgoing += line
+        self._write(client)
+
+    def _answer(self, line: bytes) -> dict[str, Any] | Deferred | EventStream:
         try:
             request = json.loads(line)
             name = request["request"]
@@ -163,5 +183,6 @@ class _Client:
         self.descriptor = connection.fileno()
         self.incoming = b""
         self.outgoing = b""
-        self.waits_for: list[Deferred] = []
+        self.waits_for: list[Deferred | EventStream] = []
+        self.dropped = 0
         self.finished = False

@@ -10,10 +10,10 @@ from collections import deque
 from pathlib import Path
 
 from joshua.ipc.messages import printable
+from joshua.plan.events import LogEntry
+from joshua.supervisor.event_bus import EventBus
 from joshua.supervisor.log_files import LogFile, remove_old_logs
 from joshua.supervisor.reactor import Reactor
-from joshua.supervisor.status import LogEntry
-from joshua.supervisor.ui import GuardedInterface, UserInterface
 
 
 class Logbook:
@@ -21,18 +21,19 @@ class Logbook:
 
     Args:
         reactor: the supervisor's loop.
-        ui: who watches.
+        events: who watches.
         path: of the log file.
     """
 
-    def __init__(self, reactor: Reactor, ui: UserInterface, path: Path) -> None:
+    def __init__(self, reactor: Reactor, events: EventBus, path: Path) -> None:
         self._reactor = reactor
         self._foreign: deque[LogEntry] = deque(maxlen=1000)
         self._wake_receiver, self._wake_sender = os.pipe()
         os.set_blocking(self._wake_receiver, False)
         os.set_blocking(self._wake_sender, False)
         reactor.watch(self._wake_receiver, self._take_foreign)
-        self.interface = GuardedInterface(ui, lambda text: self.write(logging.ERROR, text))
+        self.events = events
+        events.on_cut_off = lambda text: self.write(logging.ERROR, text)
         self._file = LogFile(path, lambda text: self._from_thread(logging.WARNING, text))
         self._handler = _Forwarder(self)
         remove_old_logs(path.parent)
@@ -54,7 +55,7 @@ class Logbook:
     def add(self, entry: LogEntry) -> None:
         """Writes an entry; supervisor's thread only."""
         self._file.put(entry.as_json())
-        self.interface.call(lambda ui: ui.on_log(entry))
+        self.events.publish(entry)
 
     def close(self) -> None:
         """Writes what waits and closes the file."""

@@ -11,6 +11,7 @@ from typing import Any
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
 from joshua.plan import NodeKind, NodeSpec, TransportSpec
+from joshua.plan.events import LogEntry
 from joshua.supervisor.child import Child
 from joshua.supervisor.heartbeats import HeartbeatWatch
 from joshua.supervisor.ladder import HANG_TIMES, Rung, StopLadder
@@ -22,7 +23,6 @@ from joshua.supervisor.process_owner import ProcessOwner
 from joshua.supervisor.reactor import Reactor, ReactorTimer
 from joshua.supervisor.restart import RestartPolicy, strictest
 from joshua.supervisor.stack_dump import StackDump
-from joshua.supervisor.status import LogEntry
 
 #: How long a hung process may take to write the stacks of its threads.
 DUMP_TIMEOUT_S = 0.3
@@ -179,6 +179,7 @@ class ManagedProcess:
         """The process exists."""
         for record in self.records.values():
             record.process_id = process_id
+        self._owner.on_process_started(self)
 
     def on_message(self, message: ipc.ToSupervisor) -> None:
         """Takes a message of the process."""
@@ -203,6 +204,9 @@ class ManagedProcess:
         elif isinstance(message, ipc.Shown):
             record.shown = message.text
             self._owner.on_shown()
+        elif isinstance(message, ipc.Progressed):
+            record.progress[message.progress.name] = message.progress
+            self._owner.on_progress(message.progress)
         elif isinstance(message, ipc.FirstMessage):
             self._owner.on_first_message(message.stamp_ns)
         elif isinstance(message, ipc.NodeWarning):

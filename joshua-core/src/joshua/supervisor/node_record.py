@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from joshua.ipc.messages import Topics
 from joshua.plan import NodeReport, NodeSpec, TopicReport, TopicSpec
-from joshua.supervisor.status import NodeRow, NodeStatus
+from joshua.plan.events import NodeRow, NodeStatus, Progress
 
 #: Running totals that the live rates are computed from: five, half a second apart.
 RATE_WINDOW = 5
@@ -33,7 +33,7 @@ class NodeRecord:
 
     Attributes:
         state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node says it waits for;
-            shown: what it shows in the status line.
+            shown: what it shows in the status line; progress: of its work, by name.
         fault: why its device does nothing although the node runs; "" for none.
         reason: why it failed; exit_code: that the failure calls for.
         report: its own last report; None if it ended without one.
@@ -45,6 +45,7 @@ class NodeRecord:
     waiting: str = ""
     fault: str = ""
     shown: str = ""
+    progress: dict[str, Progress] = field(default_factory=dict)
     process_id: int = 0
     restarts: int = 0
     reason: str = ""
@@ -65,6 +66,7 @@ class NodeRecord:
         self.state, self.step, self.waiting, self.process_id = "starting", "", "", 0
         self.fault = self.shown = ""
         self.report = None
+        self.progress.clear()
         self.warnings.clear()
         self.totals.clear()
         self.first_totals = None
@@ -112,6 +114,7 @@ class NodeRecord:
             shown=self.shown,
             published_hz=published,
             received_hz=received,
+            progress=tuple(item for item in self.progress.values() if item.current != item.total),
         )
 
     def final_report(self) -> NodeReport:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from joshua.ipc import messages as ipc
+from joshua.plan.events import Progress
 
 if TYPE_CHECKING:
     from joshua.supervisor.managed_process import ManagedProcess
@@ -21,6 +22,12 @@ class ProcessOwner(Protocol):
 
     def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
         """The process has ended; ``failed`` unless it was asked to."""
+
+    def on_process_started(self, process: ManagedProcess) -> None:
+        """The process exists."""
+
+    def on_progress(self, progress: Progress) -> None:
+        """A node says how far its work is."""
 
     def on_first_message(self, stamp_ns: int) -> None:
         """A subscription has received its first message."""

@@ -13,11 +13,12 @@ from typing import Any, Protocol
 from joshua.ipc import messages as ipc
 from joshua.ipc.client import is_named
 from joshua.ipc.frames import FrameError
+from joshua.plan.events import EVENT_NAMES, RunStatus
 from joshua.supervisor.control_server import Deferred, Handler
+from joshua.supervisor.event_bus import MAX_STREAMS, EventStream
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.managed_process import ManagedProcess
 from joshua.supervisor.reactor import Reactor, ReactorTimer
-from joshua.supervisor.status import RunStatus
 
 Request = Mapping[str, Any]
 
@@ -75,6 +76,7 @@ class RunRequests:
             "guardian": self._guardian,
             "estop": self._estop,
             "call": self._call,
+            "subscribe": self._subscribe,
         }
 
     def ready(self, process: ManagedProcess) -> None:
@@ -132,6 +134,16 @@ class RunRequests:
         text = "the e-stop is released" if request.get("released") else "the e-stop is latched"
         self._logbook.write(logging.CRITICAL, f"{text} by process {request.get('process_id')}")
         return {"noted": True}
+
+    def _subscribe(self, request: Request) -> dict[str, Any] | EventStream:
+        """Sends events from now on, the status at once; ``events`` names those that are wanted."""
+        names = request.get("events", [])
+        if not isinstance(names, list) or not all(name in EVENT_NAMES for name in names):
+            return _error("invalid", f"events is {names!r}; allowed is a list of names", EVENT_NAMES)
+        stream = EventStream(names, (self._run.status(),))
+        if not self._logbook.events.subscribe(stream):
+            return _error("refused", f"{MAX_STREAMS} programs watch this run already: end one of them")
+        return stream
 
     def _call(self, request: Request) -> dict[str, Any] | Deferred:
         """Asks a node; ``start`` starts one that stays down, and waits for one that starts."""

@@ -6,8 +6,8 @@ import os
 from collections.abc import Sequence
 
 from joshua.plan import Plan
+from joshua.plan.events import RunStatus, StartTable
 from joshua.supervisor.node_record import NodeRecord
-from joshua.supervisor.status import RunStatus, StartTable
 
 
 def start_table(

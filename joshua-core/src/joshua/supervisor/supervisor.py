@@ -1,4 +1,7 @@
-"""The supervisor: starts the processes of a plan, watches them, and stops them. Written stop-first."""
+"""The supervisor: starts the processes of a plan, watches them, and stops them. Written stop-first.
+
+Why one file: one state machine, the phases of a run; every part reads or changes the phase.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,8 @@ from typing import Any
 from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import RunDirectoryError
 from joshua.plan import NodeKind, Plan, RunReport
+from joshua.plan.events import Progress, RunEvent, RunStatus
+from joshua.supervisor.event_bus import EventBus, Subscriber
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S
 from joshua.supervisor.launcher import Launcher
@@ -28,10 +33,8 @@ from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 from joshua.supervisor.run_place import RunPlace
 from joshua.supervisor.run_requests import RunRequests
 from joshua.supervisor.run_view import run_status, start_table
-from joshua.supervisor.status import RunEvent, RunStatus
 from joshua.supervisor.stop_signals import StopSignals
 from joshua.supervisor.terminal_guard import TerminalGuard
-from joshua.supervisor.ui import SilentInterface, UserInterface
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -63,7 +66,7 @@ class Supervisor:
         plan: what to run.
         fork_server: started before any thread or transport existed; stays the caller's to close.
         options: settings.
-        ui: who watches.
+        ui: takes every event.
     """
 
     def __init__(
@@ -71,12 +74,12 @@ class Supervisor:
         plan: Plan,
         fork_server: ForkServer,
         options: SupervisorOptions | None = None,
-        ui: UserInterface | None = None,
+        ui: Subscriber | None = None,
     ) -> None:
         self._plan = plan
         self._fork_server = fork_server
         self._options = options or SupervisorOptions()
-        self._ui = ui or SilentInterface()
+        self._events = EventBus(*([ui] if ui else []))
         self._reactor = Reactor()
         self._processes: list[ManagedProcess] = []
         self._phase = Phase.STARTING
@@ -97,7 +100,7 @@ class Supervisor:
         """Runs the plan to its end; returns what the run was like. Call it once."""
         self._began_s = self._options.began_s or time.monotonic()
         log = new_log(self._options.log_directory, self._plan.robot_id)
-        self._logbook = Logbook(self._reactor, self._ui, log)
+        self._logbook = Logbook(self._reactor, self._events, log)
         self._logbook.capture()
         self._requests = RunRequests(self, self._logbook, self._reactor)
         signals = StopSignals(self._reactor, self._on_signal)
@@ -110,7 +113,8 @@ class Supervisor:
                 while self._phase is not Phase.ENDED:
                     self._turn()
             report = self._report()
-            self._logbook.interface.call(lambda ui: ui.on_finish(report))
+            self._event("stopped", "", report.reason)
+            self._events.publish(report)
             return report
         finally:
             while closers:
@@ -205,7 +209,7 @@ class Supervisor:
 
     def on_process_ready(self, process: ManagedProcess) -> None:
         """Shows the start-up table when the last process is ready."""
-        self._event("ready", process.names, "ready")
+        self._tell(process, "ready")
         self._requests.ready(process)
         if self._phase is Phase.RUNNING:
             self._logbook.write(logging.INFO, f"{process.names}: ready again")
@@ -229,11 +233,11 @@ class Supervisor:
         """Ends the run, restarts the process, or lets it stay down, by the phase and its policy."""
         self._requests.ended(process)
         self._terminal_guard.ended(process.specs)
+        self._tell(process)
         if self._phase is Phase.STOPPING:
             self._finish_if_stopped()
             return
         reasons = "; ".join(f"{name}: {record.reason}" for name, record in process.records.items())
-        self._event("failed", process.names, reasons)
         if self._phase is Phase.STARTING:
             self._settle()
         elif process.policy.stops_run:
@@ -265,11 +269,11 @@ class Supervisor:
         if decision.delay_s is not None:
             text = f"starts again in {decision.delay_s:g} s"
             process.restart_later(decision.delay_s)
-            self._event("restarting", process.names, text)
+            self._tell(process, "restarting", text)
             self._logbook.write(logging.WARNING, f"{process.names}: {text}")
             return
         text = f"stays down: {decision.reason}"
-        self._event("given-up", process.names, text)
+        self._tell(process, "given-up", text)
         self._logbook.write(logging.ERROR, f"{process.names}: {text}")
         if not any(item.alive or item.restart_timer for item in self._processes):
             self._stop("no node is left", EXIT_FAILED)
@@ -294,7 +298,7 @@ class Supervisor:
 
     def on_fault(self, node: str, text: str) -> None:
         """Notes that a device does nothing until it is resumed."""
-        self._event("fault", node, text)
+        self._event("fault" if text else "resumed", node, text)
 
     def on_reply(self, message: ipc.CallReply) -> None:
         """Passes the answer on."""
@@ -370,7 +374,7 @@ class Supervisor:
         if self._router is not None:
             notes.append(str(self._router.description))
         table = start_table(self._plan, self._records(), ready_s, notes)
-        self._logbook.interface.call(lambda ui: ui.on_table(table))
+        self._events.publish(table)
         self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
 
     def status(self) -> RunStatus:
@@ -386,7 +390,25 @@ class Supervisor:
 
     def on_shown(self) -> None:
         """Shows the status now: a node has something to tell people."""
-        self._logbook.interface.call(lambda ui: ui.on_status(self.status()))
+        self._events.publish(self.status())
+
+    def on_progress(self, progress: Progress) -> None:
+        """Passes on how far a node is."""
+        self._events.publish(progress)
+
+    def on_process_started(self, process: ManagedProcess) -> None:
+        """Says that the nodes of a process start, or start again."""
+        again = any(record.restarts for record in process.records.values())
+        self._tell(
+            process,
+            "restarted" if again else "started",
+            f"process {next(iter(process.records.values())).process_id}",
+        )
+
+    def _tell(self, process: ManagedProcess, kind: str = "", text: str = "") -> None:
+        """Tells of each node of a process; without a kind what has become of it, and why."""
+        for node, record in process.records.items():
+            self._event(kind or record.state, node, text or record.reason)
 
     def _event(self, kind: str, node: str, text: str) -> None:
-        self._logbook.interface.call(lambda ui: ui.on_event(RunEvent(kind, node, text)))
+        self._events.publish(RunEvent(kind, node, text, time.time_ns()))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 
 from joshua.plan import NodeReport, RunReport, Severity
-from joshua.supervisor.status import LogEntry, NodeRow, RunStatus, StartTable
+from joshua.plan.events import LogEntry, NodeRow, Progress, RunStatus, StartTable
 
 REPORT_HEADINGS = (
     "NODE",
@@ -84,8 +84,19 @@ def status_line(status: RunStatus) -> str:
             continue
         rates = [f"{_last_name(topic)} {rate:.1f} Hz" for topic, rate in node.published_hz.items()]
         shown = [f"[{node.shown}]"] if node.shown else []
+        shown += [f"[{progress_text(item)}]" for item in node.progress]
         parts.append(" ".join([node.full_name, *shown, *rates]))
     return clean(" | ".join(parts))
+
+
+def progress_text(progress: Progress) -> str:
+    """How far work is, such as ``episodes 3/10, 0.5/s, 14 s left``."""
+    total = "" if progress.total is None else f"/{progress.total:g}"
+    unit = f" {progress.unit}" if progress.unit and progress.unit != progress.name else ""
+    text = f"{progress.name} {progress.current:g}{total}{unit}"
+    if progress.rate is not None:
+        text += f", {progress.rate:.3g}/s"
+    return text if progress.remaining_s is None else f"{text}, {progress.remaining_s:.0f} s left"
 
 
 def log_line(entry: LogEntry) -> str:

@@ -10,8 +10,8 @@ from typing import TextIO
 
 from joshua.config.diagnostics import wants_color
 from joshua.plan import RunReport
+from joshua.plan.events import Event, LogEntry, RunStatus, StartTable
 from joshua.supervisor.background_writer import BackgroundWriter
-from joshua.supervisor.status import LogEntry, RunEvent, RunStatus, StartTable
 from joshua.supervisor.tables import log_line, report_lines, start_lines, status_line
 
 #: Distance of two status lines where the output is no terminal.
@@ -43,12 +43,22 @@ class Terminal:
         self._plain_due_s = 0.0
         self._writer = BackgroundWriter[tuple[TextIO, str]](self._write, "terminal")
 
-    def on_table(self, table: StartTable) -> None:
-        """Shows the start-up table."""
+    def __call__(self, event: Event) -> None:
+        """Shows an event; those that the log says in words are shown by that."""
+        if isinstance(event, StartTable):
+            self._on_table(event)
+        elif isinstance(event, RunStatus):
+            self._on_status(event)
+        elif isinstance(event, LogEntry):
+            self._on_log(event)
+        elif isinstance(event, RunReport):
+            self._on_finish(event)
+
+    def _on_table(self, table: StartTable) -> None:
         self._plain_due_s = time.monotonic() + PLAIN_STATUS_PERIOD_S
         self._put(self._output, "\n".join(start_lines(table)) + "\n")
 
-    def on_status(self, status: RunStatus) -> None:
+    def _on_status(self, status: RunStatus) -> None:
         """Renews the status line; prints one now and then where the output is no terminal."""
         line = status_line(status)
         if self._live:
@@ -59,7 +69,7 @@ class Terminal:
             self._plain_due_s = time.monotonic() + PLAIN_STATUS_PERIOD_S
             self._writer.put((self._output, line + "\n"))
 
-    def on_log(self, entry: LogEntry) -> None:
+    def _on_log(self, entry: LogEntry) -> None:
         """Shows a log line of sufficient level."""
         if entry.level < self._log_level:
             return
@@ -68,10 +78,7 @@ class Terminal:
             line = f"{_COLOURS[entry.level_name]}{line}{_RESET}"
         self._put(self._errors, line + "\n")
 
-    def on_event(self, event: RunEvent) -> None:
-        """Shows nothing: the log says it in words."""
-
-    def on_finish(self, report: RunReport) -> None:
+    def _on_finish(self, report: RunReport) -> None:
         """Shows the cadence report and writes what waits."""
         status, self._status = self._status, ""
         if status:

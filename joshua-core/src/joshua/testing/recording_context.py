@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua.plan import NodeSpec, TopicSpec
+from joshua.plan.events import Progress
 
 
 class RecordingPublisher:
@@ -44,6 +45,7 @@ class RecordingContext:
         self.failures: list[str] = []
         self.faults: list[str] = []
         self.shown = ""
+        self.progresses: dict[str, Progress] = {}
         self.waits = ""
         self.ends: list[str] = []
         self._threads: list[threading.Thread] = []
@@ -102,6 +104,20 @@ class RecordingContext:
     def waiting_for(self, text: str) -> None:
         """Keeps what the behaviour waits for."""
         self.waits = text
+
+    def progress(
+        self,
+        name: str,
+        current: float,
+        total: float | None = None,
+        *,
+        unit: str = "",
+        rate: float | None = None,
+        remaining_s: float | None = None,
+    ) -> None:
+        """Keeps the last word on each work."""
+        node = self.spec.full_name
+        self.progresses[name] = Progress(node, name, current, total, unit, rate, remaining_s)
 
     def end_run(self, reason: str) -> None:
         """Keeps why the run may end."""

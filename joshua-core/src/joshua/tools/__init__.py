@@ -2,7 +2,7 @@
 
 Nothing is imported before it is used. ``check(path)`` finds every problem of a file, ``plan(path)`` says what
 would be started, ``explain(name)`` documents a field; ``check_file`` and ``finish`` are the same road in two
-steps, for a program that changes the configuration between them. ``ForegroundJob`` lets a program hold nodes
+steps, for a program that changes the configuration between them. ``RunningSystem`` finds what runs, asks its nodes and hears its events. ``ForegroundJob`` lets a program hold nodes
 of a robot as a run does. A command of a plugin takes its options, its exit codes and its stand-ins from here.
 """
 
@@ -23,10 +23,23 @@ if TYPE_CHECKING:
     from joshua.cli.report import show_findings as show_findings
     from joshua.cli.simulation import start_simulation as start_simulation
     from joshua.config.calibration_paths import journal_path as journal_path
+    from joshua.ipc.client import CallError as CallError
+    from joshua.ipc.client import RunInfo as RunInfo
+    from joshua.ipc.client import RunningSystem as RunningSystem
     from joshua.plan import Diagnostic as Diagnostic
     from joshua.plan import NodeKind as NodeKind
     from joshua.plan import NodeSpec as NodeSpec
     from joshua.plan import Plan as Plan
+    from joshua.plan.events import Event as Event
+    from joshua.plan.events import Gap as Gap
+    from joshua.plan.events import LogEntry as LogEntry
+    from joshua.plan.events import NodeRow as NodeRow
+    from joshua.plan.events import NodeStatus as NodeStatus
+    from joshua.plan.events import Progress as Progress
+    from joshua.plan.events import RunEvent as RunEvent
+    from joshua.plan.events import RunStatus as RunStatus
+    from joshua.plan.events import StartTable as StartTable
+    from joshua.plan.events import event_record as event_record
     from joshua.planner.calibration_place import FileRefused as FileRefused
     from joshua.planner.calibration_place import calibration_place as calibration_place
     from joshua.planner.calibration_place import kept_calibrations as kept_calibrations
@@ -55,6 +68,22 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.config.calibration_paths": ("journal_path",),
         "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan"),
         "joshua.plugins.targets": ("TargetError",),
+    },
+    "A running system": {
+        "joshua.ipc.client": ("RunningSystem", "RunInfo", "CallError"),
+        "joshua.plan.events": (
+            *(
+                "Event",
+                "RunStatus",
+                "NodeStatus",
+                "RunEvent",
+                "Progress",
+                "LogEntry",
+                "StartTable",
+                "NodeRow",
+            ),
+            *("Gap", "event_record"),
+        ),
     },
     "Programs that take nodes": {
         "joshua.tools.foreground": ("ForegroundJob", "JobRefusedError"),

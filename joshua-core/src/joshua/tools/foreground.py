@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.ipc.run_bases import RunDirectoryError, base_directory
+from joshua.plan.events import NodeStatus, RunStatus
 from joshua.supervisor.control_server import ControlServer
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
-from joshua.supervisor.status import NodeStatus, RunStatus
 
 if TYPE_CHECKING:
     from typing_extensions import Self

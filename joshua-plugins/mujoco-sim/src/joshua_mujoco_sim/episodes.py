@@ -120,9 +120,19 @@ class EpisodeMaker:
         self._hooks: list[Callable[[], None]] = []
 
     @property
+    def written(self) -> int:
+        """Episodes that are written."""
+        return self._writer.episodes
+
+    @property
+    def wanted(self) -> int:
+        """Episodes that are to be written."""
+        return self._settings.count
+
+    @property
     def done(self) -> bool:
         """Whether every episode is written."""
-        return self._writer.episodes >= self._settings.count
+        return self.written >= self.wanted
 
     def begin(self) -> None:
         """Starts the first episode; after ``open``, and the caller holds the world's lock."""

@@ -260,6 +260,7 @@ class SimulatorNode(NodeBehaviour):
         broken = [file.error for file in self._files if file.error]
         if self._maker is not None:
             broken += filter(None, [self._maker.error])
+            self.context.progress("episodes", self._maker.written, self._maker.wanted)
             if self._maker.done:
                 self.context.end_run(self._maker.report())
         if world.failure or broken:

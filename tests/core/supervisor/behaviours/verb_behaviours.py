@@ -86,3 +86,15 @@ class Waver(NodeBehaviour):
     def mumble(self) -> str:
         """Says what is no text."""
         return "\ud800"
+
+
+class Works(NodeBehaviour):
+    """Does forty parts of something."""
+
+    def configure(self) -> None:
+        self._done = 0
+        self.context.create_timer(0.01, self._work, name="work")
+
+    def _work(self) -> None:
+        self._done = min(40, self._done + 1)
+        self.context.progress("parts", self._done, 40, unit="parts")

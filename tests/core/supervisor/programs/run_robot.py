@@ -25,7 +25,7 @@ def main() -> int:
     logs, runs = Path(sys.argv[2]), Path(sys.argv[3])
     options = SupervisorOptions(run_base=runs, log_directory=logs, log_level=10)
     try:
-        report = Supervisor(plan, server, options, Printer()).run()
+        report = Supervisor(plan, server, options, print_event).run()
     finally:
         server.close()
     show({"exit_code": report.exit_code, "reason": report.reason})
@@ -37,22 +37,19 @@ def show(record: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-class Printer:
-    def on_table(self, table: Any) -> None:
-        show({"ready": {row.full_name: row.process_id for row in table.nodes}})
+def print_event(event: Any) -> None:
+    from joshua.plan.events import event_name
 
-    def on_status(self, status: Any) -> None:
-        return
-
-    def on_log(self, entry: Any) -> None:
-        show({"log": entry.text, "node": entry.node, "level": entry.level_name})
-
-    def on_event(self, event: Any) -> None:
-        show({"event": event.kind, "node": event.node})
-
-    def on_finish(self, report: Any) -> None:
-        show({"reasons": {node.full_name: node.reason for node in report.nodes}})
-        show({"states": {node.full_name: node.state for node in report.nodes}})
+    name = event_name(event)
+    if name == "table":
+        show({"ready": {row.full_name: row.process_id for row in event.nodes}})
+    elif name == "log":
+        show({"log": event.text, "node": event.node, "level": event.level_name})
+    elif name == "report":
+        show({"reasons": {node.full_name: node.reason for node in event.nodes}})
+        show({"states": {node.full_name: node.state for node in event.nodes}})
+    elif name != "status":
+        show({"event": name, "node": event.node})
 
 
 if __name__ == "__main__":

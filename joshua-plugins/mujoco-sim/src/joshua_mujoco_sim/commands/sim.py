@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from joshua.cli.options import positive_seconds
+from joshua.tools import positive_seconds
 
 SUMMARY = "pause, step, reset or set the state of a running simulation"
 
@@ -28,8 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Asks the simulator's node. Exit code 0; 1 where it refuses, or no simulation runs."""
-    from joshua.cli.exit_codes import ExitCode
-    from joshua.ipc.client import CallError, RunningSystem, is_named
+    from joshua.tools import CallError, ExitCode, RunningSystem
 
     payload: dict[str, Any] = {}
     if arguments.action == "step":
@@ -39,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     node, name = arguments.node, "set_state" if arguments.action == "set" else arguments.action
     try:
         systems = [RunningSystem.find(arguments.system)] if arguments.system else RunningSystem.all()
-        systems = [item for item in systems if any(is_named(known, node) for known in item.info.nodes)]
+        systems = [item for item in systems if item.has(node)]
         if len(systems) != 1:
             problem = f"no running system has a node {node}: see joshua status"
             problem = f"several systems have a node {node}: name one with --system" if systems else problem

@@ -1,4 +1,4 @@
-"""What a run shows of itself: start-up table, live status, log entries, events."""
+"""What a run tells those who watch it: start-up table, live status, log, progress, what happens to nodes."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ import json
 import logging
 import time
 from dataclasses import asdict, dataclass, field
+from functools import cache
+from typing import Any
 
-from joshua.plan import Diagnostic, TopicSpec
+from pydantic import TypeAdapter
+
+from joshua.plan.diagnostic import Diagnostic
+from joshua.plan.node_spec import TopicSpec
+from joshua.plan.report import RunReport
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,24 @@ class StartTable:
 
 
 @dataclass(frozen=True)
+class Progress:
+    """How far a node is with work that ends.
+
+    Attributes:
+        name: of the work; current: what is done, in ``unit``; total: all of it, None where nobody knows.
+        rate: units a second, so far; remaining_s: time to the end. None where they are not known.
+    """
+
+    node: str
+    name: str
+    current: float
+    total: float | None = None
+    unit: str = ""
+    rate: float | None = None
+    remaining_s: float | None = None
+
+
+@dataclass(frozen=True)
 class NodeStatus:
     """One node just now.
 
@@ -52,6 +76,7 @@ class NodeStatus:
             until it is resumed), ``resuming``, ``restarting``, ``stopping``, ``stopped``, ``failed`` or
             ``killed``; reason: of a failure or a fault.
         doing: step of the lifecycle, and what it waits for; shown: what the node tells people of itself.
+        progress: of work that has not ended.
         published_hz, received_hz: rates by topic over the last seconds.
     """
 
@@ -64,6 +89,7 @@ class NodeStatus:
     shown: str = ""
     published_hz: dict[str, float] = field(default_factory=dict)
     received_hz: dict[str, float] = field(default_factory=dict)
+    progress: tuple[Progress, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,12 +112,17 @@ class RunStatus:
 class RunEvent:
     """Something that happened to a node ("" for the run).
 
-    ``kind`` is ``ready``, ``fault``, ``failed``, ``restarting``, ``given-up``, ``stopping`` or ``ended``.
+    Attributes:
+        kind: ``started``, ``restarted``, ``ready``, ``fault`` (its device does nothing), ``resumed`` (its
+            fault has ended), ``failed``, ``restarting``, ``given-up`` (it stays down), ``stopping``,
+            ``stopped`` or ``killed``.
+        time_ns: since the epoch.
     """
 
     kind: str
     node: str
     text: str
+    time_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -128,3 +159,66 @@ class LogEntry:
         if self.file:
             record["place"] = f"{self.file}:{self.line}"
         return json.dumps(record, ensure_ascii=False)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A subscriber that reads too slowly has missed some events."""
+
+    dropped: int
+
+
+Event = StartTable | RunStatus | LogEntry | RunEvent | Progress | RunReport | Gap
+
+#: The name of each kind of event in the stream; that of a ``RunEvent`` is its own kind.
+_NAMES: dict[type, str] = {
+    StartTable: "table",
+    RunStatus: "status",
+    LogEntry: "log",
+    Progress: "progress",
+    RunReport: "report",
+    Gap: "gap",
+}
+
+#: What can be asked for in the stream of events.
+EVENT_NAMES = (
+    *(
+        "table",
+        "status",
+        "log",
+        "progress",
+        "report",
+        "gap",
+        "started",
+        "restarted",
+        "ready",
+        "fault",
+        "resumed",
+    ),
+    *("failed", "restarting", "given-up", "stopping", "stopped", "killed"),
+)
+
+
+def event_name(event: Event) -> str:
+    """The name of an event in the stream, such as ``status`` or ``ready``."""
+    return event.kind if isinstance(event, RunEvent) else _NAMES[type(event)]
+
+
+def event_record(event: Event) -> dict[str, Any]:
+    """An event as JSON-able data: its name as ``event``, and its fields."""
+    kind: Any = type(event)
+    fields = _adapter(kind).dump_python(event, mode="json")
+    return {"event": event_name(event), **fields}
+
+
+def event_of(record: dict[str, Any]) -> Event:
+    """The event that a record stands for. Raises ValueError."""
+    fields = {name: value for name, value in record.items() if name != "event"}
+    made = next((kind for kind, name in _NAMES.items() if name == record.get("event")), RunEvent)
+    event: Event = _adapter(made).validate_python(fields)
+    return event
+
+
+@cache
+def _adapter(kind: type) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
