@@ -27,6 +27,42 @@ def test_features_keep_their_order_and_go_through_json() -> None:
     assert [feature.key for feature in again.numbers] == [STATE, ACTION]
 
 
+def test_features_go_through_the_description_of_a_lerobot_data_set() -> None:
+    again = FeatureSet.from_lerobot(json.loads(json.dumps(ROBOT.as_lerobot())))
+    assert ROBOT.differences(again) == []
+    assert ROBOT.as_lerobot()["observation.images.top"]["dtype"] == "video"
+
+
+def test_features_of_data_sets_that_others_wrote() -> None:
+    assert list(
+        FeatureSet.from_lerobot(
+            {
+                "action": {"dtype": "float32", "shape": [2], "names": {"motors": ["pan.pos", "gripper.pos"]}},
+                "observation.images.top": {
+                    "dtype": "image",
+                    "shape": [3, 48, 64],
+                    "names": ["channels", "height", "width"],
+                },
+                "observation.state": {"dtype": "float32", "shape": [2], "names": None},
+                "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+            }
+        ).values()
+    ) == [
+        Feature.joints(ACTION, ("pan.pos", "gripper.pos"), unit="lerobot"),
+        Feature.picture("observation.images.top", 48, 64),
+        Feature(STATE, "float32", (2,)),
+    ]
+
+
+@pytest.mark.parametrize(
+    "described",
+    [{}, {"dtype": "float32"}, {"dtype": "video", "shape": [1]}, {"dtype": "a", "shape": 3}, [], None],
+)
+def test_what_describes_no_feature_is_refused(described: object) -> None:
+    with pytest.raises(ValueError, match="action is no description of a feature"):
+        FeatureSet.from_lerobot({ACTION: described})  # type: ignore[dict-item]
+
+
 def test_two_features_of_one_key_are_refused() -> None:
     with pytest.raises(ValueError, match="the feature action stands there twice"):
         FeatureSet([ROBOT[ACTION], ROBOT[ACTION]])

@@ -8,6 +8,12 @@ from typing import Any
 
 from joshua.plan.feature import Feature
 
+#: Ending of the names of joints in LeRobot's units.
+LEROBOT_SUFFIX = ".pos"
+
+#: Columns of a data set that count its frames and tell their time.
+LEROBOT_COLUMNS = ("timestamp", "stamp_ns", "frame_index", "episode_index", "index", "task_index")
+
 
 class FeatureSet(Mapping[str, Feature]):
     """What a robot, a data set or a model has, in order; a value.
@@ -72,6 +78,48 @@ class FeatureSet(Mapping[str, Feature]):
             Feature(**{**value, "shape": tuple(value["shape"]), "names": tuple(value["names"])})
             for value in values
         )
+
+    def as_lerobot(self) -> dict[str, dict[str, Any]]:
+        """Features as ``meta/info.json`` of a data set in LeRobot's layout has them; pictures are videos."""
+        described: dict[str, dict[str, Any]] = {}
+        for feature in self._features.values():
+            dtype = "video" if feature.is_picture else feature.dtype
+            described[feature.key] = {
+                "dtype": dtype,
+                "shape": list(feature.shape),
+                "names": list(feature.names) or None,
+            } | ({"unit": feature.unit} if feature.unit else {})
+        return described
+
+    @classmethod
+    def from_lerobot(cls, described: Mapping[str, Mapping[str, Any]]) -> FeatureSet:
+        """Reads the features of a data set, columns of indices and times left out.
+
+        Names that end in ``.pos`` are in LeRobot's units, where the data set says no unit.
+
+        Raises:
+            ValueError: the description is none; the message names the feature.
+        """
+        return cls(
+            _from_lerobot(key, values) for key, values in described.items() if key not in LEROBOT_COLUMNS
+        )
+
+
+def _from_lerobot(key: str, values: Mapping[str, Any]) -> Feature:
+    try:
+        dtype, shape, names = str(values["dtype"]), tuple(map(int, values["shape"])), values.get("names")
+        if isinstance(names, Mapping):  # {"motors": [...]}, as older data sets write it
+            names = next(iter(names.values()), ())
+        known = tuple(map(str, names or ()))
+        if dtype in ("video", "image"):
+            height, width = shape[1:] if known[:1] == ("channels",) else shape[:2]
+            return Feature.picture(key, height, width)
+        unit = str(values.get("unit", ""))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"{key} is no description of a feature: {error!r}") from error
+    if not unit and known and all(name.endswith(LEROBOT_SUFFIX) for name in known):
+        unit = "lerobot"
+    return Feature(key, dtype, shape, known, unit)
 
 
 def _differences(ours: Feature, theirs: Feature, here: str, there: str) -> list[str]:

@@ -22,14 +22,12 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from joshua.features.feature_set import LEROBOT_SUFFIX
 from joshua.plan.feature import Feature
 
 FloatArray = npt.NDArray[np.float64]
 
 TICKS_PER_TURN = 4096
-
-#: Ending of the names of joints in LeRobot's units.
-LEROBOT_SUFFIX = ".pos"
 
 
 class Unit(str, Enum):

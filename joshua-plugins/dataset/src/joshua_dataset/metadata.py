@@ -80,28 +80,19 @@ def write_metadata(
 def _info(
     layout: DatasetLayout, episodes: Sequence[Mapping[str, Any]], tasks: Sequence[str]
 ) -> dict[str, Any]:
-    features: dict[str, Any] = {}
-    for feature in layout.features.values():
-        described: dict[str, Any] = {
-            "dtype": "video" if feature.is_picture else feature.dtype,
-            "shape": list(feature.shape),
-            "names": list(feature.names) or None,
+    features = layout.features.as_lerobot()
+    for feature in layout.features.pictures:
+        height, width, _ = feature.shape
+        features[feature.key]["info"] = {
+            "video.height": height,
+            "video.width": width,
+            "video.codec": CODEC,
+            "video.pix_fmt": PIXEL_FORMAT,
+            "video.is_depth_map": False,
+            "video.fps": layout.fps,
+            "video.channels": 3,
+            "has_audio": False,
         }
-        features[feature.key] = described
-        if feature.unit:
-            described["unit"] = feature.unit
-        if feature.is_picture:
-            height, width, _ = feature.shape
-            described["info"] = {
-                "video.height": height,
-                "video.width": width,
-                "video.codec": CODEC,
-                "video.pix_fmt": PIXEL_FORMAT,
-                "video.is_depth_map": False,
-                "video.fps": layout.fps,
-                "video.channels": 3,
-                "has_audio": False,
-            }
     for name, kind in INDEX_COLUMNS.items():
         features[name] = {"dtype": kind, "shape": [1], "names": None}
     return {

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua.features import FeatureSet
 
 from joshua_mujoco_sim.trajectories.tables import VECTOR_COLUMNS, from_columns, parquet_columns
 from joshua_mujoco_sim.trajectories.trajectory import Budget, Trajectory, TrajectoryError
@@ -34,10 +35,10 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
     """
     try:
         info = json.loads((folder / "meta" / "info.json").read_text(encoding="utf-8"))
-        features = info["features"]
+        features = FeatureSet.from_lerobot(info["features"])
         key = next(name for name in VECTOR_COLUMNS if name in features)
-        names = _feature_names(features[key])
-    except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
+        names = features[key].names
+    except (OSError, KeyError, TypeError, AttributeError, ValueError) as error:
         raise TrajectoryError(f"{folder}/meta/info.json is no description of a data set: {error}") from error
     except StopIteration:
         raise TrajectoryError(
@@ -111,10 +112,3 @@ def read_rosbag(path: Path, budget: Budget) -> Trajectory:
 
 def _joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def _feature_names(feature: dict[str, Any]) -> list[str]:
-    names = feature.get("names") or []
-    if isinstance(names, dict):  # {"motors": [...]}, as older data sets write it
-        names = next(iter(names.values()), [])
-    return [str(name) for name in names]

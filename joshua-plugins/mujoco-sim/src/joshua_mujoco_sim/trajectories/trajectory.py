@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from joshua.features import CalibratedJoint, JointUnits, Unit
-from joshua.features.joint_units import LEROBOT_SUFFIX, is_gripper
+from joshua.features.feature_set import LEROBOT_SUFFIX
+from joshua.features.joint_units import is_gripper
 
 FloatArray = npt.NDArray[np.float64]
 
