@@ -33,8 +33,8 @@ def features_of(
     The joints of the arm are ``observation.state`` and ``action``; with several arms the name of the node
     follows, as in ``observation.state.left_arm``. Pictures are ``observation.images.`` and the name of the
     camera without «camera»; what else is published is ``observation.`` and the name of its node or topic. A
-    topic that commands an actuator is no observation. ``action`` comes from ``~/applied_command``, which
-    says what was written after ramp and limits.
+    topic that commands an actuator is no observation. ``action`` is what the actuator says that it wrote,
+    after ramp and limits.
 
     Args:
         graph: of the nodes.
@@ -101,8 +101,8 @@ class _Robot:
         yield from found.values()
         for arm in self._arms:
             if self._graph.commands(arm):
-                topic = f"{arm.full_name}/applied_command"
-                yield Feature.joints(self._of_arm(ACTION, arm), self._names(arm), topic=topic)
+                key = self._of_arm(ACTION, arm)
+                yield Feature.joints(key, self._names(arm), topic=arm.written_topic)
 
     def observed(self, item: Endpoint) -> Feature:
         """The feature of a topic, as the node that publishes it describes it."""
