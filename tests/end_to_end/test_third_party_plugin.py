@@ -101,6 +101,27 @@ def test_its_robot_is_valid_and_passes_its_test(joshua: JoshuaProgram, robot: Pa
     assert "FAIL" not in said
 
 
+def test_its_verb_is_listed_and_called_like_any_other(joshua: JoshuaProgram, robot: Path) -> None:
+    text = robot.read_text(encoding="utf-8").replace("duration_s: 3.0", "duration_s: 120")
+    robot.write_text(text, encoding="utf-8")
+    run = joshua.start("--config", str(robot))
+    assert run.stdout is not None
+    assert any(" ready after " in line for line in run.stdout)
+    listed = joshua("call", "gripper")
+    assert '  width [unit:m|mm="m"]  Says how far the fingers are apart.\n' in listed.stdout, listed.stderr
+    said = joshua("call", "gripper", "width", "unit=mm", "--format", "json")
+    assert said.returncode == 0, said.stderr
+    reply = json.loads(said.stdout)
+    assert 0 <= reply["value"] <= 80
+    assert reply["unit"] == "mm"
+    wrong = joshua("call", "gripper", "width", "unit=inch")
+    assert (wrong.returncode, wrong.stderr) == (
+        2,
+        "joshua call: /gripper: width: unit: Input should be 'm' or 'mm'\n",
+    )
+    joshua.stop(run)
+
+
 @pytest.mark.parametrize(
     ("line", "message", "allowed"),
     [

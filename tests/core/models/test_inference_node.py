@@ -16,6 +16,7 @@ from joshua.messages.make import joint_state
 from joshua.models.inference_node import InferenceNode
 from joshua.models.model import Model, ModelError, Observation
 from joshua.models.random_noise_settings import RandomNoiseSettings
+from joshua.node.verbs import RefusedError, verbs_of
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -290,3 +291,85 @@ def test_random_noise_runs_as_a_node() -> None:
     assert np.abs(drawn).max() <= 0.5
     assert np.abs(drawn[:, 1]).max() <= 0.1
     assert len(np.unique(drawn[:, 0])) == len(drawn)
+
+
+def test_a_model_is_unloaded_and_loaded_while_the_node_runs(model: Any) -> None:
+    context, node = start(spec())
+    play_until(context, 2, seen=1)
+    assert node.unload() == "/policy has no model, and publishes nothing"
+    assert (model.calls, context.shown) == (["load", "reset", "close"], "no model")
+    silent = len(actions(context))
+    for _ in range(20):
+        see(context, 1)
+        context.tick("actions")
+        time.sleep(0.002)
+    assert len(actions(context)) == silent
+    with pytest.raises(RefusedError, match="/policy has no model: load it first"):
+        node.unload()
+    assert node.load() == "/policy has its model, and acts on fresh observations"
+    assert context.shown == ""
+    play_until(context, silent + 2, seen=1)
+    with pytest.raises(RefusedError, match="/policy has its model: unload it first"):
+        node.load()
+    end(context, node)
+    rows = {check: (passed, measured) for check, passed, measured in node.test_results()}
+    assert rows["model keeps up"][0], rows  # the time without a model counts as no gap
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (ModelError("the weights are gone"), "/policy stays without a model: the weights are gone"),
+        (OSError("no such disk"), "/policy stays without a model: OSError: no such disk"),
+    ],
+)
+def test_a_model_that_cannot_be_loaded_leaves_the_node_without_one(
+    model: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, text: str
+) -> None:
+    context, node = start(spec())
+    play_until(context, 1, seen=1)
+    node.unload()
+
+    def fail(self: Any) -> None:
+        raise error
+
+    with monkeypatch.context() as broken:
+        broken.setattr(model, "load", fail)
+        with pytest.raises(RefusedError) as caught:
+            node.load()
+    assert str(caught.value) == text
+    assert model.calls[-1] == "close"  # half a model is not kept
+    count = len(actions(context))
+    see(context, 1)
+    context.tick("actions", 5)
+    assert len(actions(context)) == count
+    assert "has its model" in node.load()
+    play_until(context, count + 1, seen=1)
+    end(context, node)
+
+
+def test_unloading_waits_for_what_the_model_computes(model: Any) -> None:
+    model.gate.clear()
+    context, node = start(spec())
+    see(context, 1)
+    time.sleep(0.05)
+    thread = threading.Thread(target=node.unload)
+    thread.start()
+    thread.join(0.1)
+    assert thread.is_alive() or not model.seen
+    model.gate.set()
+    thread.join(30)
+    assert model.calls[-1] == "close"
+    context.tick("actions", 3)
+    assert actions(context) == []
+    end(context, node)
+
+
+def test_its_verbs_say_what_moves(model: Any) -> None:
+    context, node = configured(spec())
+    verbs = verbs_of(node.verb_providers())
+    assert {name: (item.moves, item.runs) for name, item in verbs.items()} == {
+        "load": (True, "beside"),
+        "unload": (False, "beside"),
+    }
+    end(context, node)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -17,8 +18,10 @@ from joshua.models.chunk_player import ChunkPlayer
 from joshua.models.model import FloatArray, JointSpace, Model, ModelError
 from joshua.models.observer import STALE_AFTER_S, Observer, UnfitMessageError
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.errors import NodeError
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below, meter_for
+from joshua.node.verbs import RefusedError, verb
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
@@ -27,6 +30,9 @@ GAPS_MAX = 0.05
 
 #: Longest wait of the model's thread, so that the stop is noticed.
 WAIT_S = 0.2
+
+#: Distance of two looks whether a model is loaded again.
+UNLOADED_S = 0.02
 
 
 class InferenceNode(NodeBehaviour):
@@ -46,6 +52,7 @@ class InferenceNode(NodeBehaviour):
         self._model: Model | None = None
         self._joints = joint_space(facts.get("joints", ()))
         self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
+        self._acting = threading.Lock()
         self._player = ChunkPlayer()
         self._features = FeatureSet.from_json(facts.get("features", ()))
         self._observer = Observer(
@@ -84,17 +91,48 @@ class InferenceNode(NodeBehaviour):
                 )
             if topic.type_name == COMPRESSED_IMAGE:
                 _require_decoder(spec.full_name)
-        implementation, settings = load_implementation(spec, Model)
-        model: Model = implementation(settings, self._joints, self._features)
-        self._model = model
-        model.load()
-        model.reset()
+        self._model = self._loaded()
         self._outputs = [
             (self.context.publisher(topic), limit_below(topic.rate_hz, self._rate_hz), meter_for(spec))
             for topic in spec.publishers
         ]
         for topic in spec.subscriptions:
             self.context.subscribe(topic, self._take(topic.name))
+
+    def verb_providers(self) -> tuple[object, ...]:
+        """The node's own verbs, and those of its model."""
+        return (self,) if self._model is None else (self, self._model)
+
+    @verb(moves=True, runs="beside")
+    def load(self) -> str:
+        """Loads the model, which then acts again."""
+        name = self.context.spec.full_name
+        if self._model is not None:
+            raise RefusedError(f"{name} has its model: unload it first to load it anew")
+        try:
+            model = self._loaded()
+        except Exception as error:  # a plugin's code; the node goes on without a model
+            kind = "" if isinstance(error, (NodeError, ModelError)) else f"{type(error).__name__}: "
+            raise RefusedError(f"{name} stays without a model: {kind}{error}") from error
+        if self.context.stopping:
+            model.close()
+            raise RefusedError(f"{name} stops")
+        self.context.show("")
+        self._model = model
+        return f"{name} has its model, and acts on fresh observations"
+
+    @verb(moves=False, runs="beside")
+    def unload(self) -> str:
+        """Frees the model; nothing is published then, so that the actuator holds its position."""
+        name = self.context.spec.full_name
+        with self._acting:  # the model is done with what it computes just now
+            model, self._model = self._model, None
+            self._player.clear()
+        if model is None:
+            raise RefusedError(f"{name} has no model: load it first")
+        model.close()
+        self.context.show("no model")
+        return f"{name} has no model, and publishes nothing"
 
     def activate(self) -> None:
         """Starts the model's thread and the timer of the actions."""
@@ -139,8 +177,6 @@ class InferenceNode(NodeBehaviour):
 
     def _infer(self) -> None:
         """Runs the model until the stop; whatever it raises fails the node."""
-        model = self._model
-        assert model is not None
         while not self.context.stopping:
             if not self._player.wait_until_wanted(WAIT_S) or self._observations_missing():
                 continue
@@ -149,9 +185,23 @@ class InferenceNode(NodeBehaviour):
             except UnfitMessageError as error:
                 self._say_once(str(error))
                 continue
-            chunk = self._checked(model.act(observation))
-            self._chunks += 1
-            self._player.put(chunk)
+            with self._acting:
+                if (model := self._model) is not None:
+                    self._player.put(self._checked(model.act(observation)))
+                    self._chunks += 1
+            if model is None:
+                time.sleep(UNLOADED_S)
+
+    def _loaded(self) -> Model:
+        implementation, settings = load_implementation(self.context.spec, Model)
+        model: Model = implementation(settings, self._joints, self._features)
+        try:
+            model.load()
+            model.reset()
+        except BaseException:
+            model.close()
+            raise
+        return model
 
     def _observations_missing(self) -> bool:
         """Whether a topic is stale; says so once, and waits a little before the next look."""
@@ -185,7 +235,8 @@ class InferenceNode(NodeBehaviour):
 
     def _play(self) -> None:
         """Publishes the next action; drops what was planned on observations that have become stale."""
-        if self._observer.missing():
+        if self._model is None or self._observer.missing():
+            self._started = self._started and self._model is not None  # no gap while it is unloaded
             self._player.clear()
             return
         action = self._player.step()

@@ -2,8 +2,9 @@
 
 Nothing is imported before it is used. ``check(path)`` finds every problem of a file, ``plan(path)`` says what
 would be started, ``explain(name)`` documents a field; ``check_file`` and ``finish`` are the same road in two
-steps, for a program that changes the configuration between them. ``RunningSystem`` finds what runs, asks its nodes and hears its events. ``ForegroundJob`` lets a program hold nodes
-of a robot as a run does. A command of a plugin takes its options, its exit codes and its stand-ins from here.
+steps, for a program that changes the configuration between them. ``RunningSystem`` finds what runs, asks its
+nodes and hears its events; ``ForegroundJob`` lets a program hold nodes of a robot as a run does. A command of
+a plugin takes its options, its exit codes and its stand-ins from here.
 """
 
 from __future__ import annotations

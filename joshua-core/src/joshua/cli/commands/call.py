@@ -81,7 +81,8 @@ def run(args: argparse.Namespace) -> int:
 def say_which(command: str, what: str, word: str, known: list[str], *, several: bool) -> None:
     """Says on standard error that a word names no node, or several."""
     problem = f"several {what}s are" if several else f"no {what} is"
-    lines = [f"joshua {command}: {problem} called {word!r}"]
+    remedy = ": give the full name, or --system" if several and command == "call" else ""
+    lines = [f"joshua {command}: {problem} called {word!r}{remedy}"]
     near = difflib.get_close_matches(word.lstrip("/"), [name.lstrip("/") for name in known], n=1)
     if near and not several:
         lines.append(f"  nearest: {near[0]}")
