@@ -7,34 +7,21 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_emulator import EmulatedBus
 from joshua_servo.errors import (
-    CalibrationMismatch,
     MotorCheckFailed,
     NoReply,
-    NotCalibrated,
-    NotEnabled,
     SafetyTripped,
 )
 from patience import BRISK_S, PATIENT_S
+from servo_families import drive_to, energised
 
 MIXED = ["xl330-m077", "xl430-w250", "xl430-w250"]
 POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
-
-
-def drive_to(arm: DynamixelActuator, pose: Any, timeout_s: float = 60.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while np.abs(arm.read().position_rad - pose).max() > 0.005:
-        assert time.monotonic() < deadline_s
-        arm.write(pose)
 
 
 def brisk(arm: DynamixelActuator) -> DynamixelActuator:
     """Where a servo does not answer, or boots: who waits long for it waits in vain."""
     arm.bus.reply_margin_s = BRISK_S
     return arm
-
-
-def energised(emulator: EmulatedBus) -> set[bool]:
-    return {servo["energised"] for servo in emulator.servos()}
 
 
 def read_until_it_trips(arm: DynamixelActuator) -> str:
@@ -60,33 +47,6 @@ def beyond_the_turn(emulator: EmulatedBus) -> dict[int, int]:
     return beyond
 
 
-def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm_emulator.hand({1: 2200})
-    arm = make_arm(arm_emulator)
-    assert arm.joint_names[:2] == ("shoulder_pan", "shoulder_lift")
-    arm.connect()
-    writes = arm_emulator.log("write", "sync_write")
-    assert [entry["parameters"] for entry in writes] == ["00000000"]  # the echo probe writes nothing
-    reading = arm.read()
-    assert reading.position_rad[0] == pytest.approx((2200 - 2048) * 2 * np.pi / 4096)
-    assert reading.position_rad.shape == reading.velocity_rad_s.shape == reading.effort.shape == (6,)
-    assert energised(arm_emulator) == {False}
-    assert arm.identity == "usb:KOCH1"
-
-
-def test_enabling_seeds_the_goal_where_the_arm_is(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm_emulator.hand({1: 2300, 6: 1900})  # goals in the servos are stale now
-    arm = make_arm(arm_emulator, velocity=100, acceleration=50)
-    arm.connect()
-    arm.enable()
-    servos = arm_emulator.servos()
-    assert energised(arm_emulator) == {True}
-    assert [servo["goal_position"] for servo in servos] == [servo["present_position"] for servo in servos]
-    assert servos[0]["present_position"] == 2300
-    registers = arm_emulator.ask("registers", id=1)["registers"]
-    assert (registers["profile_velocity"], registers["profile_acceleration"]) == (100, 50)
-
-
 def test_a_speed_above_the_servos_limit_is_lowered_to_it(emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(
         emulator, {"allow_uncalibrated": True}, calibrated=False, velocity=400,
@@ -97,21 +57,6 @@ def test_a_speed_above_the_servos_limit_is_lowered_to_it(emulator: EmulatedBus, 
     speeds = [emulator.ask("registers", id=i)["registers"]["profile_velocity"] for i in (1, 2, 3)]
     assert speeds == [400, 265, 265]
     assert arm.limits.velocity_max_rad_s == pytest.approx([9.592, 6.355, 6.355], rel=1e-3)
-
-
-def test_writing_moves_within_limits_and_returns_what_was_written(
-    arm_emulator: EmulatedBus, make_arm: Any
-) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm.enable()
-    drive_to(arm, POSE)
-    assert arm.write(POSE) == pytest.approx(POSE, abs=0.001)
-    top = arm.limits.position_max_rad
-    drive_to(arm, top)
-    assert arm.write(np.full(6, 9.0)) == pytest.approx(top, abs=1e-9)
-    goals = [servo["goal_position"] for servo in arm_emulator.servos()]
-    assert goals == [motor["range_max"] for motor in arm_emulator.calibration()["motors"]]
 
 
 def test_the_servos_limits_hold_in_position_mode(emulator: EmulatedBus, make_arm: Any) -> None:
@@ -219,25 +164,6 @@ def test_a_weak_supply_trips(fault: str, arm_emulator: EmulatedBus, make_arm: An
     assert energised(arm_emulator) == {False}
 
 
-def test_without_torque_or_calibration_nothing_is_written(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    with pytest.raises(NotEnabled, match="call enable first"):
-        arm.write(POSE)
-    arm.disconnect()
-    arm = make_arm(arm_emulator, calibrated=False)
-    arm.connect()
-    with pytest.raises(NotCalibrated, match="the arm is not calibrated"):
-        arm.enable()
-
-
-def test_another_arms_calibration_is_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    calibration = arm_emulator.calibration()
-    calibration["motors"][0]["homing_offset"] += 7
-    with pytest.raises(CalibrationMismatch, match=r"shoulder_pan \(id 1\): homing_offset -?\d+ in the"):
-        make_arm(arm_emulator, calibration=calibration).connect()
-
-
 @pytest.mark.parametrize(
     ("register", "value", "text"),
     [
@@ -295,29 +221,3 @@ def test_another_line_speed_is_found(make_arm: Any) -> None:
         pytest.raises(MotorCheckFailed, match=r"but ids 1, 2 answer at 57600: set baudrate: 57600"),
     ):
         brisk(make_arm(emulator, calibrated=False)).connect()
-
-
-def test_a_silent_servo_and_a_replug(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm_emulator.fault("silent", 4)
-    arm.bus.reply_margin_s = 0.5
-    with pytest.raises(NoReply, match=r"wrist_flex \(id 4\) does not answer any more"):
-        arm.read()
-    arm_emulator.ask("clear_faults")
-    arm_emulator.fault("unplug", replug_after_s=0.1, name="ttyACM9")
-    arm_emulator.wait_for(["unplug"])
-    with pytest.raises(DeviceDisconnected):
-        arm.read()
-    arm.disconnect()
-    arm_emulator.wait_for(["plug"], since=arm_emulator.log("unplug")[-1]["sequence"])
-    arm.connect()  # by the adapter's identity, under another name
-    assert arm.read().position_rad.shape == (6,)
-
-
-def test_a_dry_run_never_energises(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator, {"dry_run": True})
-    arm.connect()
-    arm.enable()
-    arm.write(POSE)
-    assert energised(arm_emulator) == {False}

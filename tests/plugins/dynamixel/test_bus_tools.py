@@ -1,31 +1,19 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import pytest
-from joshua_dynamixel.bus_tools import DynamixelBusTools
 from joshua_emulator import EmulatedBus
-from joshua_serial.port import SerialPort
-from joshua_serial.usb_ports import Endpoint
 from joshua_servo.bus_tools import AssignmentFailed, FoundMotor
+from joshua_servo.servo_bus_tools import ServoBusTools
+from servo_families import DYNAMIXEL_KIND
 
-
-@contextmanager
-def tools_on(emulator: EmulatedBus) -> Iterator[DynamixelBusTools]:
-    port = SerialPort(Endpoint(emulator.port, device_root=str(emulator.root)), 1_000_000)
-    port.open()
-    try:
-        yield DynamixelBusTools(port)
-    finally:
-        port.close()
+tools_on = DYNAMIXEL_KIND.open_tools
 
 
 def registers(emulator: EmulatedBus, slot: int = 0) -> dict[str, int]:
     return dict(emulator.ask("registers", slot=slot)["registers"])
 
 
-def first(tools: DynamixelBusTools, baudrate: int) -> FoundMotor:
+def first(tools: ServoBusTools, baudrate: int) -> FoundMotor:
     return next(tools.scan((baudrate,)))
 
 
@@ -52,15 +40,6 @@ def test_a_lone_servo_is_found_at_any_speed_and_id(servo_id: int, baudrate: int)
         assert (motor.motor_id, motor.baudrate) == (servo_id, baudrate)
 
 
-def test_two_servos_of_one_id_are_told_apart_from_one() -> None:
-    with EmulatedBus("dynamixel", ids=(1,)) as emulator, tools_on(emulator) as tools:
-        emulator.fault("duplicate", 1)
-        motor = first(tools, 1_000_000)
-        assert motor.shared
-        with pytest.raises(AssignmentFailed, match=r"several motors answer to id 1.*Connect one alone"):
-            tools.assign(motor, 2, 1_000_000)
-
-
 def test_a_servo_fresh_from_the_factory_gets_id_speed_and_mode() -> None:
     with EmulatedBus("dynamixel", ids=(1,), baudrate=57_600, return_delay_s=500e-6) as emulator:
         emulator.ask("set_register", slot=0, name="torque_enable", value=1)
@@ -84,11 +63,3 @@ def test_what_cannot_be_assigned_is_refused(emulator: EmulatedBus) -> None:
         with pytest.raises(AssignmentFailed, match=r"no speed of 500000 bit/s: allowed 1000000, 9600"):
             tools.assign(motor, 9, 500_000)
     assert [registers(emulator, slot)["id"] for slot in range(3)] == [1, 2, 3]
-
-
-def test_a_servo_that_vanishes_is_reported_so() -> None:
-    with EmulatedBus("dynamixel", ids=(1,)) as emulator, tools_on(emulator) as tools:
-        motor = first(tools, 1_000_000)
-        emulator.fault("silent")
-        with pytest.raises(AssignmentFailed, match=r"It does not answer any more\. Check its cable"):
-            tools.assign(motor, 4, 1_000_000)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
-from joshua_emulator import EmulatedBus
 from servo_families import KINDS, Kind
+from servo_fixtures import arm_emulator as arm_emulator
+from servo_fixtures import emulator as emulator
+from servo_fixtures import make_arm as make_arm
+from servo_fixtures import open_bus as open_bus
 
 
 @pytest.fixture(params=KINDS, ids=lambda kind: kind.protocol)
@@ -14,17 +15,3 @@ def kind(request: pytest.FixtureRequest) -> Kind:
     """A family of servos."""
     found: Kind = request.param
     return found
-
-
-@pytest.fixture
-def emulator(kind: Kind) -> Iterator[EmulatedBus]:
-    """Three servos without stops."""
-    with kind.emulated_bus() as emulator:
-        yield emulator
-
-
-@pytest.fixture
-def arm_emulator(kind: Kind) -> Iterator[EmulatedBus]:
-    """A calibrated arm."""
-    with kind.emulated_arm() as emulator:
-        yield emulator

@@ -3,10 +3,156 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
+import pytest
+from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_emulator import EmulatedBus
-from servo_families import Kind
+from joshua_serial.errors import PortDisconnected
+from joshua_servo.errors import CalibrationMismatch, NoReply, NotCalibrated, NotEnabled
+from servo_families import Kind, drive_to, energised
+
+POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
+
+
+def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm_emulator.hand({1: 2200})
+    arm = make_arm(arm_emulator)
+    assert arm.joint_names[:2] == ("shoulder_pan", "shoulder_lift")
+    before = arm.limits
+    arm.connect()
+    (write,) = arm_emulator.log("write", "sync_write")
+    assert write["parameters"].strip("0") == "", "the echo probe writes nothing"
+    reading = arm.read()
+    assert reading.position_rad[0] == pytest.approx((2200 - 2048) * 2 * np.pi / 4096)
+    assert reading.position_rad.shape == reading.velocity_rad_s.shape == reading.effort.shape == (6,)
+    assert abs(reading.stamp_ns - time.time_ns()) < 60e9
+    assert (arm.limits.position_min_rad >= before.position_min_rad).all()
+    assert energised(arm_emulator) == {False}
+    assert arm.identity == "usb:ARM1"
+    with pytest.raises(DeviceError, match="open already"):
+        arm.connect()
+
+
+def test_enabling_seeds_the_goal_where_the_arm_is(
+    kind: Kind, arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm_emulator.hand({1: 2300, 6: 1900})  # goals in the servos are stale now
+    settings, registers = kind.paced
+    arm = make_arm(arm_emulator, **settings)
+    arm.connect()
+    arm.enable()
+    servos = arm_emulator.servos()
+    assert energised(arm_emulator) == {True}
+    assert [servo["goal_position"] for servo in servos] == [servo["present_position"] for servo in servos]
+    assert servos[0]["present_position"] == 2300
+    held = arm_emulator.ask("registers", id=1)["registers"]
+    assert {name: held[name] for name in registers} == registers
+
+
+def test_enabling_without_a_first_reading_energises_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.fault("silent", 3)
+    arm.bus.reply_margin_s = 0.5
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+
+
+def test_writing_moves_within_limits_and_returns_what_was_written(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    drive_to(arm, POSE)
+    assert arm.write(POSE) == pytest.approx(POSE, abs=0.001)
+    top = arm.limits.position_max_rad
+    drive_to(arm, top)
+    assert arm.write(np.full(6, 9.0)) == pytest.approx(top, abs=1e-9)
+    goals = [servo["goal_position"] for servo in arm_emulator.servos()]
+    assert goals == [motor["range_max"] for motor in arm_emulator.calibration()["motors"]]
+
+
+def test_without_torque_no_goal_is_sent(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    with pytest.raises(NotEnabled, match="call enable first"):
+        arm.write(POSE)
+    arm.enable()
+    arm.release()
+    assert energised(arm_emulator) == {False}
+    with pytest.raises(NotEnabled):
+        arm.write(POSE)
+    arm.hold()
+    assert energised(arm_emulator) == {False}
+
+
+def test_an_uncalibrated_arm_is_read_but_not_energised(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, calibrated=False, position_min_ticks=1000, position_max_ticks=3000)
+    arm.connect()
+    assert arm.joint_names[0] == "joint_1"
+    assert arm.read().position_rad[0] == pytest.approx(48 * 2 * np.pi / 4096)  # about 2000, the middle
+    with pytest.raises(NotCalibrated, match=r"not calibrated(.|\n)*MODE_CALIBRATION.*--allow-uncalibrated"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
+    arm.disconnect()
+    waived = make_arm(arm_emulator, {"allow_uncalibrated": True}, calibrated=False)
+    waived.connect()
+    waived.enable()
+    assert energised(arm_emulator) == {True}
+
+
+def test_a_dry_run_does_everything_with_torque_off(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, {"dry_run": True})
+    arm.connect()
+    arm.enable()
+    assert arm.write(np.zeros(6)) == pytest.approx(np.zeros(6))
+    arm.hold()
+    arm.read()
+    assert energised(arm_emulator) == {False}
+    assert {entry["on"] for entry in arm_emulator.log("torque")} <= {False}
+
+
+def test_a_calibration_of_another_arm_is_refused(
+    kind: Kind, arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    with kind.emulated_arm("ARM2") as other:
+        foreign = other.calibration()
+    foreign["motors"][0]["homing_offset"] += 7
+    arm = make_arm(arm_emulator, calibration=foreign)
+    with pytest.raises(CalibrationMismatch) as caught:
+        arm.connect()
+    text = str(caught.value)
+    assert "it was made for usb:ARM2, and this is usb:ARM1" in text
+    assert "shoulder_pan (id 1): homing_offset" in text
+    assert "joshua calibrate --check" in text
+    assert not arm.connected
+
+
+def test_unplugging_disconnects_and_the_arm_is_found_under_another_name(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    arm_emulator.fault("unplug")
+    arm_emulator.wait_for(["unplug"])
+    with pytest.raises(PortDisconnected, match="the adapter is gone"):
+        arm.read()
+    with pytest.raises(DeviceDisconnected):  # what cannot be verified is not claimed
+        arm.release()
+    arm.disconnect()
+    arm.release()
+    with pytest.raises(DeviceError, match=r"ARM1.*: no adapter of this identity"):
+        arm.connect()
+    arm_emulator.fault("replug", name="ttyACM4")
+    arm.connect()
+    assert arm.read().position_rad.shape == (6,)
+    with pytest.raises(NotEnabled):  # it never comes back energised by itself
+        arm.write(np.zeros(6))
 
 
 def test_a_joint_beyond_its_range_stays_until_it_is_told_and_comes_back_slowly(

@@ -7,70 +7,16 @@ import numpy as np
 import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_emulator import EmulatedBus
-from joshua_serial.errors import PortDisconnected
 from joshua_servo.bus import REPLY_MARGIN_S
 from joshua_servo.errors import (
     CalibrationMismatch,
     MotorCheckFailed,
     NoReply,
-    NotCalibrated,
-    NotEnabled,
 )
-from joshua_sts3215.actuator import Sts3215Actuator
 from patience import BRISK_S, PATIENT_S
+from servo_families import drive_to, energised
 
 POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
-
-
-def drive_to(arm: Sts3215Actuator, pose: Any, timeout_s: float = 60.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while np.abs(arm.read().position_rad - pose).max() > 0.005:
-        assert time.monotonic() < deadline_s
-        arm.write(pose)
-
-
-def energised(emulator: EmulatedBus) -> set[bool]:
-    return {servo["energised"] for servo in emulator.servos()}
-
-
-def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm_emulator.hand({1: 2200})
-    arm = make_arm(arm_emulator)
-    assert arm.joint_names[:2] == ("shoulder_pan", "shoulder_lift")
-    before = arm.limits
-    arm.connect()
-    assert arm_emulator.log("write", "sync_write")[0]["parameters"] == "0000"  # the echo probe writes nothing
-    reading = arm.read()
-    assert reading.position_rad[0] == pytest.approx((2200 - 2048) * 2 * np.pi / 4096)
-    assert reading.position_rad.shape == reading.velocity_rad_s.shape == reading.effort.shape == (6,)
-    assert abs(reading.stamp_ns - time.time_ns()) < 60e9
-    assert (arm.limits.position_min_rad >= before.position_min_rad).all()
-    assert energised(arm_emulator) == {False}
-    with pytest.raises(DeviceError, match="open already"):
-        arm.connect()
-
-
-def test_enabling_seeds_the_goal_where_the_arm_is(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm_emulator.hand({1: 2300, 6: 1900})  # goals in the servos are stale now
-    arm = make_arm(arm_emulator, velocity_ticks_s=1500, acceleration=50)
-    arm.connect()
-    arm.enable()
-    servos = arm_emulator.servos()
-    assert energised(arm_emulator) == {True}
-    assert [servo["goal_position"] for servo in servos] == [servo["present_position"] for servo in servos]
-    assert servos[0]["present_position"] == 2300
-    assert arm_emulator.ask("registers", id=1)["registers"]["goal_speed"] == 1500
-    assert arm_emulator.ask("registers", id=1)["registers"]["acceleration"] == 50
-
-
-def test_enabling_without_a_first_reading_energises_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm_emulator.fault("silent", 3)
-    arm.bus.reply_margin_s = 0.5
-    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
-        arm.enable()
-    assert energised(arm_emulator) == {False}
 
 
 def test_enabling_is_all_or_nothing_on_a_bad_line(arm_emulator: EmulatedBus, make_arm: Any) -> None:
@@ -91,21 +37,6 @@ def test_enabling_is_all_or_nothing_on_a_bad_line(arm_emulator: EmulatedBus, mak
         assert energised(arm_emulator) == {False}
     goals = [servo["goal_position"] for servo in arm_emulator.servos()]
     assert goals == [2048] * 6
-
-
-def test_writing_moves_within_limits_and_returns_what_was_written(
-    arm_emulator: EmulatedBus, make_arm: Any
-) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm.enable()
-    drive_to(arm, POSE)
-    assert arm.write(POSE) == pytest.approx(POSE, abs=0.001)
-    top = arm.limits.position_max_rad
-    drive_to(arm, top)
-    assert arm.write(np.full(6, 9.0)) == pytest.approx(top, abs=1e-9)
-    goals = [servo["goal_position"] for servo in arm_emulator.servos()]
-    assert goals == [motor["range_max"] for motor in arm_emulator.calibration()["motors"]]
 
 
 def test_the_tightest_limit_holds(arm_emulator: EmulatedBus, make_arm: Any) -> None:
@@ -150,20 +81,6 @@ def test_a_wrong_goal_is_refused(goal: Any, arm_emulator: EmulatedBus, make_arm:
         arm.write(goal)
 
 
-def test_without_torque_no_goal_is_sent(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    with pytest.raises(NotEnabled, match="call enable first"):
-        arm.write(POSE)
-    arm.enable()
-    arm.release()
-    assert energised(arm_emulator) == {False}
-    with pytest.raises(NotEnabled):
-        arm.write(POSE)
-    arm.hold()
-    assert energised(arm_emulator) == {False}
-
-
 def test_hold_stops_a_motion(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator, velocity_ticks_s=300)
     arm.connect()
@@ -174,45 +91,6 @@ def test_hold_stops_a_motion(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     goals = np.array([servo["goal_position"] for servo in arm_emulator.servos()])
     assert (np.abs(goals - 2048) < 380).all()
     assert energised(arm_emulator) == {True}
-
-
-def test_an_uncalibrated_arm_is_read_but_not_energised(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator, calibrated=False, position_min_ticks=1000, position_max_ticks=3000)
-    arm.connect()
-    assert arm.joint_names[0] == "joint_1"
-    assert arm.read().position_rad[0] == pytest.approx(48 * 2 * np.pi / 4096)  # about 2000, the middle
-    with pytest.raises(NotCalibrated, match=r"MODE_CALIBRATION.*--allow-uncalibrated"):
-        arm.enable()
-    assert energised(arm_emulator) == {False}
-    arm.disconnect()
-    waived = make_arm(arm_emulator, {"allow_uncalibrated": True}, calibrated=False)
-    waived.connect()
-    waived.enable()
-    assert energised(arm_emulator) == {True}
-
-
-def test_a_dry_run_does_everything_with_torque_off(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    arm = make_arm(arm_emulator, {"dry_run": True})
-    arm.connect()
-    arm.enable()
-    assert arm.write(np.zeros(6)) == pytest.approx(np.zeros(6))
-    arm.hold()
-    arm.read()
-    assert energised(arm_emulator) == {False}
-    assert {entry["on"] for entry in arm_emulator.log("torque")} <= {False}
-
-
-def test_a_calibration_of_another_arm_is_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
-    with EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM2") as other:
-        foreign = other.calibration()
-    arm = make_arm(arm_emulator, calibration=foreign)
-    with pytest.raises(CalibrationMismatch) as caught:
-        arm.connect()
-    text = str(caught.value)
-    assert "it was made for usb:ARM2, and this is usb:ARM1" in text
-    assert "shoulder_pan (id 1): homing_offset" in text
-    assert "joshua calibrate --check" in text
-    assert not arm.connected
 
 
 def test_servos_calibrated_anew_need_a_new_file(arm_emulator: EmulatedBus, make_arm: Any) -> None:
@@ -254,29 +132,6 @@ def test_servos_set_up_for_something_else_are_refused(arm_emulator: EmulatedBus,
     arm_emulator.ask("set_register", id=2, name="max_position_limit", value=0)
     with pytest.raises(MotorCheckFailed, match=r"joint_2 \(id 2\): \d+ to \d+ allowed by the configuration"):
         make_arm(arm_emulator, calibrated=False).connect()
-
-
-def test_unplugging_disconnects_and_the_arm_is_found_under_another_name(
-    arm_emulator: EmulatedBus, make_arm: Any
-) -> None:
-    arm = make_arm(arm_emulator)
-    arm.connect()
-    arm.enable()
-    arm_emulator.fault("unplug")
-    arm_emulator.wait_for(["unplug"])
-    with pytest.raises(PortDisconnected, match="the adapter is gone"):
-        arm.read()
-    with pytest.raises(DeviceDisconnected):  # what cannot be verified is not claimed
-        arm.release()
-    arm.disconnect()
-    arm.release()
-    with pytest.raises(DeviceError, match=r"ARM1.*: no adapter of this identity"):
-        arm.connect()
-    arm_emulator.fault("replug", name="ttyACM4")
-    arm.connect()
-    assert arm.read().position_rad.shape == (6,)
-    with pytest.raises(NotEnabled):  # it never comes back energised by itself
-        arm.write(np.zeros(6))
 
 
 def test_a_calibrated_arm_that_was_moved_is_found_by_a_new_driver(

@@ -1,32 +1,22 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
 import pytest
 from joshua_emulator import EmulatedBus
 from joshua_serial.errors import PortDisconnected
-from joshua_serial.port import SerialPort
-from joshua_serial.usb_ports import Endpoint
 from joshua_servo.bus_tools import AssignmentFailed, FoundMotor
+from joshua_servo.servo_bus_tools import ServoBusTools
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.bus_tools import Sts3215BusTools
 from patience import PATIENT_S
+from servo_families import STS3215_KIND
+
+tools_on = STS3215_KIND.open_tools
 
 
-@contextmanager
-def tools_on(emulator: EmulatedBus) -> Iterator[Sts3215BusTools]:
-    port = SerialPort(Endpoint(emulator.port, device_root=str(emulator.root)), 1_000_000)
-    port.open()
-    try:
-        yield Sts3215BusTools(port)
-    finally:
-        port.close()
-
-
-def only(tools: Sts3215BusTools) -> FoundMotor:
+def only(tools: ServoBusTools) -> FoundMotor:
     found: list[FoundMotor] = []
     for _ in range(3):  # a machine that gives the emulator no time for a second hides its servos as long
         found = found or list(tools.scan())
@@ -52,7 +42,10 @@ def test_all_servos_of_a_chain_are_found_and_described(arm_emulator: EmulatedBus
 
 @pytest.mark.parametrize(("servo_id", "baudrate"), [(1, 1_000_000), (77, 57_600), (253, 250_000)])
 def test_a_lone_servo_is_found_at_any_speed_and_id(servo_id: int, baudrate: int) -> None:
-    with EmulatedBus(ids=(servo_id,), baudrate=baudrate) as emulator, tools_on(emulator) as tools:
+    with (
+        EmulatedBus(ids=(servo_id,), baudrate=baudrate) as emulator,
+        tools_on(emulator) as tools,
+    ):
         motor = only(tools)
         assert (motor.motor_id, motor.baudrate) == (servo_id, baudrate)
         assert tools.port.baudrate == 1_000_000  # put back
@@ -69,17 +62,6 @@ def test_servos_at_different_speeds_are_found_each_at_its_own() -> None:
         tools.set_up = replace(tools.set_up, quiet_s=0.5)  # type: ignore[misc]  # a busy machine is slow
         found = tools.scan((1_000_000, 115_200, 38_400))
         assert [(motor.motor_id, motor.baudrate) for motor in found] == [(1, 1_000_000), (2, 115_200)]
-
-
-def test_two_servos_of_one_id_are_told_apart_from_one() -> None:
-    with EmulatedBus(ids=(1,)) as emulator, tools_on(emulator) as tools:
-        emulator.fault("duplicate", 1)
-        (motor,) = tools.scan((1_000_000,))
-        assert motor.shared
-        assert str(motor) == "1 (several motors)"
-        with pytest.raises(AssignmentFailed, match=r"several motors answer to id 1.*Connect one alone"):
-            tools.assign(motor, 2, 1_000_000)
-    assert motor.model == ""
 
 
 def test_a_silent_bus_and_an_adapter_with_echo() -> None:
@@ -146,14 +128,6 @@ def test_a_servo_that_is_lost_midway_is_put_back() -> None:
             jammed.assign(only(tools), 4, 500_000)
         kept = registers(emulator)
         assert (kept["id"], kept["baudrate"], kept["lock"]) == (1, 0, 1)
-
-
-def test_a_servo_that_vanishes_for_good_is_reported_so() -> None:
-    with EmulatedBus(ids=(1,)) as emulator, tools_on(emulator) as tools:
-        motor = only(tools)
-        emulator.fault("silent")
-        with pytest.raises(AssignmentFailed, match=r"It does not answer any more\. Check its cable"):
-            tools.assign(motor, 4, 1_000_000)
 
 
 def test_an_adapter_that_is_pulled_out_ends_the_scan() -> None:

@@ -9,28 +9,19 @@ import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_calibration.target import StoredMotor
 from joshua_emulator import EmulatedBus
-from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
-from joshua_sts3215.settings import Sts3215Settings
-from patience import BRISK_S, patient
-
-
-def target_of(emulator: EmulatedBus) -> Sts3215CalibrationTarget:
-    ids = [servo["id"] for servo in emulator.servos()]
-    settings = {"port": emulator.port, "device_root": str(emulator.root), "motor_ids": ids}
-    target = Sts3215CalibrationTarget(Sts3215Settings.model_validate(settings))
-    patient(target._bus)
-    return target
+from joshua_servo.calibration_target import ServoCalibrationTarget
+from servo_families import STS3215_KIND
 
 
 @pytest.fixture
-def target(arm_emulator: EmulatedBus) -> Iterator[Sts3215CalibrationTarget]:
-    target = target_of(arm_emulator)
+def target(arm_emulator: EmulatedBus) -> Iterator[ServoCalibrationTarget]:
+    target = STS3215_KIND.target(arm_emulator)
     target.connect()
     yield target
     target.disconnect()
 
 
-def test_six_servos_are_an_arm_whose_roll_goes_round(target: Sts3215CalibrationTarget) -> None:
+def test_six_servos_are_an_arm_whose_roll_goes_round(target: ServoCalibrationTarget) -> None:
     names = [motor.joint_name for motor in target.motors]
     assert names == ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
     assert [motor.joint_name for motor in target.motors if motor.full_turn] == ["wrist_roll"]
@@ -38,22 +29,15 @@ def test_six_servos_are_an_arm_whose_roll_goes_round(target: Sts3215CalibrationT
 
 
 def test_other_arms_have_numbered_joints(emulator: EmulatedBus) -> None:
-    assert [motor.joint_name for motor in target_of(emulator).motors] == ["joint_1", "joint_2", "joint_3"]
-
-
-def test_raw_positions_do_not_depend_on_the_offset(
-    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
-) -> None:
-    truth = [round(servo["angle"]) % 4096 for servo in arm_emulator.servos()]
-    assert list(target.raw_positions()) == truth
-    for servo_id in range(1, 7):
-        target.store(servo_id, StoredMotor(-900, 100, 4000))
-    assert list(target.raw_positions()) == truth
-    assert [servo["homing_offset"] for servo in arm_emulator.servos()] == [-900] * 6
+    assert [motor.joint_name for motor in STS3215_KIND.target(emulator).motors] == [
+        "joint_1",
+        "joint_2",
+        "joint_3",
+    ]
 
 
 def test_what_is_stored_is_read_back_and_the_lock_is_on_again(
-    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
+    arm_emulator: EmulatedBus, target: ServoCalibrationTarget
 ) -> None:
     target.store(3, StoredMotor(-2047, 5, 4090))
     assert target.stored()[2] == StoredMotor(-2047, 5, 4090)
@@ -63,7 +47,7 @@ def test_what_is_stored_is_read_back_and_the_lock_is_on_again(
 
 @pytest.mark.parametrize("offset", [2048, -2048])
 def test_an_offset_beyond_the_register_is_refused_before_anything_is_written(
-    target: Sts3215CalibrationTarget, offset: int
+    target: ServoCalibrationTarget, offset: int
 ) -> None:
     before = target.stored()
     with pytest.raises(DeviceError, match=rf"-2047 to 2047, not {offset}; repeat this joint"):
@@ -71,36 +55,18 @@ def test_an_offset_beyond_the_register_is_refused_before_anything_is_written(
     assert target.stored() == before
 
 
-def test_release_takes_torque_off_and_nothing_puts_it_on(
-    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
-) -> None:
-    arm_emulator.ask("set_register", name="torque_enable", value=1)
-    target.release()
-    target.raw_positions()
-    target.store(1, StoredMotor(7, 100, 4000))
-    assert {servo["torque_enable"] for servo in arm_emulator.servos()} == {0}
-    assert not [entry for entry in arm_emulator.log("torque") if entry["on"]]
-
-
 def test_connecting_asks_for_no_calibration_and_writes_nothing() -> None:
     with EmulatedBus(arm="so_arm100", identity="NEW") as emulator:
         emulator.ask("set_register", id=2, name="max_position_limit", value=10)
-        target = target_of(emulator)
+        target = STS3215_KIND.target(emulator)
         target.connect()
         assert [stored.homing_offset for stored in target.stored()] == [0] * 6
         target.disconnect()
         target.disconnect()
 
 
-def test_a_silent_servo_is_named(arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget) -> None:
-    arm_emulator.fault("silent", 4)
-    target._bus.reply_margin_s = BRISK_S
-    with pytest.raises(DeviceDisconnected, match=r"wrist_flex \(id 4\)"):
-        target.raw_positions()
-
-
 def test_the_same_adapter_is_found_under_another_name(
-    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget
+    arm_emulator: EmulatedBus, target: ServoCalibrationTarget
 ) -> None:
     arm_emulator.ask("fault", kind="unplug", name="ttyACM7", replug_after_s=0.2)
     with pytest.raises(DeviceDisconnected):
@@ -113,7 +79,7 @@ def test_the_same_adapter_is_found_under_another_name(
 
 @pytest.mark.parametrize("slot", range(6))
 def test_the_emulated_hand_moves_one_joint_through_its_range(
-    arm_emulator: EmulatedBus, target: Sts3215CalibrationTarget, slot: int
+    arm_emulator: EmulatedBus, target: ServoCalibrationTarget, slot: int
 ) -> None:
     rest = [servo["angle"] for servo in arm_emulator.servos()]
     registers = arm_emulator.ask("registers", slot=slot)["registers"]
