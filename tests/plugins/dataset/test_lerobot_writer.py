@@ -42,7 +42,7 @@ def layout(folder: Path, width: int = 32) -> DatasetLayout:
 
 def frame(number: int, stamp_ns: int = 0, changes: Mapping[str, Any] | None = None) -> Frame:
     picture = np.full((24, 32, 3), 20 * number, np.uint8)
-    values = {"observation.state": [number, -number], "action": [number + 0.5, 0.0], TOP: picture}
+    values: dict[str, Any] = {"observation.state": [number, -number], "action": [number + 0.5, 0.0], TOP: picture}
     return Frame(stamp_ns, values | dict(changes or {}))
 
 
@@ -201,7 +201,7 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
     with pytest.raises(EpisodeError, match=r"scan has the shape \(0,\), which no column can have"):
         LeRobotWriter(DatasetLayout(tmp_path / "scan", "arm", 10, scans)).open()
     with pytest.raises(EpisodeError, match=r"a frame lacks action, observation\.images\.top"):
-        writer.add_frame(Frame(0, {"observation.state": [0, 0]}))
+        writer.add_frame(Frame(0, {"observation.state": np.zeros(2)}))
     with pytest.raises(EpisodeError, match="an episode without a frame cannot be kept"):
         writer.end_episode("wave")
     with pytest.raises(EpisodeError, match=r"shape \(3,\), and \(2,\) is kept \(pan, lift\)"):
