@@ -172,8 +172,8 @@ def test_duplicates_and_samples_out_of_order_are_counted() -> None:
 
 def test_a_stamp_from_another_clock_is_dropped_and_counted() -> None:
     aligner = started()
-    aligner.push("a", START + HORIZON_NS + 1, value(1))
-    aligner.push("a", START - HORIZON_NS - 1, value(1))
+    aligner.push("a", START + 2 * HORIZON_NS, value(1))
+    aligner.push("a", START - 2 * HORIZON_NS, value(1))
     aligner.push("a", START, value(2))
     assert aligner.counts["a"].jumped == 2
     (frame,) = aligner.poll(START)
@@ -242,6 +242,17 @@ def test_thirty_frames_a_second_do_not_drift() -> None:
     frames = [frame for second in range(3) for frame in aligner.poll(START + second * 1_000_000_000)]
     assert len(frames) == 61
     assert frames[-1].stamp_ns == START + 2_000_000_000
+
+
+def test_a_slow_rate_loses_no_sample() -> None:
+    aligner = TimeAligner({"a": Alignment(TOLERANCE)}, 0.1)
+    aligner.start(START)
+    frames = []
+    for k in range(2501):
+        aligner.push("a", START + 10 * MS * k, value(k))
+        frames += aligner.poll(START + 10 * MS * k)
+    assert [frame["a"][0] for frame in frames] == [0, 1000, 2000]
+    assert aligner.counts["a"].jumped == 0
 
 
 def test_samples_may_come_on_other_threads() -> None:

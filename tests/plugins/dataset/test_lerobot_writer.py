@@ -42,7 +42,11 @@ def layout(folder: Path, width: int = 32) -> DatasetLayout:
 
 def frame(number: int, stamp_ns: int = 0, changes: Mapping[str, Any] | None = None) -> Frame:
     picture = np.full((24, 32, 3), 20 * number, np.uint8)
-    values: dict[str, Any] = {"observation.state": [number, -number], "action": [number + 0.5, 0.0], TOP: picture}
+    values: dict[str, Any] = {
+        "observation.state": [number, -number],
+        "action": [number + 0.5, 0.0],
+        TOP: picture,
+    }
     return Frame(stamp_ns, values | dict(changes or {}))
 
 

@@ -13,7 +13,8 @@ from joshua.plan.feature import Feature
 
 NS_PER_S = 1_000_000_000
 
-#: How far a stamp may lie from the frame that is due next; beyond it, a clock has jumped.
+#: How far beyond a period and the wait a stamp may lie from the frame that is due next, before it counts as
+#: one of a clock that jumped.
 HORIZON_NS = 2 * NS_PER_S
 
 
@@ -40,7 +41,7 @@ class FeatureCounts:
         repeated: frames whose value is the sample of the frame before.
         late: samples that came when a frame that they belong to was made already.
         out_of_order: samples older than one before them; duplicates: with the stamp of one before them.
-        jumped: samples whose stamp lies more than ``HORIZON_NS`` from the frames that are due.
+        jumped: samples whose stamp is that of another clock, see ``HORIZON_NS``.
         worst_ns: largest distance of a used sample from its frame.
     """
 
@@ -91,6 +92,7 @@ class TimeAligner:
         self._rate = Fraction(rate_hz).limit_denominator(1_000_000)
         tolerances = [alignment.tolerance_ns for alignment in alignments.values()]
         self._wait_ns = max(tolerances, default=0) if wait_ns is None else wait_ns
+        self._horizon_ns = HORIZON_NS + self._wait_ns + round(NS_PER_S / rate_hz)
         self._lock = threading.Lock()
         self._newest: dict[str, _Sample] = {}
         # samples by the number of the frame that they follow; frame k stands at origin + k / rate
@@ -140,7 +142,7 @@ class TimeAligner:
         with self._lock:
             counts, sample = self.counts[key], _Sample(stamp_ns, value)
             counts.received += 1
-            if self._origin_ns is not None and abs(stamp_ns - self._time(self._next)) > HORIZON_NS:
+            if self._origin_ns is not None and abs(stamp_ns - self._time(self._next)) > self._horizon_ns:
                 counts.jumped += 1
                 return
             newest = self._newest.get(key)
@@ -206,7 +208,7 @@ class TimeAligner:
         for key, cells in self._cells.items():
             cells.clear()
             newest = self._newest.get(key)
-            if newest is not None and abs(newest.stamp_ns - at_ns) <= HORIZON_NS:
+            if newest is not None and abs(newest.stamp_ns - at_ns) <= self._horizon_ns:
                 cells[self._cell(newest.stamp_ns)] = [newest]
             else:
                 self._newest.pop(key, None)
