@@ -8,10 +8,10 @@ import os
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 from google.protobuf import text_format
 from joshua.devices.calibration import ArmCalibration
-from joshua.schema.calibration_pb2 import ArmCalibration as ArmBlock
 from joshua.tools import FileRefused, kept_calibrations, spans
 from pydantic import ValidationError
 
@@ -81,11 +81,11 @@ class ArmFile:
         return prepared
 
     def _text(self, node_name: str, calibration: ArmCalibration) -> str:
-        body = text_format.MessageToString(calibration.to_block(node_name))
+        entry = calibration.to_block(node_name)
         if not self.path.exists():
-            return f"{HEADER}calibration {{\n{_indented(f'arms {_block(body)}')}}}\n"
+            return f"{HEADER}calibration {{\n{_indented(_arms(entry))}}}\n"
         kept_calibrations(self.path)  # an unreadable file is not written into
-        return _with_arm(self.path.read_text(encoding="utf-8-sig"), node_name, body)
+        return _with_arm(self.path.read_text(encoding="utf-8-sig"), entry)
 
 
 class PreparedFile:
@@ -177,12 +177,16 @@ def _arm(read: Path, node_name: str, path: Path) -> ArmCalibration | None:
         ) from error
 
 
-def _with_arm(text: str, node_name: str, body: str) -> str:
-    """The text with one arm's entry replaced, else added to the first calibration block, else at the end."""
+def _with_arm(text: str, entry: Any) -> str:
+    """The text with one arm's entry replaced, else added to the first calibration block, else at the end.
+
+    Args:
+        entry: block of the arm.
+    """
+    new = _indented(_arms(entry))
     for start, end in spans(text, "calibration.arms"):
-        if _node_name(text[start + 1 : end - 1]) == node_name:
-            return text[:start] + _block(body, depth=1) + text[end:]
-    new = _indented(f"arms {_block(body)}")
+        if _node_name(text[start + 1 : end - 1], type(entry)) == entry.node_name:
+            return text[:start] + new.strip().removeprefix("arms ") + text[end:]
     blocks = spans(text, "calibration")
     if not blocks:
         return f"{text.rstrip()}\n\ncalibration {{\n{new}}}\n".lstrip("\n")
@@ -190,16 +194,14 @@ def _with_arm(text: str, node_name: str, body: str) -> str:
     return f"{text[:end].rstrip()}\n{new}{text[end:]}"
 
 
-def _node_name(entry: str) -> str:
-    for start, end in spans(entry, "node_name"):
-        return text_format.Parse(f"node_name: {entry[start:end]}", ArmBlock()).node_name
+def _node_name(text: str, kind: Any) -> str:
+    for start, end in spans(text, "node_name"):
+        return str(text_format.Parse(f"node_name: {text[start:end]}", kind()).node_name)
     return ""
 
 
-def _block(body: str, depth: int = 0) -> str:
-    lines = "".join(f"  {line}\n" for line in body.splitlines())
-    text = f"{{\n{lines}}}"
-    return text if not depth else text.replace("\n", "\n" + "  " * depth)
+def _arms(entry: Any) -> str:
+    return f"arms {{\n{_indented(text_format.MessageToString(entry))}}}"
 
 
 def _indented(text: str) -> str:

@@ -8,10 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.config.checks.device_table import block_of
-from joshua.config.graph import node_entries
 from joshua.devices.calibration import ArmCalibration
-from joshua.schema import config_pb2 as pb
 from joshua.tools import (
     Checked,
     ExitCode,
@@ -153,18 +150,17 @@ def _export(checked: Checked, arguments: argparse.Namespace) -> None:
 def _actuators(checked: Checked) -> dict[str, list[int]]:
     """Motor ids of each actuator, [] where the block lists none."""
     found = {}
-    for entry in node_entries(checked.loaded.config):
-        if isinstance(entry.owner, pb.SingleAction):
-            block = getattr(entry.owner, entry.owner.WhichOneof("actuator_config") or "", None)
-            found[entry.node.node_name] = list(getattr(block, "motor_ids", ()))
+    for entry in checked.loaded.graph.actuators:
+        block = getattr(entry.owner, entry.owner.WhichOneof("actuator_config") or "", None)
+        found[entry.node.node_name] = list(getattr(block, "motor_ids", ()))
     return found
 
 
 def _adds_offset(checked: Checked, node: str) -> bool:
     """Whether the servos of an actuator add their homing offset, as Dynamixel servos do."""
     return any(
-        entry.node.node_name == node and block_of(entry.owner)[0] == "dynamixel_config"
-        for entry in node_entries(checked.loaded.config)
+        entry.node.node_name == node and entry.owner.HasField("dynamixel_config")
+        for entry in checked.loaded.graph.actuators
     )
 
 
