@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceDisconnected, DeviceError, DeviceSilent, SafetyTripped
-from joshua.guardian.estop_files import EstopFiles
-from joshua.guardian.latch import LatchFolder
+from joshua.guardian.latch import EstopFiles, LatchFolder
 from joshua.messages.make import joint_state
 from joshua.mock.actuator import MockActuator
 from joshua.mock.settings import MockMotorSettings

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from joshua.devices.actuator import JointReading
+from joshua.devices.actuator_test import MOST_SAMPLES, MOST_VALUES, MotionRecorder
 from joshua.devices.diagnostics import OK, DiagnosticStatus
-from joshua.devices.motion_recorder import MOST_SAMPLES, MOST_VALUES, MotionRecorder
 
 PERIOD_S = 0.02
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from joshua.devices.actuator import JointLimits
 from joshua.devices.actuator_node import ActuatorNode
+from joshua.devices.command_intake import StalePolicy
 from joshua.devices.errors import DeviceDisconnected
 from joshua.devices.goal import GoalGenerator, GoalState
 from joshua.devices.joint_command import JointCommand
-from joshua.devices.stale_policy import StalePolicy
 from joshua.messages.make import joint_state
 from joshua.mock.settings import MockMotorSettings
 from joshua.plan import NodeKind, NodeSpec, TopicSpec

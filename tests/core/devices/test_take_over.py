@@ -3,7 +3,7 @@ from __future__ import annotations
 import logging
 
 import pytest
-from joshua.devices.take_over import TakeOver, Turn
+from joshua.devices.command_intake import TakeOver, Turn
 
 LOG = logging.getLogger("test_take_over")
 MS = 1_000_000

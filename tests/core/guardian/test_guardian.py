@@ -17,8 +17,7 @@ from typing import Any
 
 import pytest
 from joshua.guardian import main
-from joshua.guardian.estop_files import EstopFiles
-from joshua.guardian.latch import LatchFolder
+from joshua.guardian.latch import EstopFiles, LatchFolder
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import ARMED, DONE, GuardianOrder
 from stepped_time import SteppedTime

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from joshua.guardian.estop_files import EstopFiles, EstopReport
-from joshua.guardian.latch import LatchFolder, Subject
+from joshua.guardian.latch import EstopFiles, EstopReport, LatchFolder, Subject
 
 ARM = Subject("desk", 5, "/arm")
 

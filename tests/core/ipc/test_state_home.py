@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import pytest
 from joshua.ipc import run_bases
-from joshua.ipc.state_home import state_home
+from joshua.ipc.run_bases import state_home
 from joshua.planner.emulation import state_folder
 from joshua.supervisor.log_files import log_directory
 

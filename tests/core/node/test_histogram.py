@@ -7,7 +7,7 @@ import random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from joshua.node.histogram import DurationHistogram
+from joshua.node.cadence import DurationHistogram
 
 
 def test_no_durations_have_no_quantiles():

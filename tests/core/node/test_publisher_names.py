@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from joshua.node.publisher_names import KNOWN_WITHIN_S, PublisherNames
+from joshua.node.endpoints import KNOWN_WITHIN_S, PublisherNames
 
 
 class Graph:

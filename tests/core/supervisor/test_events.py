@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from joshua.ipc.client import CallError, RunInfo, RunningSystem, ask, running_systems
-from joshua.ipc.socket_address import socket_address
+from joshua.ipc.run_bases import socket_address
 from joshua.plan import RunReport
 from joshua.plan.events import (
     EVENT_NAMES,

@@ -6,7 +6,7 @@ import os
 
 import pytest
 from joshua.ipc.line_budget import LineBudget
-from joshua.supervisor.line_pipe import MAX_LINE_BYTES, LinePipe
+from joshua.supervisor.child import MAX_LINE_BYTES, LinePipe
 
 
 class Clock:

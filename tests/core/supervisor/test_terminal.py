@@ -11,7 +11,7 @@ import time
 import pytest
 from joshua.plan import RunReport
 from joshua.plan.events import LogEntry, NodeStatus, RunStatus, StartTable
-from joshua.supervisor.background_writer import MAX_WAITING, BackgroundWriter
+from joshua.supervisor.log_files import MAX_WAITING, BackgroundWriter
 from joshua.supervisor.terminal import Terminal
 
 REPORT = RunReport(exit_code=0, reason="done")

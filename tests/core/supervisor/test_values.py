@@ -8,10 +8,10 @@ from joshua.ipc.messages import Topics
 from joshua.plan import NodeKind, NodeReport, NodeSpec, TopicSpec
 from joshua.plan.events import LogEntry
 from joshua.supervisor.ladder import LadderTimes
+from joshua.supervisor.managed_process import StackDump
 from joshua.supervisor.node_record import NodeRecord
 from joshua.supervisor.options import ladder_times, ready_timeout_s
-from joshua.supervisor.process_groups import process_groups
-from joshua.supervisor.stack_dump import StackDump
+from joshua.supervisor.supervisor import process_groups
 
 
 def node(name, **fields):

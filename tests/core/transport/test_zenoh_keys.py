@@ -7,8 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from joshua.messages import select_distro
 from joshua.plan import QosProfile
-from joshua.transport.zenoh.keys import ATTACHMENT, NODE, PUBLISHER, Entity, data_key, gid_of, read_token
-from joshua.transport.zenoh.qos_text import read_qos, write_qos
+from joshua.transport.zenoh.keys import (
+    ATTACHMENT,
+    NODE,
+    PUBLISHER,
+    Entity,
+    data_key,
+    gid_of,
+    read_qos,
+    read_token,
+    write_qos,
+)
 
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 

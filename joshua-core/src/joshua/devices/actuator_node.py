@@ -9,13 +9,11 @@ from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
-from joshua.devices.command_intake import CommandIntake, leader_mappings
+from joshua.devices.command_intake import CommandIntake, StalePolicy, TakeOver, leader_mappings
 from joshua.devices.diagnostics import DiagnosticsPublisher
 from joshua.devices.errors import DeviceError, DeviceSilent, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
-from joshua.devices.stale_policy import StalePolicy
-from joshua.devices.take_over import TakeOver
 from joshua.guardian.order import BEAT_S
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext

@@ -10,17 +10,161 @@ import numpy as np
 from joshua.devices.actuator import FloatArray, JointLimits, JointReading
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.joint_command import CommandReader
-from joshua.devices.motion_recorder import MotionRecorder
 from joshua.node.rates import RateMeter, meter_for
 from joshua.plan import JointTrace, NodeSpec
+
+#: When so many samples are held, every other one is dropped and only every other cycle recorded from then on.
+MOST_SAMPLES = 4000
+
+#: Values of one report at most, so that it stays far below what a frame between processes may hold.
+MOST_VALUES = 120_000
+
+#: Temperatures of one joint at most.
+MOST_TEMPERATURES = 1000
+
+#: Longest lag that is looked for.
+LAG_MAX_S = 1.0
+
+#: A joint whose goal moves less than this says nothing about its lag.
+MOVES_RAD = 0.02
+
+Result = tuple[str, bool, str]
+
+
+class MotionRecorder:
+    """Goal, position, effort and temperature of the joints of one actuator."""
+
+    def __init__(self) -> None:
+        self._stride = 1
+        self._cycle = -1
+        self._stamps_ns: list[int] = []
+        self._positions: list[FloatArray] = []
+        self._efforts: list[FloatArray] = []
+        self._goals: list[FloatArray | None] = []
+        self._temperatures: dict[str, list[tuple[int, float]]] = {}
+        self._load_is_fraction = False
+
+    def state(self, reading: JointReading) -> None:
+        """Takes the state at the beginning of a cycle."""
+        self._cycle += 1
+        if self._cycle % self._stride:
+            return
+        if len(self._stamps_ns) >= MOST_SAMPLES:
+            self._thin_out()
+        self._stamps_ns.append(reading.stamp_ns)
+        self._positions.append(reading.position_rad.copy())
+        self._efforts.append(reading.effort.copy())
+        self._goals.append(None)
+
+    def written(self, goal_rad: FloatArray) -> None:
+        """Takes what was written in the same cycle."""
+        if self._cycle % self._stride == 0 and self._goals:
+            self._goals[-1] = np.array(goal_rad)
+
+    def diagnosed(self, rows: Sequence[DiagnosticStatus]) -> None:
+        """Takes temperatures; one at a time of the newest sample."""
+        if not self._stamps_ns:
+            return
+        for row in rows:
+            self._load_is_fraction |= "load" in row.values
+            text = row.values.get("temperature_c")
+            if text is not None:
+                series = self._temperatures.setdefault(row.name, [])
+                series.append((self._stamps_ns[-1], float(text)))
+                if len(series) > MOST_TEMPERATURES:
+                    del series[1::2]
+
+    def results(self) -> list[Result]:
+        """Rows of the table: lag, load and temperature, as far as they are known."""
+        rows: list[Result] = []
+        lag_s = self.lag_s()
+        if lag_s is not None:
+            rows.append(("lag", True, f"{lag_s * 1e3:.0f} ms behind the goal"))
+        if any(goal is not None for goal in self._goals):
+            most = float(np.abs(np.array(self._efforts)).max(initial=0.0))
+            text = f"{most:.0%} of stall torque" if self._load_is_fraction else f"{most:.3g}"
+            rows.append(("load", True, f"{text} at most"))
+        values = [value for series in self._temperatures.values() for _, value in series]
+        if values:
+            low, high = round(min(values)), round(max(values))
+            rows.append(("temperature", True, f"{low} °C" if low == high else f"{low} to {high} °C"))
+        return rows
+
+    def lag_s(self) -> float | None:
+        """How far the slowest joint is behind what was written; None where no joint was moved."""
+        first, last = self._commanded()
+        if last - first < 8:
+            return None
+        goals = np.array([goal for goal in self._goals[first:last] if goal is not None])
+        positions = np.array(self._positions[first:last])
+        period_s = (self._stamps_ns[last - 1] - self._stamps_ns[first]) / (last - first - 1) / 1e9
+        moved = np.ptp(goals, axis=0) >= MOVES_RAD
+        if not moved.any() or period_s <= 0:
+            return None
+        most = min(round(LAG_MAX_S / period_s), len(goals) // 2)
+        lags = [_lag(goals[:, joint], positions[:, joint], most) for joint in np.flatnonzero(moved)]
+        return max(lags) * period_s
+
+    def traces(self, names: Sequence[str]) -> list[JointTrace]:
+        """The series of each joint; empty where nothing was recorded."""
+        if not self._stamps_ns:
+            return []
+        start_ns = self._stamps_ns[0]
+        shown = slice(None, None, -(-4 * len(self._stamps_ns) * len(names) // MOST_VALUES) or 1)
+        times = tuple(round((stamp - start_ns) / 1e9, 4) for stamp in self._stamps_ns[shown])
+        return [
+            JointTrace(
+                joint=name,
+                time_s=times,
+                goal_rad=tuple(None if goal is None else _number(goal[joint]) for goal in self._goals[shown]),
+                position_rad=tuple(_number(position[joint]) for position in self._positions[shown]),
+                effort=tuple(_number(effort[joint]) for effort in self._efforts[shown]),
+                temperature_c=tuple(
+                    (round((stamp - start_ns) / 1e9, 3), value)
+                    for stamp, value in self._temperatures.get(name, ())
+                ),
+            )
+            for joint, name in enumerate(names[: self._positions[0].size])
+        ]
+
+    def _commanded(self) -> tuple[int, int]:
+        """The longest stretch in which every cycle wrote a goal."""
+        best = (0, 0)
+        start = 0
+        for index, goal in enumerate([*self._goals, None]):
+            if goal is None:
+                if index - start > best[1] - best[0]:
+                    best = (start, index)
+                start = index + 1
+        return best
+
+    def _thin_out(self) -> None:
+        self._stride *= 2
+        for series in (self._stamps_ns, self._positions, self._efforts, self._goals):
+            del series[1::2]
+
+
+def _lag(goal: FloatArray, position: FloatArray, most: int) -> float:
+    """Samples by which a position is behind its goal: where both differ least, refined by a parabola."""
+    shifts = range(max(1, most))
+    errors = np.array([np.mean((position[shift:] - goal[: goal.size - shift]) ** 2) for shift in shifts])
+    best = int(errors.argmin())
+    if not 0 < best < errors.size - 1:
+        return float(best)
+    before, at, after = errors[best - 1 : best + 2]
+    curve = before - 2 * at + after
+    return best + (0.5 * (before - after) / curve if curve > 0 else 0.0)
+
+
+def _number(value: float) -> float:
+    return round(float(value), 5) if math.isfinite(value) else 0.0
+
 
 #: Root mean square of the distance between goal and position that still counts as following.
 TRACKING_ERROR_MAX_RAD = 0.1
 
 #: Way beyond a limit that the play of a gear explains.
 RANGE_TOLERANCE_RAD = 0.05
-
-Result = tuple[str, bool, str]
 
 
 class ActuatorTest:

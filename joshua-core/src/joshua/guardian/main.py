@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import json
 import logging
@@ -12,14 +13,12 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from joshua.guardian.action import Action, run_bounded
-from joshua.guardian.driver_process import DriverProcess
-from joshua.guardian.estop_files import EstopFiles, EstopReport
-from joshua.guardian.latch import Latch, LatchFolder, Subject
+from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.order import (
     ARMED,
     BEAT,
@@ -31,8 +30,147 @@ from joshua.guardian.order import (
     STOPPING,
     GuardianOrder,
 )
-from joshua.guardian.reporting import report_to_run
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
+
+Action = Callable[[dict[str, Any]], dict[str, Any]]
+
+_POLL_S = 0.02
+
+
+def run_bounded(
+    action: Action, request: dict[str, Any], limit_s: float, abort: Callable[[], bool]
+) -> dict[str, Any] | None:
+    """Runs an action in a fork of this process, which must have no threads.
+
+    Args:
+        limit_s: after this time the action is ended.
+        abort: asked all the time; once it says so, the action is ended too.
+
+    Returns:
+        The report of the action, one with ``complete`` false where it failed, or None where it was aborted.
+    """
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        _act(action, request, writer)
+    os.close(writer)
+    deadline_s = time.monotonic() + limit_s
+    data = b""
+    try:
+        while True:
+            if select.select([reader], [], [], _POLL_S)[0]:
+                part = os.read(reader, 65536)
+                if not part:
+                    break
+                data += part
+            elif time.monotonic() > deadline_s:
+                return _failed(f"the safe-stop action did not return within {limit_s:g} s")
+            elif abort():
+                return None
+        return dict(json.loads(data))
+    except ValueError:
+        return _failed("the safe-stop action ended its process without a report")
+    finally:
+        os.close(reader)
+        os.kill(child, signal.SIGKILL)  # not waited for yet, so the number is still its own
+        os.waitpid(child, 0)
+
+
+def _act(action: Action, request: dict[str, Any], writer: int) -> None:
+    """What the fork does; never returns."""
+    try:
+        try:
+            report = dict(action(request))
+        except Exception as error:  # noqa: BLE001 (a plugin's code; the report must go out)
+            report = _failed(f"the safe-stop action failed: {error!r}")
+        data = json.dumps(report).encode()
+        while data:
+            data = data[os.write(writer, data) :]
+    finally:
+        os._exit(0)
+
+
+def _failed(detail: str) -> dict[str, Any]:
+    return {"complete": False, "detail": detail}
+
+
+#: The end of a killed process is waited for so long; a device call may hold it in the kernel.
+END_TIMEOUT_S = 1.0
+
+_END_POLL_S = 0.002
+
+
+class DriverProcess:
+    """A process that is this one's parent when it is made.
+
+    A process descriptor never names another process, unlike a number that was given away again; where
+    the system has none, the parent's number is compared before each use.
+    """
+
+    def __init__(self, process_id: int) -> None:
+        self.process_id = process_id
+        self._descriptor = -1
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):
+                self._descriptor = os.pidfd_open(process_id)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process has not ended yet."""
+        if self._descriptor >= 0:
+            return not select.select([self._descriptor], [], [], 0)[0]
+        return os.getppid() == self.process_id
+
+    def kill(self) -> bool:
+        """Kills the process if it lives and waits for its end; returns whether it has ended."""
+        deadline_s = time.monotonic() + END_TIMEOUT_S
+        if self.alive:
+            with contextlib.suppress(ProcessLookupError):
+                if self._descriptor >= 0 and sys.platform == "linux":
+                    signal.pidfd_send_signal(self._descriptor, signal.SIGKILL)
+                else:
+                    os.kill(self.process_id, signal.SIGKILL)
+        while self.alive and time.monotonic() < deadline_s:
+            time.sleep(_END_POLL_S)
+        return not self.alive
+
+
+SUPERVISOR_TIMEOUT_S = 0.5
+
+
+def report_to_run(order: GuardianOrder, level: int, text: str, report: dict[str, Any]) -> None:
+    """Has the supervisor write the report into the log; writes it there itself where nobody answers."""
+    message = {"request": "guardian", "node": order.node, "level": level, "text": text}
+    if order.control_socket and _told(order.control_socket, message):
+        return
+    if order.log:
+        entry = {
+            "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "level": logging.getLevelName(level).lower(),
+            "node": order.node,
+            "text": text,
+            "stream": "guardian",
+            "report": report,
+        }
+        with contextlib.suppress(OSError):  # a full disk must not keep the guardian from ending
+            descriptor = os.open(order.log, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            try:
+                os.write(descriptor, json.dumps(entry).encode() + b"\n")
+            finally:
+                os.close(descriptor)
+
+
+def _told(path: str, message: dict[str, Any]) -> bool:
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(SUPERVISOR_TIMEOUT_S)
+            connection.connect(path)
+            connection.sendall(json.dumps(message).encode() + b"\n")
+            answer = json.loads(connection.recv(65536) or b"{}")
+    except (OSError, ValueError):
+        return False
+    return bool(isinstance(answer, dict) and answer.get("written"))
+
 
 #: Signals that end other programs; the guardian ends when its work is done.
 IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGPIPE", "SIGUSR1", "SIGUSR2", "SIGTSTP", "SIGALRM")

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.ipc.run_bases import base_directories
-from joshua.ipc.socket_address import socket_address
+from joshua.ipc.run_bases import base_directories, socket_address
 
 if TYPE_CHECKING:
     from joshua.ipc.messages import VerbInfo

@@ -1,13 +1,34 @@
-"""Where the directories of running systems are: one private base for each environment of a user."""
+"""Where running systems have their directories, sockets of any path length, and what outlasts a run."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
-from joshua.ipc.socket_address import MAX_PATH_BYTES
+#: Bytes that every system takes (``sun_path`` has 104 on macOS, 108 on Linux, with a final zero).
+MAX_PATH_BYTES = 103
+
+
+@contextmanager
+def socket_address(path: Path) -> Iterator[str]:
+    """Yields an address for ``bind`` or ``connect`` that is valid inside the context.
+
+    Raises:
+        OSError: the path is too long and the system has no ``/proc/self/fd``, or its folder is missing.
+    """
+    if len(os.fsencode(path)) <= MAX_PATH_BYTES:
+        yield str(path)
+        return
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        yield f"/proc/self/fd/{folder}/{path.name}"
+    finally:
+        os.close(folder)
+
 
 _RUNTIME_FOLDERS = Path("/run/user")
 _FALLBACK = Path("/tmp")  # noqa: S108 (owner and mode of the folder there are checked)
@@ -87,3 +108,21 @@ def private(path: Path) -> Path:
     if mode & 0o077:
         raise RunDirectoryError(f"{path} has mode {mode:04o}, so others can enter it: chmod 700 {path}")
     return path
+
+
+def state_home(environment: Mapping[str, str]) -> Path:
+    """``joshua`` in ``XDG_STATE_HOME`` or ``~/.local/state``.
+
+    A user without a home, as a container may have whose user id stands in no list, keeps it beside the
+    running systems.
+    """
+    given = Path(environment.get("XDG_STATE_HOME", ""))
+    if given.is_absolute():
+        return given / "joshua"
+    try:
+        return Path.home() / ".local" / "state" / "joshua"
+    except RuntimeError:
+        base = base_directory(environment)
+        with contextlib.suppress(RunDirectoryError):  # the run is refused for it, with what to do
+            private(base)
+        return base / "state"

@@ -24,8 +24,8 @@ from joshua.node.errors import (
     StopObeyed,
     exit_code_of,
 )
-from joshua.node.loading import load_behaviour
-from joshua.node.rosout import RosoutPublisher
+from joshua.node.implementation import load_behaviour
+from joshua.node.logs import RosoutPublisher
 from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec
 from joshua.transport import Transport
 

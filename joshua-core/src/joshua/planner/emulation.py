@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.ipc.state_home import state_home
+from joshua.ipc.run_bases import state_home
 from joshua.modes import mode_of
 from joshua.plan import Diagnostic, Related, Severity
 from joshua.planner.devices import Wanted, unpack, wanted_nodes

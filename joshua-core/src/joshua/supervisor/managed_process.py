@@ -1,17 +1,21 @@
-"""One process of the plan, over all its restarts: messages in, state out."""
+"""One process of the plan, over all its restarts: messages in, state out.
+
+Why one file: each step of a process's life reads and sets the same state.
+"""
 
 from __future__ import annotations
 
 import logging
 import os
+import re
 import signal
 import time
-from typing import Any
+from typing import Any, Protocol
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
 from joshua.plan import NodeKind, NodeSpec, TransportSpec
-from joshua.plan.events import LogEntry
+from joshua.plan.events import LogEntry, Progress
 from joshua.supervisor.child import Child
 from joshua.supervisor.heartbeats import HeartbeatWatch
 from joshua.supervisor.ladder import HANG_TIMES, Rung, StopLadder
@@ -19,10 +23,67 @@ from joshua.supervisor.launcher import Launcher, describe_status
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.node_record import NodeRecord
 from joshua.supervisor.options import SupervisorOptions, ladder_times, ready_timeout_s
-from joshua.supervisor.process_owner import ProcessOwner
 from joshua.supervisor.reactor import Reactor, ReactorTimer
 from joshua.supervisor.restart import RestartPolicy, strictest
-from joshua.supervisor.stack_dump import StackDump
+
+
+class ProcessOwner(Protocol):
+    """Hears what becomes of a process, and what its nodes ask for."""
+
+    def on_process_configured(self, process: ManagedProcess) -> None:
+        """Every node of the process is configured."""
+
+    def on_process_ready(self, process: ManagedProcess) -> None:
+        """Every node of the process is active."""
+
+    def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
+        """The process has ended; ``failed`` unless it was asked to."""
+
+    def on_process_started(self, process: ManagedProcess) -> None:
+        """The process exists."""
+
+    def on_progress(self, progress: Progress) -> None:
+        """A node says how far its work is."""
+
+    def on_first_message(self, stamp_ns: int) -> None:
+        """A subscription has received its first message."""
+
+    def on_fault(self, node: str, text: str) -> None:
+        """The device of a node does nothing until it is resumed; "" ends that."""
+
+    def on_reply(self, message: ipc.CallReply) -> None:
+        """A node has answered to a call."""
+
+    def on_shown(self) -> None:
+        """A node tells people something of itself."""
+
+    def on_stop_run(self, node: str, reason: str) -> None:
+        """A node asks for the end of the run."""
+
+
+_FRAME = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<function>.*)$')
+
+
+class StackDump:
+    """Takes lines of standard error and picks out the stacks of ``faulthandler``."""
+
+    def __init__(self) -> None:
+        self.place = ""
+        self._current = False
+
+    def take(self, line: str) -> bool:
+        """Takes a line; returns whether it belongs to the stacks.
+
+        ``place`` becomes the innermost frame of the thread that the signal met, usually the main thread.
+        """
+        frame = _FRAME.match(line)
+        if frame is not None:
+            if self._current and not self.place:
+                self.place = f"{frame['function']} ({frame['file']}:{frame['line']})"
+            return True
+        self._current = line.startswith("Current thread 0x")
+        return self._current or line.startswith("Thread 0x") or not line
+
 
 #: How long a hung process may take to write the stacks of its threads.
 DUMP_TIMEOUT_S = 0.3

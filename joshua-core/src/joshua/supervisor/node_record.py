@@ -1,13 +1,15 @@
-"""What the supervisor knows of one node."""
+"""What the supervisor knows of a node, and what a run shows of itself from that."""
 
 from __future__ import annotations
 
+import os
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from joshua.ipc.messages import Topics
-from joshua.plan import NodeReport, NodeSpec, TopicReport, TopicSpec
-from joshua.plan.events import NodeRow, NodeStatus, Progress
+from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TopicSpec
+from joshua.plan.events import NodeRow, NodeStatus, Progress, RunStatus, StartTable
 
 #: Running totals that the live rates are computed from: five, half a second apart.
 RATE_WINDOW = 5
@@ -159,4 +161,33 @@ def _topic(
         count=counts.get(topic.name, 0),
         rate_hz=rates.get(topic.name, 0.0),
         configured_hz=topic.rate_hz,
+    )
+
+
+def start_table(
+    plan: Plan, records: Sequence[NodeRecord], ready_s: float, notes: Sequence[str]
+) -> StartTable:
+    """The start-up table; ``ready_s`` counts from the start to the last ready report."""
+    transport = plan.transport
+    return StartTable(
+        source=plan.source,
+        mode=plan.mode,
+        robot=plan.robot_name or plan.robot_id,
+        transport=f"{transport.kind} ({transport.reason}), domain {transport.domain_id}",
+        ready_s=ready_s,
+        nodes=tuple(record.row() for record in records),
+        notes=tuple(notes),
+        findings=plan.findings,
+    )
+
+
+def run_status(plan: Plan, records: Sequence[NodeRecord], phase: str, elapsed_s: float) -> RunStatus:
+    """The live status."""
+    return RunStatus(
+        source=plan.source,
+        mode=plan.mode,
+        phase=phase,
+        elapsed_s=elapsed_s,
+        process_id=os.getpid(),
+        nodes=tuple(record.status() for record in records),
     )

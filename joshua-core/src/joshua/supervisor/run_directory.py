@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from joshua.guardian import estop_files, latch
+from joshua.guardian import latch
 from joshua.ipc.client import INFO_NAME, LOCK_NAME, SOCKET_NAME, RunInfo, is_free, read_info
 from joshua.ipc.run_bases import RunDirectoryError, other_bases, private
 
@@ -84,7 +84,7 @@ class RunDirectory:
             "robot": self.info.robot,
             "domain_id": self.info.domain_id,
             "latch_folder": str(latch_folder(self.path.parents[1])),
-            "estop_files": str(self.path / estop_files.FOLDER_NAME),
+            "estop_files": str(self.path / latch.FOLDER_NAME),
         }
 
     def point_to_log(self, log: Path) -> None:

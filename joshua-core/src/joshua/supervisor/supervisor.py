@@ -10,13 +10,13 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any
 
 from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import RunDirectoryError
-from joshua.plan import NodeKind, Plan, RunReport
+from joshua.plan import NodeKind, NodeSpec, Plan, RunReport
 from joshua.plan.events import Progress, RunEvent, RunStatus
 from joshua.supervisor.event_bus import EventBus, Subscriber
 from joshua.supervisor.fork_server import ForkServer
@@ -25,16 +25,24 @@ from joshua.supervisor.launcher import Launcher
 from joshua.supervisor.log_files import new_log
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.managed_process import ManagedProcess
-from joshua.supervisor.node_record import NodeRecord
+from joshua.supervisor.node_record import NodeRecord, run_status, start_table
 from joshua.supervisor.options import SupervisorOptions
-from joshua.supervisor.process_groups import process_groups
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 from joshua.supervisor.run_place import RunPlace
 from joshua.supervisor.run_requests import RunRequests
-from joshua.supervisor.run_view import run_status, start_table
 from joshua.supervisor.stop_signals import StopSignals
 from joshua.supervisor.terminal_guard import TerminalGuard
+
+
+def process_groups(nodes: Sequence[NodeSpec]) -> list[tuple[NodeSpec, ...]]:
+    """Splits nodes into processes, in start order; a group starts where its first node stands."""
+    groups: dict[tuple[str, str], list[NodeSpec]] = {}
+    for spec in nodes:
+        key = ("group", spec.process_group) if spec.process_group else ("node", spec.full_name)
+        groups.setdefault(key, []).append(spec)
+    return [tuple(specs) for specs in groups.values()]
+
 
 EXIT_OK = 0
 EXIT_FAILED = 1

@@ -11,7 +11,7 @@ from typing import TextIO
 from joshua.config.diagnostics import wants_color
 from joshua.plan import RunReport
 from joshua.plan.events import Event, LogEntry, RunStatus, StartTable
-from joshua.supervisor.background_writer import BackgroundWriter
+from joshua.supervisor.log_files import BackgroundWriter
 from joshua.supervisor.tables import log_line, report_lines, start_lines, status_line
 
 #: Distance of two status lines where the output is no terminal.

@@ -15,7 +15,7 @@ from joshua.cli.options import add_config_options, positive_seconds
 if TYPE_CHECKING:
     from joshua.cli.estop.latches import UserLatches
     from joshua.cli.estop.running import EstopTarget
-    from joshua.guardian.estop_files import EstopReport
+    from joshua.guardian.latch import EstopReport
     from joshua.plan import Plan
 
 SUMMARY = "take the torque off every actuator, and keep it off"

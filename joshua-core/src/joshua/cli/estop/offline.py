@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from joshua.guardian.estop_files import EstopReport
+from joshua.guardian.latch import EstopReport
 
 if TYPE_CHECKING:
     from joshua.plan import NodeSpec, Plan

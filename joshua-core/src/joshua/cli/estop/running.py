@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.guardian.estop_files import FOLDER_NAME, EstopFiles, EstopReport
+from joshua.guardian.latch import FOLDER_NAME, EstopFiles, EstopReport
 from joshua.ipc.client import CallError, RunInfo, RunningSystem
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua.guardian.estop_files import EstopReport
+from joshua.guardian.latch import EstopReport
 
 _BY = {"driver": "its driver", "guardian": "its guardian", "command": "this command"}
 

@@ -14,10 +14,9 @@ from cyclonedds.topic import Topic
 from joshua.plan import TransportSpec
 from joshua.transport.api import NodeHandle, NodeInfo, Transport
 from joshua.transport.dds import raw
-from joshua.transport.dds.config import domain_config, stays_local
+from joshua.transport.dds.config import domain_config, sockets_on_loopback, stays_local
 from joshua.transport.dds.events import Events
 from joshua.transport.dds.graph import Graph
-from joshua.transport.dds.loopback import sockets_on_loopback
 from joshua.transport.dds.node import DdsNode, EventCallback
 from joshua.transport.dds.types import idl_type
 from joshua.transport.delivery import Delivery

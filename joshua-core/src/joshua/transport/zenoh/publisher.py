@@ -14,9 +14,8 @@ from joshua.plan import QosProfile
 from joshua.transport.api import Buffer, Publisher
 from joshua.transport.errors import TransportError
 from joshua.transport.watch import Limit, Watch
-from joshua.transport.zenoh.graph import Graph
+from joshua.transport.zenoh.graph import Assertions, Graph
 from joshua.transport.zenoh.keys import ATTACHMENT, Entity
-from joshua.transport.zenoh.liveliness import Assertions
 from joshua.transport.zenoh.matching import Matching
 
 _HEARTBEAT_S = 0.5

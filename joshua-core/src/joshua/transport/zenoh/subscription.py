@@ -13,10 +13,9 @@ import zenoh.ext
 from joshua.plan import QosProfile
 from joshua.transport.api import Sample, Subscription
 from joshua.transport.watch import Limit, Watch
-from joshua.transport.zenoh.graph import Graph
+from joshua.transport.zenoh.graph import AssertionListener, Graph
 from joshua.transport.zenoh.intake import ChannelIntake, WatchedIntake
 from joshua.transport.zenoh.keys import ATTACHMENT, Entity
-from joshua.transport.zenoh.liveliness import AssertionListener
 from joshua.transport.zenoh.matching import Matching
 
 _UNKNOWN = (0, 0, 0, b"")
