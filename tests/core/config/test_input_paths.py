@@ -7,12 +7,14 @@ from pathlib import Path
 from joshua.config.input_paths import with_absolute_paths
 from joshua.plan import Position
 from joshua.schema import config_pb2 as pb
+from joshua.textproto.positions import Positions
 
 BLOCK = "robot.perceptions[0].camera_config"
 
 
-class KnownPositions:
+class KnownPositions(Positions):
     def __init__(self, **files: Path) -> None:
+        super().__init__()
         self.files = {f"{BLOCK}.{name}": file for name, file in files.items()}
 
     def value(self, field_path: str) -> Position | None:

@@ -50,7 +50,7 @@ def test_a_device_has_one_identity() -> None:
 )
 def test_the_schema_states_the_same_without_this_plugin(source: str) -> None:
     (facts,) = (item for item in field_facts(CameraConfig.DESCRIPTOR) if item.name == "source")
-    names = {
+    names: dict[int, SourceKind] = {
         NAMES_DEVICE: SourceKind.DEVICE,
         NAMES_ADDRESS: SourceKind.ADDRESS,
         NAMES_FILES: SourceKind.PICTURES,
