@@ -54,7 +54,7 @@ install_once() {
     label=$1
     shift
     stamp=$venv/.joshua-$label
-    wanted=$(cd "$root" && printf '%s\n' "$root" "$@" | cat - constraints.txt pyproject.toml joshua-core/pyproject.toml | cksum)
+    wanted=$(cd "$root" && printf '%s\n' "$root" "$@" | cat - constraints.txt pyproject.toml joshua-*/pyproject.toml joshua-plugins/*/pyproject.toml | cksum)
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then return; fi
     printf 'Installing %s into %s (once; about half a minute) …\n' "$label" "$venv" >&2
     (cd "$root" && "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt "$@" >&2) ||
@@ -63,4 +63,14 @@ install_once() {
     # Compiled once here: where PYTHONDONTWRITEBYTECODE is set, every start would compile the sources anew.
     "$venv/bin/python" -m compileall -q "$root/joshua-core/src" >&2 || true
     printf '%s\n' "$wanted" >"$stamp"
+}
+
+# Installs plugins of this clone, named as in «sts3215,emulator», with everything of this clone that they need:
+# in one call of pip, so that it takes these names from here and asks no package index for them.
+install_plugins() {
+    folders=$("$venv/bin/python" "$root/tools/local_plugins.py" "$1") || exit $?
+    set -f -- # an extra such as emulator[spike] is no pattern of file names
+    for folder in $folders; do set -- "$@" -e "$folder"; done
+    set +f
+    install_once plugins "$@"
 }

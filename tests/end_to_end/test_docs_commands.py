@@ -150,11 +150,11 @@ def test_commands_stand_in_blocks_that_are_run():
 def test_every_command_in_running_text_exists():
     from joshua.cli.parser import build_parser
     from joshua.cli.table import COMMANDS
-    from joshua.plugins.hints import KNOWN_PLUGINS
+    from joshua.plugins.hints import stated
 
     options = {option for action in build_parser()._actions for option in action.option_strings}
     known = {command.name for command in COMMANDS} | options
-    known |= {name for plugin in KNOWN_PLUGINS for name in plugin.commands}
+    known |= set(stated().commands)
     for page in PAGES:
         for word in re.findall(r"`joshua (\S+?)[ `]", page.read_text(encoding="utf-8")):
             first = word.split("|")[0]

@@ -13,6 +13,12 @@ from joshua.cli.plugin_commands import commands_by_distribution, find_command, u
 Adder = Callable[..., None]
 
 
+@pytest.fixture(autouse=True)
+def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The core is installed from a package, so that plugins are named by their distribution."""
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+
+
 @pytest.fixture
 def add(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Adder]:
     """Adds a distribution with one command: ``add("acme-rig", "wave", source)``."""

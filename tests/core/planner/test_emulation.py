@@ -18,6 +18,12 @@ robot {
 """
 
 
+@pytest.fixture(autouse=True)
+def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The core is installed from a package, so that plugins are named by their distribution."""
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+
+
 @pytest.mark.parametrize(
     ("status", "remedy"),
     [

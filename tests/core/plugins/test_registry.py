@@ -23,6 +23,12 @@ CAMERA = SensorSpec(block="camera_config", implementation="a:C", enum_values=("P
 SMOLVLA = ModelSpec(block="", implementation="a:Smol", enum_values=("SMOLVLA",))
 
 
+@pytest.fixture(autouse=True)
+def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The core is installed from a package, so that plugins are named by their distribution."""
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+
+
 def row(distribution: str, *specs: PluginSpec, status: PluginStatus = PluginStatus.OK) -> PluginRow:
     return PluginRow(
         name=distribution.removeprefix("joshua-"),

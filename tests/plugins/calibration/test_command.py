@@ -80,6 +80,7 @@ def test_without_the_plugin_the_command_names_it(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("joshua.cli.plugin_commands.plugin_commands", list)
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
     with pytest.raises(SystemExit, match="3"):
         main(["calibrate"])
     assert "joshua-calibration: pip install joshua-calibration" in capsys.readouterr().err

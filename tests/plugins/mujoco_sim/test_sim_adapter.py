@@ -19,6 +19,12 @@ from joshua.testing.domain import reserved_domain
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 
 
+@pytest.fixture(autouse=True)
+def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The core is installed from a package, so that plugins are named by their distribution."""
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+
+
 def simulated(preset: str, more: str = "") -> pb.Config:
     config = text_format.Parse((CONFIGS / preset).read_text() + more, pb.Config())
     simulate(config, load_registry())

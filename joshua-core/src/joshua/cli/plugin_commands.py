@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from importlib import metadata
 
 from joshua.cli.table import COMMANDS, Command
+from joshua.plan import installing
+from joshua.plugins import hints
 from joshua.plugins.discovery import normalise
-from joshua.plugins.hints import KNOWN_PLUGINS
 
 ENTRY_POINT_GROUP = "joshua.commands"
 
@@ -52,11 +53,10 @@ def find_command(name: str) -> Command | None:
         raise PluginCommandError(f"{owners} both bring the command {name}: uninstall one of them")
     if commands:
         return load_command(commands[0])
-    for known in KNOWN_PLUGINS:
-        if name in known.commands:
-            raise PluginCommandError(
-                f"{name} needs the plugin {known.distribution}: pip install {known.distribution}"
-            )
+    if distribution := hints.stated().commands.get(name):
+        raise PluginCommandError(
+            f"{name} needs the plugin {distribution}: {installing.install(distribution)}"
+        )
     return None
 
 
@@ -91,5 +91,5 @@ def load_command(command: PluginCommand) -> Command:
     except (Exception, SystemExit) as error:
         raise PluginCommandError(
             f"the command {command.name} of {command.distribution} cannot be loaded "
-            f"({type(error).__name__}: {error}): pip install --force-reinstall {command.distribution}"
+            f"({type(error).__name__}: {error}): {installing.reinstall(command.distribution)}"
         ) from error

@@ -7,7 +7,7 @@ from typing import Any
 
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.errors import ImplementationMissingError
-from joshua.plan import NodeSpec
+from joshua.plan import NodeSpec, installing
 from joshua.plugins.targets import TargetError, load_target
 
 
@@ -34,7 +34,7 @@ def load_implementation(spec: NodeSpec, base: type) -> tuple[Any, Any]:
         settings_type = load_target(spec.settings_type) if spec.settings_type else None
     except TargetError as error:
         raise TargetError(
-            f"{spec.full_name}: {error}; install the plugin anew: pip install --force-reinstall {spec.plugin}"
+            f"{spec.full_name}: {error}; install the plugin anew: {installing.reinstall(spec.plugin)}"
         ) from error
     return implementation, settings_type.model_validate(spec.settings) if settings_type else None
 
@@ -53,12 +53,12 @@ def load_behaviour(spec: NodeSpec) -> type[NodeBehaviour]:
     except ModuleNotFoundError as error:
         raise ImplementationMissingError(
             f"{spec.full_name} needs {spec.behaviour}, but the module {error.name} is not installed: "
-            f"pip install {spec.plugin}"
+            f"{installing.install(spec.plugin)}"
         ) from error
     except AttributeError as error:
         raise ImplementationMissingError(
             f"{spec.full_name} needs {spec.behaviour}, but {module_name} has no {attribute!r}: "
-            f"the installed {spec.plugin} does not fit, pip install --upgrade {spec.plugin}"
+            f"the installed {spec.plugin} does not fit, {installing.upgrade(spec.plugin)}"
         ) from error
     if not (isinstance(target, type) and issubclass(target, NodeBehaviour)):
         raise ImplementationMissingError(

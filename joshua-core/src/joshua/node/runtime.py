@@ -26,7 +26,7 @@ from joshua.node.errors import (
 )
 from joshua.node.implementation import load_behaviour
 from joshua.node.logs import RosoutPublisher
-from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec
+from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
 
 #: Distance of two messages with running totals.
@@ -321,7 +321,7 @@ def _describe(error: BaseException, spec: NodeSpec) -> str:
     if isinstance(error, InterruptedLifecycleError):
         return "it did not notice the stop request and was interrupted"
     if isinstance(error, ModuleNotFoundError):
-        return f"it needs the module {error.name}, which is not installed: pip install {spec.plugin}"
+        return f"it needs the module {error.name}, which is not installed: {installing.install(spec.plugin)}"
     text = str(error) if _explains_itself(error) else f"{type(error).__name__}: {error}"
     return printable(text, 2000)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from joshua.ipc.run_bases import state_home
 from joshua.modes import mode_of
-from joshua.plan import Diagnostic, Related, Severity
+from joshua.plan import Diagnostic, Related, Severity, installing
 from joshua.planner.devices import Wanted, unpack, wanted_nodes
 from joshua.plugins import DeviceSpec, EmulatorSpec, PluginStatus, Registry
 from joshua.plugins.emulator import (
@@ -24,13 +24,12 @@ from joshua.plugins.emulator import (
     EmulationError,
     FaultRefusedError,
 )
+from joshua.plugins.hints import emulator_for
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
     from joshua.textproto.positions import Positions
-
-EMULATORS = "joshua-emulator"
 
 __all__ = ["EmulatedRig", "EmulationError", "FaultRefusedError", "parse_faults"]
 
@@ -100,7 +99,7 @@ class EmulatedRig:
                 f"{block}, and --emulate never opens a real device.",
                 positions.name(wants[0].block_path),
                 wants[0].block_path,
-                remedy=self._remedy(),
+                remedy=self._remedy(block),
                 related=tuple(
                     Related(place, f"{want.entry.node.node_name} needs it too")
                     for want in wants[1:]
@@ -110,14 +109,17 @@ class EmulatedRig:
             for block, wants in by_block.items()
         ]
 
-    def _remedy(self) -> str:
-        row = next((row for row in self._registry.rows() if row.distribution == EMULATORS), None)
+    def _remedy(self, block: str) -> str:
+        emulator = emulator_for(block)
+        row = next((row for row in self._registry.rows() if row.distribution == emulator), None)
+        if row is None and emulator:
+            return f"{installing.install(emulator)}, or leave the device out of the file."
         if row is None:
-            return f"pip install {EMULATORS}, or leave the device out of the file."
+            return "Leave the device out of the file, or ask its vendor for a plugin with an emulator."
         if row.status is PluginStatus.BLOCKED:
             return f"Leave --block-plugin {row.name} out, or leave the device out of the file."
         if row.status is not PluginStatus.OK:
-            return f"See what `joshua plugins` says of {EMULATORS}, or leave the device out of the file."
+            return f"See what `joshua plugins` says of {emulator}, or leave the device out of the file."
         return "Leave the device out of the file, or ask its vendor for a plugin with an emulator."
 
     def start(self) -> None:

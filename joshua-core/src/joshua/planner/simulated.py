@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from joshua.modes import mode_of
+from joshua.plan import installing
 from joshua.planner.devices import Wanted, joints_of, wanted_nodes
 from joshua.planner.resolution import calibration_values
 from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, Registry, SimulatorSpec
+from joshua.plugins.hints import distribution_for
 from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapter, SimAdapterError
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
+from joshua.schema.rules import block_rule
 
 __all__ = ["NoSimulatorError", "SimAdapterError", "Simulated", "simulate"]
-
-#: Block of a real camera; other sensors have no place in the simulation.
-_CAMERA = "camera_config"
 
 
 class NoSimulatorError(SimAdapterError):
@@ -49,7 +49,9 @@ def simulate(config: pb.Config, registry: Registry, *, emulated: bool = False) -
     """
     spec = registry.find(SimulatorSpec, "simulation", "OFFSCREEN")
     if spec is None or not spec.sim_adapter:
-        raise NoSimulatorError("--sim needs a simulator: pip install joshua-mujoco-sim")
+        raise NoSimulatorError(
+            f"--sim needs a simulator: {installing.install(distribution_for('simulation'))}"
+        )
     devices = [_device(config, registry, want) for want in _replaceable(config, registry, emulated=emulated)]
     if not devices:
         raise SimAdapterError(
@@ -65,13 +67,19 @@ def simulate(config: pb.Config, registry: Registry, *, emulated: bool = False) -
     return Simulated(tuple(names), coupled)
 
 
+def _is_camera(want: Wanted) -> bool:
+    """Whether a sensor is a real camera; others have no place in the simulation."""
+    rule = None if want.block is None else block_rule(want.block.DESCRIPTOR)
+    return rule is not None and "PERCEPTION_CAMERA" in rule.fits and not rule.virtual
+
+
 def _replaceable(config: pb.Config, registry: Registry, *, emulated: bool) -> list[Wanted]:
     mode = mode_of(config, registry)
     found = []
     for want in wanted_nodes(config, devices=mode.devices, models=False):
         spec = registry.find(want.kind, want.block_name, want.enum_value)
         is_virtual = isinstance(spec, DeviceSpec) and spec.virtual
-        fits = want.kind is ActuatorSpec or want.block_name == _CAMERA
+        fits = want.kind is ActuatorSpec or _is_camera(want)
         if want.block_name and fits and not is_virtual and (not emulated or _couples(registry, want)):
             found.append(want)
     return found

@@ -1,98 +1,65 @@
-"""Which distribution provides which block, so that a missing plugin can be named.
+"""Which distribution provides which block, value and command, as the schema states beside each of them.
 
-This is data for messages only: what runs is decided by the registry, never by this table.
+This serves messages only: what runs is decided by the registry, never by what is stated here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
 
 from joshua.plugins.specs import PluginSpec, StoreSpec
 
 
-@dataclass(frozen=True)
-class KnownPlugin:
-    """A published plugin: what it answers for.
+class Stated(NamedTuple):
+    """What the schema states of plugins.
 
     Attributes:
-        distribution: name for ``pip install``.
-        blocks: configuration blocks that need it.
-        enum_values: enum values that name it on their own, whatever the block.
-        commands: commands of ``joshua`` that it brings.
+        blocks: rule of a block by the name of the field that holds it.
+        enum_values, commands: distribution by enum value and by command of ``joshua``.
     """
 
-    distribution: str
-    blocks: tuple[str, ...] = ()
-    enum_values: tuple[str, ...] = ()
-    commands: tuple[str, ...] = ()
+    blocks: dict[str, Any]
+    enum_values: dict[str, str]
+    commands: dict[str, str]
+
+    def distributions(self) -> set[str]:
+        """All distributions that are named."""
+        blocks = {name for rule in self.blocks.values() for name in (rule.plugin, rule.emulator) if name}
+        return blocks | set(self.enum_values.values()) | set(self.commands.values())
 
 
-KNOWN_PLUGINS: tuple[KnownPlugin, ...] = (
-    KnownPlugin(
-        "joshua-core",
-        (
-            "mock_motor_config",
-            "mock_camera_config",
-            "mock_encoder_config",
-            "mock_lidar_config",
-            "random_noise_config",
-        ),
-        ("RANDOM_NOISE", "ACTION_MOCK"),
-    ),
-    KnownPlugin("joshua-serial", commands=("find-port",)),
-    KnownPlugin("joshua-servo", commands=("motors",)),
-    KnownPlugin("joshua-sts3215", ("sts3215_config",)),
-    KnownPlugin("joshua-dynamixel", ("dynamixel_config",)),
-    KnownPlugin("joshua-spike", ("spike_motor_config",), ("ACTION_SPIKE",)),
-    KnownPlugin("joshua-camera", ("camera_config",), ("PERCEPTION_CAMERA",), ("find-cameras",)),
-    KnownPlugin("joshua-lidar", ("lidar_config",), ("PERCEPTION_LIDAR",)),
-    KnownPlugin("joshua-encoder", ("encoder_config",), ("PERCEPTION_ENCODER",)),
-    KnownPlugin(
-        "joshua-teleop-input",
-        ("gamepad_config", "keyboard_config"),
-        ("PERCEPTION_GAMEPAD", "PERCEPTION_KEYBOARD"),
-        ("find-gamepads", "share-gamepad"),
-    ),
-    KnownPlugin("joshua-calibration", enum_values=("MODE_CALIBRATION",), commands=("calibrate",)),
-    KnownPlugin("joshua-smolvla", (), ("SMOLVLA",)),
-    KnownPlugin(
-        "joshua-mujoco-sim",
-        ("simulation", "sim_config", "sim_camera_config"),
-        ("INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"),
-        ("models", "sim"),
-    ),
-    KnownPlugin(
-        "joshua-dataset",
-        ("data_store",),
-        (
-            "FORMAT_HUGGINGFACE",
-            "FORMAT_CSV",
-            "FORMAT_JSONL",
-            "FORMAT_PARQUET",
-            "STORAGE_LOCAL",
-            "STORAGE_CLOUD",
-        ),
-    ),
-    KnownPlugin("joshua-imitation", ("imitation_config", "eval_config"), ("METHOD_IMITATION", "METHOD_EVAL")),
-    KnownPlugin("joshua-mjx-trainer", (), ("BACKEND_MJX",)),
-    KnownPlugin("joshua-isaac-trainer", (), ("BACKEND_ISAAC",)),
-    KnownPlugin("joshua-ppo-trainer", ("rl_config",), ("METHOD_RL",)),
-)
+@cache
+def stated() -> Stated:
+    """Reads the schema from ``Config`` on."""
+    from joshua.schema.config_pb2 import Config
+    from joshua.schema.rules import block_rule, value_rule
 
-#: What no published plugin does yet, by block, and what there is in its place.
-NOT_YET = {
-    "data_store": (
-        "recording, replaying on a robot and uploading data sets are not available yet: joshua-dataset only "
-        "writes the episodes that a simulation generates",
-        "leave the data_store block out until then, and MODE_DATA_STORE with it; "
-        "simulation { mode: OFFSCREEN generate { ... } } makes a data set, and mode: PASSIVE replays one",
-    ),
-}
+    found = Stated({}, {}, {})
+    seen, waiting = set(), [Config.DESCRIPTOR]
+    while waiting:
+        for field in waiting.pop().fields:
+            for value in field.enum_type.values if field.enum_type is not None else ():
+                if plugin := value_rule(field.enum_type, value.number).plugin:
+                    found.enum_values[value.name] = plugin
+            message = field.message_type
+            if message is None:
+                continue
+            rule = block_rule(message)
+            if rule.plugin:
+                found.blocks.setdefault(field.name, rule)
+            for command in rule.commands:
+                found.commands[command.name] = command.plugin or rule.plugin
+            if message.full_name not in seen:
+                seen.add(message.full_name)
+                waiting.append(message)
+    return found
 
 
 def not_yet(kind: type[PluginSpec], block: str) -> tuple[str, str]:
     """What a block asks for that no published plugin does yet, and what to do; empty texts where one does."""
-    return NOT_YET.get(block, ("", "")) if kind is StoreSpec else ("", "")
+    rule = stated().blocks.get(block) if kind is StoreSpec else None
+    return (rule.not_yet, rule.instead) if rule is not None else ("", "")
 
 
 def distribution_for(block: str, enum_value: str = "") -> str:
@@ -101,26 +68,24 @@ def distribution_for(block: str, enum_value: str = "") -> str:
     The simulator of ``rl_config`` decides its trainer, so that an enum value of a backend goes first there.
     A block with a dot is a message of a third party, whose package nobody here knows.
     """
+    by_value: str = stated().enum_values.get(enum_value, "")
     if enum_value.startswith("BACKEND_"):
-        return _by_enum_value(enum_value)
-    for known in KNOWN_PLUGINS:
-        if block and block in known.blocks:
-            return known.distribution
-    return "" if "." in block else _by_enum_value(enum_value)
+        return by_value
+    if block in stated().blocks:
+        return str(stated().blocks[block].plugin)
+    return "" if "." in block else by_value
+
+
+def emulator_for(block: str) -> str:
+    """Names the published plugin that emulates the device of a block; "" where none is known."""
+    return str(stated().blocks[block].emulator) if block in stated().blocks else ""
 
 
 def subject(block: str, enum_value: str = "") -> str:
     """What needs the plugin, in words of the file: the enum value, and the block where it takes both."""
     if not enum_value or not block:
         return enum_value or block
-    named = _by_enum_value(enum_value)
+    named = stated().enum_values.get(enum_value)
     if named and named == distribution_for(block, enum_value):
         return enum_value
     return f"{enum_value} with {block}"
-
-
-def _by_enum_value(enum_value: str) -> str:
-    for known in KNOWN_PLUGINS:
-        if enum_value and enum_value in known.enum_values:
-            return known.distribution
-    return ""

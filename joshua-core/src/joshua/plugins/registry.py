@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TypeGuard, TypeVar
 
+from joshua.plan import installing
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
 from joshua.plugins.specs import Environment, EnvironmentSpec, ModeOffer, PluginSpec, SimulatorSpec
@@ -189,14 +190,14 @@ class Registry:
             if row.distribution == distribution and row.status is PluginStatus.BROKEN:
                 return (
                     f"{node_name}: {what} needs the plugin {distribution}, which is broken "
-                    f"({'; '.join(row.reasons)}): pip install --force-reinstall {distribution}"
+                    f"({'; '.join(row.reasons)}): {installing.reinstall(distribution)}"
                 )
             if row.distribution == distribution and row.status is PluginStatus.OK:
                 return (
                     f"{node_name}: {what} needs the plugin {distribution}, and {row.version} does not "
-                    f"provide it: pip install --upgrade {distribution}"
+                    f"provide it: {installing.upgrade(distribution)}"
                 )
-        return f"{node_name}: {what} needs the plugin {distribution}: pip install {distribution}"
+        return f"{node_name}: {what} needs the plugin {distribution}: {installing.install(distribution)}"
 
     def remedy(self, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
         """What to do where ``find`` has nothing."""

@@ -31,6 +31,7 @@ from joshua.plugins.specs import (
 from joshua.plugins.targets import ROLES
 from joshua.schema import config_pb2, simulation_pb2
 from joshua.schema.data_types import type_names
+from joshua.schema.rules import block_rule
 
 _IMPORT_STRING = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _MODULE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
@@ -38,9 +39,6 @@ _MESSAGE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
 
 #: Modes that the core leaves to plugins.
 MODES_OF_PLUGINS = ("MODE_CALIBRATION", "MODE_PLUGIN")
-
-# Enum values that fit one block only.
-_OWN_BLOCK = {"ACTION_MOCK": "mock_motor_config", "ACTION_SPIKE": "spike_motor_config"}
 
 
 def _message_fields(message: type[Message], without: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -50,6 +48,13 @@ def _message_fields(message: type[Message], without: tuple[str, ...] = ()) -> tu
         for field in message.DESCRIPTOR.fields
         if field.type == FieldDescriptor.TYPE_MESSAGE and field.name not in hidden
     )
+
+
+@cache
+def _own_blocks() -> dict[str, str]:
+    """Action types that fit one block only, with it."""
+    fields = config_pb2.SingleAction.DESCRIPTOR.oneofs_by_name["actuator_config"].fields
+    return {value: field.name for field in fields for value in block_rule(field.message_type).fits}
 
 
 @cache
@@ -161,7 +166,7 @@ def _enum_problems(spec: PluginSpec) -> list[str]:
         if value not in known
     ]
     for value in spec.enum_values:
-        own = _OWN_BLOCK.get(value)
+        own = _own_blocks().get(value)
         if own and spec.block != own:
             problems.append(f"{value} fits only {own}")
         if value.endswith("_PLUGIN") and spec.block in blocks_of(_kind(spec)):

@@ -136,7 +136,7 @@ class ValueForm(_message.Message):
     def __init__(self, pattern: _Optional[str] = ..., names: _Optional[_Union[Names, str]] = ..., identity: _Optional[str] = ...) -> None: ...
 
 class BlockRule(_message.Message):
-    __slots__ = ("plugin", "fits", "link", "virtual", "simulated", "publishes", "takes", "bus", "commands", "not_yet", "instead")
+    __slots__ = ("plugin", "fits", "link", "virtual", "simulated", "publishes", "takes", "bus", "commands", "not_yet", "instead", "emulator")
     PLUGIN_FIELD_NUMBER: _ClassVar[int]
     FITS_FIELD_NUMBER: _ClassVar[int]
     LINK_FIELD_NUMBER: _ClassVar[int]
@@ -148,6 +148,7 @@ class BlockRule(_message.Message):
     COMMANDS_FIELD_NUMBER: _ClassVar[int]
     NOT_YET_FIELD_NUMBER: _ClassVar[int]
     INSTEAD_FIELD_NUMBER: _ClassVar[int]
+    EMULATOR_FIELD_NUMBER: _ClassVar[int]
     plugin: str
     fits: _containers.RepeatedScalarFieldContainer[str]
     link: str
@@ -159,7 +160,8 @@ class BlockRule(_message.Message):
     commands: _containers.RepeatedCompositeFieldContainer[CommandRule]
     not_yet: str
     instead: str
-    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., not_yet: _Optional[str] = ..., instead: _Optional[str] = ...) -> None: ...
+    emulator: str
+    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., not_yet: _Optional[str] = ..., instead: _Optional[str] = ..., emulator: _Optional[str] = ...) -> None: ...
 
 class BusRule(_message.Message):
     __slots__ = ("request", "reply", "feedback", "command")

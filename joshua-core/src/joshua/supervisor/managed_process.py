@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
-from joshua.plan import NodeKind, NodeSpec, TransportSpec
+from joshua.plan import NodeKind, NodeSpec, TransportSpec, installing
 from joshua.plan.events import LogEntry, Progress
 from joshua.supervisor.child import Child
 from joshua.supervisor.heartbeats import HeartbeatWatch
@@ -444,7 +444,8 @@ class ManagedProcess:
         errors = list(self._child.last_errors) if self._child is not None else []
         if self.specs[0].interpreter and any("No module named" in line for line in errors):
             interpreter = self.specs[0].interpreter
-            return f"{text}: {errors[-1]}; install what is missing: {interpreter} -m pip install joshua-core"
+            what = installing.target(installing.CORE)
+            return f"{text}: {errors[-1]}; install what is missing: {interpreter} -m pip install {what}"
         return f"{text}; it last wrote: {errors[-1]}" if errors else text
 
     def _exit_code_of_end(self, refusal: str) -> int:

@@ -22,7 +22,7 @@ from typing import Any
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.doctor.host import Host
 from joshua.cli.exit_codes import ExitCode
-from joshua.plan import NodeSpec
+from joshua.plan import NodeSpec, installing
 
 ENTRY_POINT_GROUP = "joshua.doctor"
 
@@ -59,7 +59,7 @@ def _load(point: metadata.EntryPoint) -> Part:
     except (Exception, SystemExit) as error:  # noqa: BLE001 - code of a third party
         name = point.dist.name if point.dist else point.name
         text = f"its checks cannot be loaded ({type(error).__name__}: {error})"
-        remedy = f"pip install --force-reinstall {name}"
+        remedy = installing.reinstall(name)
         return Part(problem=Finding(Level.ERROR, "software", name, text, remedy, ExitCode.NOT_INSTALLED))
     return Part(
         tuple(getattr(module, "CHECKS", ())),

@@ -110,12 +110,6 @@ def calibratable_blocks() -> tuple[str, ...]:
     )
 
 
-def own_block(type_name: str) -> str:
-    """The only actuator block that an action type fits; "" where it fits more."""
-    blocks = _blocks_that_fit(pb.SingleAction, type_name)
-    return blocks[0] if len(blocks) == 1 else ""
-
-
 def messages_of(owner: Any) -> Messages:
     """Message types that the node of an action, perception or model can publish and listen to.
 

@@ -9,8 +9,9 @@ from importlib import metadata
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.doctor.host import Host
 from joshua.cli.exit_codes import ExitCode
+from joshua.plan import installing
 from joshua.plugins import PluginStatus, load_registry
-from joshua.plugins.hints import KNOWN_PLUGINS
+from joshua.plugins.hints import stated
 
 NAME = "software"
 # The part of a version number whose change means that core and plugin no longer fit.
@@ -28,7 +29,7 @@ def check(host: Host) -> Iterator[Finding]:
     yield Finding(
         Level.OK, NAME, "joshua-core", f"{core} on Python {python}, {platform.platform(terse=True)}"
     )
-    ours = {known.distribution for known in KNOWN_PLUGINS}
+    ours = stated().distributions()
     for row in load_registry().rows():
         if row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT):
             yield Finding(
@@ -36,7 +37,7 @@ def check(host: Host) -> Iterator[Finding]:
                 NAME,
                 row.distribution,
                 "; ".join(row.reasons),
-                f"pip install --force-reinstall {row.distribution}"
+                installing.reinstall(row.distribution)
                 if row.status is PluginStatus.BROKEN
                 else "joshua plugins says which plugins are in conflict: uninstall one of them",
                 ExitCode.NOT_INSTALLED,
@@ -47,10 +48,16 @@ def check(host: Host) -> Iterator[Finding]:
                 NAME,
                 row.distribution,
                 f"is {row.version}, made for another core than {core}",
-                f"pip install --upgrade joshua-core {row.distribution}",
+                _upgrade(row.distribution),
             )
         elif row.distribution != "joshua-core":  # the core's own devices and models: it has its row
             yield Finding(Level.OK, NAME, row.distribution, row.version)
+
+
+def _upgrade(distribution: str) -> str:
+    if installing.target(distribution) != distribution:
+        return installing.upgrade(distribution)
+    return f"pip install --upgrade {installing.CORE} {distribution}"
 
 
 def _series(version: str) -> list[str]:
