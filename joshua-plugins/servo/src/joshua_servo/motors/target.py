@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from joshua.plan.installing import install
 from joshua_serial.ports.bus_plugins import short_name
 from joshua_serial.usb_ports import Endpoint
 
@@ -59,7 +60,7 @@ def parse_ids(text: str) -> tuple[int, ...]:
 def find_target(arguments: argparse.Namespace, families: Mapping[str, type[BusTools]]) -> Target:
     """The bus that the command line means. Raises TargetRefused."""
     if not families:
-        raise TargetRefused("no installed plugin drives a bus of motors: pip install joshua-sts3215")
+        raise TargetRefused(f"no installed plugin drives a bus of motors: {install('joshua-sts3215')}")
     return _from_file(arguments, families) if arguments.config else _from_options(arguments, families)
 
 
