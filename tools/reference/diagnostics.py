@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.config.codes_fields import FIELD_CODES
-from joshua.config.codes_graph import GRAPH_CODES
-from joshua.config.codes_modes import MODE_CODES
-from joshua.config.codes_planning import PLANNING_CODES
-from joshua.textproto.codes_reading import READING_CODES
+from joshua.config.codes import GROUPS
 
 from reference.finding_examples import example_messages
 from reference.markdown import table
@@ -39,11 +35,11 @@ columns. Fields are added in later versions, never renamed or removed.
 """
 
 GROUPS = (
-    ("Reading the file", READING_CODES),
-    ("Fields and blocks", FIELD_CODES),
-    ("Nodes, topics and devices together", GRAPH_CODES),
-    ("Operation modes, files and plugins", MODE_CODES),
-    ("Plan", PLANNING_CODES),
+    ("Reading the file", GROUPS["reading"]),
+    ("Fields and blocks", GROUPS["fields"]),
+    ("Nodes, topics and devices together", GROUPS["graph"]),
+    ("Operation modes, files and plugins", GROUPS["modes"]),
+    ("Plan", GROUPS["planning"]),
 )
 
 

@@ -1,18 +1,18 @@
-"""The table of diagnostic codes: what causes each one and what to do about it.
+"""The table of diagnostic codes, by groups of rules.
 
-Each group of rules keeps its rows in a ``codes_*.py`` file of its own; this table joins them. The
-documentation prints it, and a test holds that no code is raised that it lacks.
+The rows stand in ``codes.json`` here and, for reading a text, beside ``joshua.textproto.codes``. The
+documentation prints them, and a test holds that no code is raised that they lack.
 """
 
 from __future__ import annotations
 
-from joshua.config.codes_fields import FIELD_CODES
-from joshua.config.codes_graph import GRAPH_CODES
-from joshua.config.codes_modes import MODE_CODES
-from joshua.config.codes_planning import PLANNING_CODES
-from joshua.textproto.code_doc import CodeDoc
-from joshua.textproto.codes_reading import READING_CODES
+from pathlib import Path
 
-CODES: dict[str, CodeDoc] = {**READING_CODES, **FIELD_CODES, **GRAPH_CODES, **MODE_CODES, **PLANNING_CODES}
+from joshua.textproto.codes import CodeDoc, read_codes, reading_codes
 
-__all__ = ["CODES", "CodeDoc"]
+GROUPS: dict[str, dict[str, CodeDoc]] = {
+    "reading": reading_codes(),
+    **read_codes(Path(__file__).with_suffix(".json")),
+}
+
+CODES: dict[str, CodeDoc] = {code: row for rows in GROUPS.values() for code, row in rows.items()}

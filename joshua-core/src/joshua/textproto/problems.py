@@ -6,7 +6,7 @@ from bisect import bisect_right
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from joshua.textproto.codes_reading import READING_CODES
+from joshua.textproto.codes import reading_codes
 from joshua.textproto.limits import MAX_PROBLEMS
 
 # Syntax errors that belong to the field around them.
@@ -83,7 +83,7 @@ class Problems:
             field_path=path,
             found=shortened(found),
             allowed=tuple(allowed),
-            remedy=remedy or READING_CODES[code].next_step,
+            remedy=remedy or reading_codes()[code].next_step,
             related=tuple(
                 Related(position=span.source.position(span.start, span.end), label=label)
                 for span, label in related
@@ -120,7 +120,7 @@ class Problems:
                     code="too-many-problems",
                     severity=Severity.ERROR,
                     message=f"Reading stopped after {MAX_PROBLEMS} problems; there may be more.",
-                    remedy=READING_CODES["too-many-problems"].next_step,
+                    remedy=reading_codes()["too-many-problems"].next_step,
                 )
             )
         return result
