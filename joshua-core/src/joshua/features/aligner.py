@@ -151,9 +151,8 @@ class TimeAligner:
             elif stamp_ns == newest.stamp_ns:
                 counts.duplicates += 1
                 return
-            elif (
-                newest.stamp_ns - stamp_ns > HORIZON_NS
-            ):  # the stream itself went back, before the grid began
+            elif newest.stamp_ns - stamp_ns > HORIZON_NS:
+                # the stream itself went back, before the grid began
                 counts.jumped += 1
                 self._newest[key] = sample
             else:
