@@ -13,6 +13,8 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
+from joshua.devices.context import ActuatorContext
+from joshua.plan import ActuatorFacts
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike.actuator import SpikeActuator
 from joshua_spike.pybricks import CAPABILITIES
@@ -24,7 +26,7 @@ SET_POINT_RATE_HZ = 100.0
 
 def make(hub: EmulatedHub) -> SpikeActuator:
     settings = {"device_name": "Pybricks Hub", "adapter": hub.adapter, "port_names": ["A", "B"]}
-    context = {"allow_uncalibrated": True, "safe_state": "RELEASE"}
+    context = ActuatorContext(ActuatorFacts(allow_uncalibrated=True, safe_state="RELEASE"))
     return SpikeActuator(SpikeSettings.model_validate(settings), context)
 
 

@@ -29,10 +29,10 @@ def stepped_time(monkeypatch: pytest.MonkeyPatch) -> SteppedTime:
 
 @pytest.fixture
 def mock_arm() -> Any:
-    """Makes mock actuators: ``mock_arm(num_motors=3, context=…, position_max=…)``."""
+    """Makes mock actuators: ``mock_arm(num_motors=3, position_max=…)``."""
 
-    def make(context: dict[str, Any] | None = None, **fields: Any) -> MockActuator:
+    def make(**fields: Any) -> MockActuator:
         block = config_pb2.MockMotorConfig(**{"num_motors": 3, "position_max": 4095, **fields})
-        return MockActuator(MockMotorSettings.from_block(block, context=context), context)
+        return MockActuator(MockMotorSettings.from_block(block))
 
     return make

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from google.protobuf import text_format
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan import JointRange, NodeKind, NodeSpec, SensorFacts, TopicSpec
+from joshua.plugins.block_context import BlockContext
 from joshua.schema import config_pb2 as pb
 from joshua_emulator import EmulatedGamepad
 from joshua_teleop_input.settings import GamepadSettings, InputSettings, KeyboardSettings
@@ -16,10 +16,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 JOY = "sensor_msgs/msg/Joy"
 COMMANDS = "/gamepad/joint_commands"
 STATE = "/arm/joint_states"
-JOINTS: list[dict[str, Any]] = [
-    {"name": "pan", "min_rad": -1.0, "max_rad": 1.0},
-    {"name": "lift", "min_rad": -2.0, "max_rad": 2.0},
-]
+JOINTS = (JointRange("pan", -1.0, 1.0), JointRange("lift", -2.0, 2.0))
 NODE = """
   publishers { data_type: JOINT_STATE topic_name: "/gamepad/joint_commands" publish_rate_hz: 50 }
   subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" }
@@ -29,17 +26,18 @@ PAIR = 'controls { positive: "a" negative: "b" joint: "lift" speed_rad_s: 0.5 }'
 
 
 def gamepad_settings(
-    block: str = STICK, *, node: str = NODE, joints: list[dict[str, Any]] | None = None
+    block: str = STICK, *, node: str = NODE, joints: Sequence[JointRange] = ()
 ) -> GamepadSettings:
     """Settings of a ``gamepad_config`` as a file has it."""
     message = text_format.Parse(block, pb.GamepadConfig())
-    return GamepadSettings.from_block(message, text_format.Parse(node, pb.Node()), {"joints": joints or []})
+    context = BlockContext(joints=tuple(joints))
+    return GamepadSettings.from_block(message, text_format.Parse(node, pb.Node()), context)
 
 
 def keyboard_settings(block: str, *, node: str = NODE) -> KeyboardSettings:
     """Settings of a ``keyboard_config`` as a file has it."""
     message = text_format.Parse(block, pb.KeyboardConfig())
-    return KeyboardSettings.from_block(message, text_format.Parse(node, pb.Node()), {})
+    return KeyboardSettings.from_block(message, text_format.Parse(node, pb.Node()))
 
 
 def wait_until_reported(pad: EmulatedGamepad) -> None:
@@ -59,7 +57,7 @@ def node_spec(settings: InputSettings, *, joy: bool = False, rate_hz: float = 50
         implementation="joshua_teleop_input.gamepad:Gamepad",
         settings_type="joshua_teleop_input.settings:GamepadSettings",
         settings=settings.model_dump(mode="json"),
-        context={"joints": JOINTS},
+        facts=SensorFacts(joints=JOINTS),
         publishers=tuple(topics),
         subscriptions=(TopicSpec(name=STATE, type_name=JOINT_STATE),),
     )

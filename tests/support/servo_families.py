@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from joshua.devices.context import ActuatorContext
+from joshua.plan import ActuatorFacts
 from joshua_dynamixel import safe_stop as dynamixel_stop
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus import Bus as DynamixelBus
@@ -81,8 +83,16 @@ class Kind:
             **values,
         }
 
-    def driver(self, emulator: EmulatedBus, context: dict[str, Any] | None = None, **values: Any) -> ServoArm:
+    def driver(
+        self,
+        emulator: EmulatedBus,
+        facts: dict[str, Any] | None = None,
+        *,
+        remembered: dict[str, Any] | None = None,
+        **values: Any,
+    ) -> ServoArm:
         """A driver for all servos of an emulator."""
+        context = ActuatorContext(ActuatorFacts(**(facts or {})), remembered=remembered or {})
         return self.actuator(self.settings_type.model_validate(self.settings_of(emulator, **values)), context)
 
     def target(self, emulator: EmulatedBus, **values: Any) -> ServoCalibrationTarget:

@@ -50,8 +50,8 @@ def make_arm(kind: Kind) -> Iterator[MakeArm]:
     """Makes patient drivers of emulated arms; closes them in the end."""
     arms: list[ServoArm] = []
 
-    def make(emulator: EmulatedBus, context: dict[str, Any] | None = None, **settings: Any) -> ServoArm:
-        arm = kind.driver(emulator, context, **settings)
+    def make(emulator: EmulatedBus, facts: dict[str, Any] | None = None, **settings: Any) -> ServoArm:
+        arm = kind.driver(emulator, facts, **settings)
         patient(arm.bus)
         arms.append(arm)
         return arm

@@ -12,7 +12,7 @@ from joshua.devices.errors import DeviceError
 from joshua.devices.goal import RAMP_SPEED_RAD_S
 from joshua.messages.make import joint_state
 from joshua.mock.settings import MockMotorSettings
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan import JointRange, NodeKind, NodeSpec, TopicSpec
 from joshua.plugins.targets import TargetError
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -23,10 +23,9 @@ COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
 
 
 def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **fields: Any) -> NodeSpec:
-    context = fields.pop("context", {})
+    facts = fields.pop("facts", {})
     settings = MockMotorSettings.from_block(
         config_pb2.MockMotorConfig(**{"num_motors": 2, "position_max": 4095, **(block or {})}),
-        context=context,
     )
     return NodeSpec(
         **{
@@ -37,7 +36,7 @@ def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **f
             "implementation": "joshua.mock.actuator:MockActuator",
             "settings_type": "joshua.mock.settings:MockMotorSettings",
             "settings": settings.model_dump(mode="json"),
-            "context": {"joints": settings.joints(), **context},
+            "facts": {"joints": settings.joints(), **facts},
             "frame_id": "base",
             "publishers": (STATE,),
             "subscriptions": (COMMAND,),
@@ -159,7 +158,7 @@ def test_what_holds_the_process_up_after_a_write_is_not_in_the_stamp_of_the_goal
 
 def test_joints_hold_when_commands_stop(run: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
-    node = run(context={"stale_after_s": 0.05})
+    node = run(facts={"stale_after_s": 0.05})
     node.cycles(5, send=joint_state(["joint_1"], [1.0]))
     node.clock.sleep(0.06)
     node.cycles(2)
@@ -176,11 +175,11 @@ def test_a_follower_takes_the_fraction_of_its_leaders_range(run: Any) -> None:
         "node": "/leader",
         "topic": "/arm/command",
         "joints": [
-            {"name": "l1", "min_rad": 0.0, "max_rad": 1.0},
-            {"name": "l2", "min_rad": 0.0, "max_rad": 1.0},
+            JointRange("l1", 0.0, 1.0),
+            JointRange("l2", 0.0, 1.0),
         ],
     }
-    node = run(block={"position_min": 2048, "position_max": 2148}, context={"leader": leader})
+    node = run(block={"position_min": 2048, "position_max": 2148}, facts={"leader": leader})
     high = node.actuator.limits.position_max_rad[0]
     for _ in range(600):
         node.cycles(1, send=joint_state(["l1", "l2"], [0.5, 1.0]), publisher="/leader")
@@ -193,10 +192,10 @@ def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
     leader = {
         "node": "/leader",
         "topic": "/leader/state",
-        "joints": [{"name": "joint_1", "min_rad": 0.0, "max_rad": 1.0}],
+        "joints": [JointRange("joint_1", 0.0, 1.0)],
     }
     other = TopicSpec(name="/leader/state", type_name="sensor_msgs/msg/JointState")
-    node = run(context={"leader": leader}, subscriptions=(COMMAND, other))
+    node = run(facts={"leader": leader}, subscriptions=(COMMAND, other))
     for _ in range(600):
         node.cycles(1, send=joint_state(["joint_1"], [0.02]))
         if abs(node.written[-1].position[0] - 0.02) < 1e-6:
@@ -206,7 +205,7 @@ def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
 
 def test_whoever_is_declared_takes_over_and_gives_back(run: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
-    node = run(context={"take_over": [{"node": "/gamepad", "topic": "/arm/command"}]})
+    node = run(facts={"take_over": [{"node": "/gamepad", "topic": "/arm/command"}]})
     model, person = joint_state(["joint_1"], [0.4]), joint_state(["joint_1"], [-0.4])
     node.cycles(600, send=model, publisher="/model")
     assert node.written[-1].position[0] == pytest.approx(0.4)
@@ -230,9 +229,9 @@ def test_a_leader_without_a_range_is_refused() -> None:
     leader = {
         "node": "/l",
         "topic": "/arm/command",
-        "joints": [{"name": "a", "min_rad": 1.0, "max_rad": 1.0}],
+        "joints": [JointRange("a", 1.0, 1.0)],
     }
-    context = RecordingContext(spec(context={"leader": leader}))
+    context = RecordingContext(spec(facts={"leader": leader}))
     node = ActuatorNode(context)
     with pytest.raises(DeviceError, match="/arm cannot follow /l: joint a of the leader has no range"):
         node.configure()
@@ -273,7 +272,7 @@ def test_the_safe_state_of_a_follower_is_to_hold(run: Any) -> None:
 
 
 def test_after_a_failure_nothing_moves_without_consent(run: Any) -> None:
-    node = run(context={"restarted": True})
+    node = run(facts={"restarted": True})
     node.cycles(10, send=joint_state(["joint_1"], [0.5]))
     assert node.written == []
     assert len(node.states) == 10

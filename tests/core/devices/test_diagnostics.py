@@ -17,9 +17,7 @@ STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rat
 
 
 def actuator() -> tuple[RecordingContext, ActuatorNode]:
-    settings = MockMotorSettings.from_block(
-        config_pb2.MockMotorConfig(num_motors=2, position_max=4095), context={}
-    )
+    settings = MockMotorSettings.from_block(config_pb2.MockMotorConfig(num_motors=2, position_max=4095))
     spec = NodeSpec(
         name="arm",
         namespace="/left",

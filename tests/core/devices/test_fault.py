@@ -16,7 +16,7 @@ from joshua.messages.make import joint_state
 from joshua.mock.actuator import MockActuator
 from joshua.mock.settings import MockMotorSettings
 from joshua.node.verbs import RefusedError
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan import ActuatorFacts, NodeKind, NodeSpec, RunFacts, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
 
@@ -27,10 +27,8 @@ COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
 class Node:
     """A follower of two mock joints, configured and activated."""
 
-    def __init__(self, folder: Path, role: str = "ACTION_FOLLOWER", **context: Any) -> None:
-        settings = MockMotorSettings.from_block(
-            config_pb2.MockMotorConfig(num_motors=2, position_max=4095), context={}
-        )
+    def __init__(self, folder: Path, role: str = "ACTION_FOLLOWER", **facts: Any) -> None:
+        settings = MockMotorSettings.from_block(config_pb2.MockMotorConfig(num_motors=2, position_max=4095))
         self.latches = LatchFolder(folder / "estop")
         self.files = EstopFiles(str(folder / "files"))
         spec = NodeSpec(
@@ -41,14 +39,16 @@ class Node:
             implementation="joshua.mock.actuator:MockActuator",
             settings_type="joshua.mock.settings:MockMotorSettings",
             settings=settings.model_dump(mode="json"),
-            context={
-                "joints": settings.joints(),
-                "robot": "desk",
-                "domain_id": 7,
-                "latch_folder": str(self.latches.path),
-                "estop_files": str(folder / "files"),
-                **context,
-            },
+            facts=ActuatorFacts(
+                joints=settings.joints(),
+                run=RunFacts(
+                    robot="desk",
+                    domain_id=7,
+                    latch_folder=str(self.latches.path),
+                    estop_files=str(folder / "files"),
+                ),
+                **facts,
+            ),
             publishers=(STATE,),
             subscriptions=(COMMAND,) if role == "ACTION_FOLLOWER" else (),
         )
@@ -364,5 +364,5 @@ def test_a_driver_that_is_started_again_is_told_how_the_device_was_reached(
     start: Any, tmp_path: Path
 ) -> None:
     EstopFiles(str(tmp_path / "files")).leave_order("/arm", "module:stop", {"serial_number": "A1"})
-    assert "remembered" not in start().arm.plan_context
-    assert start(restarted=True).arm.plan_context["remembered"] == {"serial_number": "A1"}
+    assert start().arm.context.remembered == {}
+    assert start(restarted=True).arm.context.remembered == {"serial_number": "A1"}

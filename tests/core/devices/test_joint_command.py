@@ -10,6 +10,7 @@ from joshua.devices.joint_command import CommandReader, TrajectoryCommand
 from joshua.devices.mapping import LeaderMapping
 from joshua.messages import message_class
 from joshua.messages.make import header, joint_state
+from joshua.plan import JointRange
 
 LOG = logging.getLogger("test_joint_command")
 
@@ -103,10 +104,10 @@ def test_names_from_outside_are_shown_bounded_and_quoted(caplog: pytest.LogCaptu
 
 def test_a_leaders_positions_pass_through_its_mapping() -> None:
     leader = [
-        {"name": "l1", "min_rad": 0.0, "max_rad": 1.0},
-        {"name": "extra", "min_rad": 0.0, "max_rad": 1.0},
+        JointRange("l1", 0.0, 1.0),
+        JointRange("extra", 0.0, 1.0),
     ]
-    follower = [{"name": "b", "min_rad": -2.0, "max_rad": 2.0}]
+    follower = [JointRange("b", -2.0, 2.0)]
     one = reader(**{"/leader": LeaderMapping(leader, follower)})
     command = one.joint_state(joint_state(["l1", "extra"], [0.25, 0.5]), "/leader")
     assert command is not None
@@ -116,8 +117,8 @@ def test_a_leaders_positions_pass_through_its_mapping() -> None:
 
 
 def test_other_publishers_of_a_leaders_topic_send_radians() -> None:
-    ranges = [{"name": "b", "min_rad": 0.0, "max_rad": 1.0}]
-    one = reader(**{"/leader": LeaderMapping(ranges, [{"name": "b", "min_rad": -2.0, "max_rad": 2.0}])})
+    ranges = [JointRange("b", 0.0, 1.0)]
+    one = reader(**{"/leader": LeaderMapping(ranges, [JointRange("b", -2.0, 2.0)])})
     for _ in range(2):
         led = one.joint_state(joint_state(["b"], [0.25]), "/leader")
         other = one.joint_state(joint_state(["b"], [0.25]), "/gamepad")

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from joshua.devices.mapping import LeaderMapping
+from joshua.plan import JointRange
 
 
 def joint(name: str, low: float = -1.0, high: float = 1.0) -> dict[str, Any]:
-    return {"name": name, "min_rad": low, "max_rad": high}
+    return JointRange(name, low, high)
 
 
 def pairs(mapping: LeaderMapping) -> list[tuple[str, str]]:

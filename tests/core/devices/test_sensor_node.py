@@ -17,7 +17,7 @@ from joshua.messages import message_class
 from joshua.messages.make import pixels
 from joshua.mock.pattern import frame_number
 from joshua.mock.settings import MockCameraSettings
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
@@ -200,8 +200,8 @@ def test_a_driver_can_break_its_search_off_when_the_run_ends(
     scripted: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def search(sensor: ScriptedSensor) -> None:
-        wait_until(sensor.stopping)
-        raise StopObeyed
+        wait_until(sensor.context.stopping)
+        raise Cancelled
 
     context, node = start(scripted_spec())
     monkeypatch.setattr(scripted, "connect", search)
@@ -213,7 +213,7 @@ def test_a_driver_can_break_its_search_off_when_the_run_ends(
     context = RecordingContext(scripted_spec())
     node = SensorNode(context)
     threading.Timer(0.05, context.stop).start()
-    with pytest.raises(StopObeyed):  # which the runtime takes for a good end
+    with pytest.raises(Cancelled):  # which the runtime takes for a good end
         node.configure()
     node.cleanup()
 

@@ -15,7 +15,7 @@ from joshua.devices.goal import GoalGenerator, GoalState
 from joshua.devices.joint_command import JointCommand
 from joshua.messages.make import joint_state
 from joshua.mock.settings import MockMotorSettings
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan import ActuatorFacts, NodeKind, NodeSpec, OnStale, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
 
@@ -31,8 +31,8 @@ class Loop:
         limits = JointLimits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 5.0))
         self.goals = GoalGenerator(limits, 0.01)
         self.goals.seed(np.zeros(2))
-        settings = {"after_s": 2.0, "pose_rad": [0.4, -3.0], "timeout_s": 5.0, **values}
-        self.policy = StalePolicy(self.goals, {"action": action, **settings})
+        settings = {"after_s": 2.0, "pose_rad": (0.4, -3.0), "timeout_s": 5.0, **values}
+        self.policy = StalePolicy(self.goals, OnStale(action, **settings))
         self.now_ns = 0
         self.stuck = False
 
@@ -105,9 +105,7 @@ def test_a_pose_that_is_not_reached_ends_in_a_release() -> None:
 
 @pytest.fixture
 def node() -> Iterator[ActuatorNode]:
-    settings = MockMotorSettings.from_block(
-        config_pb2.MockMotorConfig(num_motors=2, position_max=4095), context={}
-    )
+    settings = MockMotorSettings.from_block(config_pb2.MockMotorConfig(num_motors=2, position_max=4095))
     spec = NodeSpec(
         name="arm",
         kind=NodeKind.ACTUATOR,
@@ -116,11 +114,9 @@ def node() -> Iterator[ActuatorNode]:
         implementation="joshua.mock.actuator:MockActuator",
         settings_type="joshua.mock.settings:MockMotorSettings",
         settings=settings.model_dump(mode="json"),
-        context={
-            "joints": settings.joints(),
-            "stale_after_s": 0.0,
-            "on_stale": {"action": "RELEASE", "after_s": 0.0, "pose_rad": [], "timeout_s": 5.0},
-        },
+        facts=ActuatorFacts(
+            joints=settings.joints(), stale_after_s=0.0, on_stale=OnStale("RELEASE", 0.0, (), 5.0)
+        ),
         publishers=(STATE,),
         subscriptions=(COMMAND,),
     )

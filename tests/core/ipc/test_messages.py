@@ -8,11 +8,17 @@ import pytest
 from joshua.ipc import messages as ipc
 from joshua.ipc.frames import FrameError
 from joshua.plan import (
+    ActuatorFacts,
     CheckResult,
+    Commander,
+    JointRange,
     NodeKind,
     NodeReport,
     NodeSpec,
+    OnStale,
     QosProfile,
+    RunFacts,
+    SafeStop,
     TimerReport,
     TopicReport,
     TopicSpec,
@@ -25,8 +31,17 @@ SPEC = NodeSpec(
     kind=NodeKind.ACTUATOR,
     behaviour="a:B",
     implementation="c:D",
-    settings={"ports": [1, 2.5, None, "ä"]},
-    context={"velocity_max_rad_s": [math.inf, 1.0]},
+    settings={"ports": [1, 2.5, None, "ä"], "velocity_max_rad_s": [math.inf, 1.0]},
+    facts=ActuatorFacts(
+        joints=(JointRange("pan", -1.0, math.inf),),
+        leader=Commander("/leader", "/leader/joint_states", (JointRange("pan", 0.0, 1.0),)),
+        take_over=(Commander("/gamepad", "/leader/joint_states"),),
+        safe_stop=SafeStop("a:stop", "PARK_THEN_RELEASE", (0.5,), 5.0),
+        on_stale=OnStale("RELEASE", 1.0, (), 5.0),
+        simulation={"model_path": "arm.xml"},
+        stop_timeout_s=11.0,
+        run=RunFacts(log="/log", domain_id=7),
+    ),
     publishers=(TopicSpec(name="/x", type_name="std_msgs/msg/String", qos=QosProfile(depth=3), rate_hz=5.0),),
 )
 TIMER = TimerReport(

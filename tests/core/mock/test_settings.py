@@ -13,8 +13,10 @@ from joshua.mock.settings import (
     MockMotorSettings,
 )
 from joshua.plugins import ActuatorSpec, PluginSpec, SensorSpec, load_registry
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
+from joshua.schema.calibration_pb2 import ArmCalibration
 from pydantic import ValidationError
 
 
@@ -24,23 +26,23 @@ def test_motors_are_in_radians_and_numbered_from_one() -> None:
     assert settings.motion == "none"
     assert settings.time_constant_s == 0.05
     joints = settings.joints()
-    assert [joint["name"] for joint in joints] == ["joint_1", "joint_2"]
-    assert joints[0]["min_rad"] == pytest.approx(-math.pi / 2)
-    assert joints[0]["max_rad"] == pytest.approx(math.pi / 2)
+    assert [joint.name for joint in joints] == ["joint_1", "joint_2"]
+    assert joints[0].min_rad == pytest.approx(-math.pi / 2)
+    assert joints[0].max_rad == pytest.approx(math.pi / 2)
 
 
 def test_the_calibration_names_joints_and_narrows_their_range() -> None:
     block = config_pb2.MockMotorConfig(num_motors=2, position_min=1024, position_max=3072)
     motor = {"id": 2, "joint_name": "elbow", "range_min": 0, "range_max": 2048}
-    settings = MockMotorSettings.from_block(block, context={"calibration": {"motors": [motor]}})
-    names = [joint["name"] for joint in settings.joints()]
+    settings = MockMotorSettings.from_block(block, context=BlockContext(ArmCalibration(motors=[motor])))
+    names = [joint.name for joint in settings.joints()]
     assert names == ["joint_1", "elbow"]
-    assert settings.joints()[1]["min_rad"] == pytest.approx(-math.pi / 2)
-    assert settings.joints()[1]["max_rad"] == 0.0
+    assert settings.joints()[1].min_rad == pytest.approx(-math.pi / 2)
+    assert settings.joints()[1].max_rad == 0.0
 
 
 def problems_of(
-    block: Any, kind: type[PluginSpec], name: str, context: dict[str, Any] | None = None
+    block: Any, kind: type[PluginSpec], name: str, context: BlockContext | None = None
 ) -> list[Any]:
     spec = load_registry().find(kind, name)
     assert isinstance(spec, PluginSpec)
@@ -63,7 +65,9 @@ def test_motors_without_a_range_are_refused() -> None:
 def test_a_calibration_outside_the_range_is_refused() -> None:
     block = config_pb2.MockMotorConfig(num_motors=1, position_min=1000, position_max=2000)
     motor = {"id": 1, "joint_name": "elbow", "range_min": 3000, "range_max": 3500}
-    problems = problems_of(block, ActuatorSpec, "mock_motor_config", {"calibration": {"motors": [motor]}})
+    problems = problems_of(
+        block, ActuatorSpec, "mock_motor_config", BlockContext(ArmCalibration(motors=[motor]))
+    )
     assert problems == [
         (
             "b.position_max",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua.features import Feature, FeatureSet
+from joshua.features import Feature
 from joshua.messages import message_class
 from joshua.messages.arrays import load_decoder
 from joshua.messages.make import joint_state
@@ -17,14 +17,14 @@ from joshua.models.inference_node import InferenceNode
 from joshua.models.model import Model, ModelError, Observation
 from joshua.models.random_noise_settings import RandomNoiseSettings
 from joshua.node.verbs import RefusedError, verbs_of
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan import JointRange, NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
 
-JOINTS = [{"name": "a", "min_rad": -1.0, "max_rad": 1.0}, {"name": "b", "min_rad": -0.1, "max_rad": 0.1}]
+JOINTS = [JointRange("a", -1.0, 1.0), JointRange("b", -0.1, 0.1)]
 ACTION = TopicSpec(name="/action", type_name="sensor_msgs/msg/JointState", rate_hz=50.0)
 SEEN = TopicSpec(name="/seen", type_name="std_msgs/msg/Int64")
-COUNTED = FeatureSet([Feature("observation.seen", "int64", (1,), topic="/seen")]).as_json()
+COUNTED = [Feature("observation.seen", "int64", (1,), topic="/seen")]
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
@@ -76,7 +76,7 @@ def spec(**fields: Any) -> NodeSpec:
             "kind": NodeKind.MODEL,
             "behaviour": "",
             "implementation": "joshua_scripted_model:OneModel",
-            "context": {
+            "facts": {
                 "joints": JOINTS,
                 "features": COUNTED,
                 "task": "pick it up",
@@ -164,7 +164,7 @@ def test_nothing_is_published_before_everything_was_observed(
 
 def test_what_was_planned_on_stale_observations_is_dropped(model: Any) -> None:
     model.chunk = np.full((1000, 2), 0.05)
-    context, node = start(spec(context={"joints": JOINTS, "features": COUNTED, "observation_stale_s": 0.3}))
+    context, node = start(spec(facts={"joints": JOINTS, "features": COUNTED, "observation_stale_s": 0.3}))
     play_until(context, 1, seen=1)
     time.sleep(0.35)
     count = len(actions(context))
@@ -193,7 +193,7 @@ def test_a_slow_model_does_not_stop_the_timer(model: Any) -> None:
 
 def test_actions_are_clipped_to_the_limits(model: Any) -> None:
     model.chunk = np.array([[5.0, -5.0]])
-    context, node = start(spec(subscriptions=(), context={"joints": JOINTS}))
+    context, node = start(spec(subscriptions=(), facts={"joints": JOINTS}))
     play_until(context, 1)
     end(context, node)
     assert actions(context)[0] == [1.0, -0.1]
@@ -210,7 +210,7 @@ def test_actions_are_clipped_to_the_limits(model: Any) -> None:
 )
 def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, message: str) -> None:
     model.chunk = chunk
-    context, node = start(spec(subscriptions=(), context={"joints": JOINTS}))
+    context, node = start(spec(subscriptions=(), facts={"joints": JOINTS}))
     wait_until(lambda: not any(thread.is_alive() for thread in context._threads))
     context.tick("actions", 3)
     with pytest.raises(ModelError, match=message):
@@ -222,7 +222,7 @@ def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, messa
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"context": {}}, "/policy does not know its joints: let an actuator subscribe to /action"),
+        ({"facts": {}}, "/policy does not know its joints: let an actuator subscribe to /action"),
         ({"publishers": ()}, "/policy publishes no action: add a publisher of type JOINT_STATE"),
         (
             {"publishers": (TopicSpec(name="/x", type_name="sensor_msgs/msg/Imu", rate_hz=1.0),)},
@@ -256,7 +256,7 @@ def test_a_message_that_does_not_fit_is_said_once_and_not_acted_on(
     context, node = start(
         spec(
             subscriptions=(seen,),
-            context={"joints": JOINTS, "features": FeatureSet(features).as_json()},
+            facts={"joints": JOINTS, "features": features},
         )
     )
 
@@ -282,7 +282,7 @@ def test_random_noise_runs_as_a_node() -> None:
             settings_type="joshua.models.random_noise_settings:RandomNoiseSettings",
             settings=settings.model_dump(mode="json"),
             subscriptions=(),
-            context={"joints": JOINTS},
+            facts={"joints": JOINTS},
         )
     )
     play_until(context, 20)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from joshua.features import FeatureSet
-from joshua.plan import NodeKind, Severity
+from joshua.plan import Commander, NodeKind, Severity
 from joshua.planner.pipeline import Examination, examine
 from joshua.planner.request import Purpose, Request
 
@@ -75,13 +75,13 @@ def test_topics_carry_type_rate_and_the_profile_in_force(tmp_path):
 
 def test_a_follower_knows_its_leader_and_both_know_their_joints(tmp_path):
     leader, follower = examine(Request(teleoperation(tmp_path))).plan.nodes
-    assert [joint["name"] for joint in leader.context["joints"]] == ["joint_1", "joint_2"]
-    low = leader.context["joints"][0]["min_rad"]
+    assert [joint.name for joint in leader.facts.joints] == ["joint_1", "joint_2"]
+    low = leader.facts.joints[0].min_rad
     assert low == pytest.approx((1024 - 2048) * 2 * 3.141592653589793 / 4096)
-    assert follower.context["leader"]["node"] == "/leader"
-    assert follower.context["leader"]["topic"] == "/leader/joint_states"
-    assert follower.context["leader"]["joints"] == leader.context["joints"]
-    assert "leader" not in leader.context
+    assert follower.facts.leader.node == "/leader"
+    assert follower.facts.leader.topic == "/leader/joint_states"
+    assert follower.facts.leader.joints == leader.facts.joints
+    assert leader.facts.leader is None
 
 
 def test_a_calibration_names_the_joints(tmp_path):
@@ -91,9 +91,8 @@ calibration { arms { node_name: "leader"
   motors { id: 2 joint_name: "gripper" range_min: 200 range_max: 3000 } } }
 """
     leader, follower = examine(Request(teleoperation(tmp_path, calibration))).plan.nodes
-    assert [joint["name"] for joint in leader.context["joints"]] == ["shoulder_pan", "gripper"]
-    assert leader.context["calibration"]["motors"][1]["range_max"] == 3000
-    assert [joint["name"] for joint in follower.context["leader"]["joints"]] == ["shoulder_pan", "gripper"]
+    assert [joint.name for joint in leader.facts.joints] == ["shoulder_pan", "gripper"]
+    assert [joint.name for joint in follower.facts.leader.joints] == ["shoulder_pan", "gripper"]
 
 
 def test_an_actuator_knows_who_may_take_over(tmp_path):
@@ -109,11 +108,9 @@ def test_an_actuator_knows_who_may_take_over(tmp_path):
     Path(path).write_text(text.replace("robot {", "robot { " + second, 1))
     nodes = {node.name: node for node in examine(Request(path)).plan.nodes}
     leader, other, follower = (nodes[name] for name in ("leader", "second", "follower"))
-    assert follower.context["leader"]["node"] == "/leader"
-    assert follower.context["take_over"] == [
-        {"node": "/second", "topic": "/leader/joint_states", "joints": other.context["joints"]}
-    ]
-    assert "take_over" not in leader.context
+    assert follower.facts.leader.node == "/leader"
+    assert follower.facts.take_over == (Commander("/second", "/leader/joint_states", other.facts.joints),)
+    assert leader.facts.take_over == ()
 
 
 def test_random_noise_needs_no_block_of_its_own(tmp_path):
@@ -156,7 +153,7 @@ ai { models { model_type: RANDOM_NOISE node { node_name: "noise" node_id: 3
     examination = examine(Request(path))
     assert not examination.errors
     (noise,) = [node for node in examination.plan.nodes if node.name == "noise"]
-    features = FeatureSet.from_json(noise.context["features"])
+    features = FeatureSet(noise.facts.features)
     assert list(features) == ["observation.images.top", "observation.state"]
     assert features["observation.images.top"].shape == (48, 64, 3)
     assert features["observation.state"].names == ("joint_1", "joint_2")
@@ -295,16 +292,16 @@ def test_a_driver_gets_absolute_paths(tmp_path):
 def test_waivers_reach_the_actuators(tmp_path):
     path = teleoperation(tmp_path)
     (leader, _) = examine(Request(path)).plan.nodes
-    assert "allow_uncalibrated" not in leader.context
+    assert not leader.facts.allow_uncalibrated
     (leader, follower) = examine(Request(path, allow_uncalibrated=True, dry_run=True)).plan.nodes
-    assert leader.context["allow_uncalibrated"] is True
-    assert follower.context["dry_run"] is True
+    assert leader.facts.allow_uncalibrated is True
+    assert follower.facts.dry_run is True
 
 
 def test_a_test_moves_actuators_that_have_no_calibration(tmp_path):
     path = teleoperation(tmp_path, general=GENERAL.replace("MODE_TELEOPERATE", "MODE_TEST"))
     (leader, _) = examine(Request(path)).plan.nodes
-    assert leader.context["allow_uncalibrated"] is True
+    assert leader.facts.allow_uncalibrated is True
 
 
 @pytest.mark.parametrize(("kind", "notes"), [("TRANSPORT_ZENOH", 1), ("TRANSPORT_DDS", 0)])

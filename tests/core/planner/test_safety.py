@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from joshua.plan import ActuatorFacts, OnStale, SafeStop
 from joshua.planner.pipeline import Examination, examine
 from joshua.planner.request import Request
 
@@ -45,10 +46,10 @@ def planned(
     return examine(Request(str(path)))
 
 
-def context(examination: Examination) -> dict[str, Any]:
+def facts(examination: Examination) -> ActuatorFacts:
     assert examination.plan is not None, examination.diagnostics
     (node,) = examination.plan.nodes
-    return node.context
+    return node.facts_as(ActuatorFacts)
 
 
 def finding(examination: Examination, code: str) -> Any:
@@ -57,31 +58,26 @@ def finding(examination: Examination, code: str) -> Any:
 
 
 def test_an_arm_is_held_by_default(tmp_path: Path) -> None:
-    stop = context(planned(tmp_path, ""))["safe_stop"]
-    assert stop == {
-        "implementation": "joshua_sts3215.safe_stop:stop",
-        "state": "HOLD",
-        "park_pose_rad": [],
-        "timeout_s": 5.0,
-    }
+    stop = facts(planned(tmp_path, "")).safe_stop
+    assert stop == SafeStop("joshua_sts3215.safe_stop:stop", "HOLD", (), 5.0)
 
 
 def test_parking_asks_the_stop_for_more_time(tmp_path: Path) -> None:
-    values = context(planned(tmp_path, f"{PARK} park_pose_rad: [0.5, -0.5] park_timeout_s: 8"))
-    assert values["safe_stop"]["park_pose_rad"] == [0.5, -0.5]
-    assert values["stop_timeout_s"] > 8
+    values = facts(planned(tmp_path, f"{PARK} park_pose_rad: [0.5, -0.5] park_timeout_s: 8"))
+    assert values.safe_stop.park_pose_rad == (0.5, -0.5)
+    assert values.stop_timeout_s > 8
 
 
 def test_a_leader_is_released_and_has_no_guardian(tmp_path: Path) -> None:
-    values = context(planned(tmp_path, "", role="ACTION_LEADER"))
-    assert values["safe_state"] == "RELEASE"
-    assert "safe_stop" not in values
+    values = facts(planned(tmp_path, "", role="ACTION_LEADER"))
+    assert values.safe_state == "RELEASE"
+    assert values.safe_stop is None
 
 
 def test_virtual_motors_have_no_guardian(tmp_path: Path) -> None:
     examination = planned(tmp_path, "safe_state: RELEASE park_timeout_s: 3", block=MOCK)
-    assert context(examination)["safe_state"] == "RELEASE"
-    assert "safe_stop" not in context(examination)
+    assert facts(examination).safe_state == "RELEASE"
+    assert facts(examination).safe_stop is None
     assert "arm has no guardian that it could bound" in finding(examination, "field-unused").message
 
 
@@ -99,14 +95,10 @@ def test_a_park_pose_has_one_angle_for_each_joint(tmp_path: Path) -> None:
 
 
 def test_a_policy_for_commands_that_stay_away_reaches_the_node(tmp_path: Path) -> None:
-    assert "on_stale" not in context(planned(tmp_path, "on_stale: HOLD"))
+    assert facts(planned(tmp_path, "on_stale: HOLD")).on_stale is None
     more = "on_stale: PARK_THEN_RELEASE on_stale_after_s: 1.5 park_pose_rad: [0.5, -0.5]"
-    assert context(planned(tmp_path, more, block=MOCK))["on_stale"] == {
-        "action": "PARK_THEN_RELEASE",
-        "after_s": 1.5,
-        "pose_rad": [0.5, -0.5],
-        "timeout_s": 5.0,
-    }
+    on_stale = facts(planned(tmp_path, more, block=MOCK)).on_stale
+    assert on_stale == OnStale("PARK_THEN_RELEASE", 1.5, (0.5, -0.5), 5.0)
     item = finding(planned(tmp_path, "on_stale: PARK_THEN_RELEASE park_pose_rad: [0]"), "park-pose-unfit")
     assert "has 1 angles" in item.message
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import pytest
 from joshua.plan import Position
 from joshua.plugins import ActuatorSpec, PluginSpec
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.block_values import block_values, shortest_float32
 from joshua.plugins.settings import BlockSettings, FieldError, FromField, make_settings
 from joshua.schema import config_pb2
@@ -23,11 +24,11 @@ class MotorSettings(BlockSettings):
     high_rad: Annotated[float, FromField("position_max", to_rad), Field(le=3.0)]
     motion: str
     time_constant_s: float
-    rate_hz: float = 0.0
+    launching: bool = False
 
     @classmethod
-    def si_values(cls, values: Mapping[str, Any], node: Any, context: Mapping[str, Any]) -> dict[str, Any]:
-        return {**super().si_values(values, node, context), "rate_hz": context.get("rate_hz", 0.0)}
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
+        return {**super().si_values(values, node, context), "launching": context.launch}
 
     @model_validator(mode="after")
     def _ordered(self) -> MotorSettings:
@@ -47,7 +48,7 @@ class SerialSettings(BlockSettings):
 
 class BrokenSettings(BlockSettings):
     @classmethod
-    def si_values(cls, values: Mapping[str, Any], node: Any, context: Mapping[str, Any]) -> dict[str, Any]:
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
         return {"stroke_m": values["no_such_field"]}
 
 
@@ -123,13 +124,13 @@ def test_settings_are_in_si_units_and_json_able(motors: PluginSpec) -> None:
     block = config_pb2.MockMotorConfig(
         num_motors=2, position_min=1024, position_max=3072, time_constant_s=0.1
     )
-    settings, problems = make_settings(motors, block, context={"rate_hz": 50.0})
+    settings, problems = make_settings(motors, block, context=BlockContext(launch=True))
     assert problems == []
     assert isinstance(settings, MotorSettings)
     assert settings.low_rad == pytest.approx(-math.pi / 2)
     assert settings.high_rad == pytest.approx(math.pi / 2)
     assert settings.time_constant_s == 0.1
-    assert settings.rate_hz == 50.0
+    assert settings.launching
     assert MotorSettings.model_validate(settings.model_dump(mode="json")) == settings
 
 

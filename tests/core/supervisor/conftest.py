@@ -83,14 +83,14 @@ class Robot:
 
     def node(self, behaviour: str, name: str = "", **fields: Any) -> NodeSpec:
         """A node that runs a test behaviour; its kind is a sensor unless said otherwise."""
-        context = {"notes": str(self.notes), **fields.pop("context", {})}
+        settings = {"notes": str(self.notes), **fields.pop("settings", {})}
         module = fields.pop("module", "runtime_behaviours")
         return NodeSpec(
             name=name or behaviour.lower(),
             kind=fields.pop("kind", NodeKind.SENSOR),
             behaviour=f"{module}:{behaviour}",
             implementation="",
-            context=context,
+            settings=settings,
             **fields,
         )
 

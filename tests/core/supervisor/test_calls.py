@@ -26,7 +26,7 @@ class Caller:
         self._errors: list[BaseException] = []
 
     def run(self) -> RunReport:
-        node = self.robot.node("Waver", module="verb_behaviours", context={"gate": str(self.gate)})
+        node = self.robot.node("Waver", module="verb_behaviours", settings={"gate": str(self.gate)})
         thread = threading.Thread(target=self._do)
         thread.start()
         try:

@@ -63,7 +63,7 @@ def test_a_behaviour_that_cannot_be_loaded_is_exit_3(robot, module, behaviour, w
 
 @pytest.mark.parametrize("step", ["configure", "activate"])
 def test_an_exception_at_the_start_ends_the_run_and_still_shuts_the_node_down(robot, step):
-    report = robot.run(robot.node("FailsIn", context={"fails_in": step}))
+    report = robot.run(robot.node("FailsIn", settings={"fails_in": step}))
 
     assert report.exit_code == 1
     assert f"RuntimeError: broken in {step}" in report.reason
@@ -74,7 +74,7 @@ def test_an_exception_at_the_start_ends_the_run_and_still_shuts_the_node_down(ro
 
 @pytest.mark.parametrize("step", ["deactivate", "cleanup"])
 def test_an_exception_at_the_end_is_reported_and_the_rest_still_runs(robot, step):
-    report = robot.run(robot.node("FailsIn", context={"fails_in": step}), robot.node("Quiet"))
+    report = robot.run(robot.node("FailsIn", settings={"fails_in": step}), robot.node("Quiet"))
 
     assert report.exit_code == 1
     assert [node.state for node in report.nodes] == ["failed", "stopped"]
@@ -101,7 +101,7 @@ def test_a_driver_that_calls_sys_exit_is_still_shut_down(robot):
 def test_a_node_that_crashes_is_restarted_and_the_others_go_on(robot, behaviour, words):
     report = robot.run_until(
         lambda: "ready again" in robot.ui.text(),
-        robot.node(behaviour, context={"once": True}),
+        robot.node(behaviour, settings={"once": True}),
         robot.node("Ticking"),
     )
 
@@ -133,7 +133,7 @@ def test_a_node_that_keeps_crashing_is_given_up_and_the_run_ends_in_error(robot)
 def test_a_node_that_is_not_back_when_the_run_ends_has_failed(robot):
     report = robot.run_until(
         lambda: "comesbackslowly restarted" in robot.noted(),
-        robot.node("ComesBackSlowly", context={"once": True}),
+        robot.node("ComesBackSlowly", settings={"once": True}),
         robot.node("Ticking"),
     )
 
@@ -172,7 +172,9 @@ def test_a_callback_of_a_subscription_that_raises_fails_its_node(robot):
 
 
 def test_a_reader_thread_that_raises_fails_its_node(robot):
-    report = robot.run(robot.node("Reader", context={"reader": "fails"}, restart="stop-run"), duration_s=None)
+    report = robot.run(
+        robot.node("Reader", settings={"reader": "fails"}, restart="stop-run"), duration_s=None
+    )
 
     assert report.exit_code in (1, 4)  # it may fail before the run has begun or after that
     assert "/dev/video9 is gone" in report.reason
@@ -181,7 +183,7 @@ def test_a_reader_thread_that_raises_fails_its_node(robot):
 def test_a_process_group_fails_as_a_whole_and_comes_back_as_a_whole(robot):
     report = robot.run_until(
         lambda: "ready again" in robot.ui.text(),
-        robot.node("Raises", process_group="sim", context={"once": True}),
+        robot.node("Raises", process_group="sim", settings={"once": True}),
         robot.node("Quiet", process_group="sim"),
     )
 
@@ -199,7 +201,7 @@ def test_a_node_that_hangs_is_named_with_the_place_and_brought_into_its_safe_sta
     monkeypatch.setattr(managed_process, "HANG_TIMES", LadderTimes(10.0, 10.0))
     report = robot.run_until(
         lambda: "ready again" in robot.ui.text(),
-        robot.node(behaviour, context={"once": True, "hang_after_s": 1.0}),
+        robot.node(behaviour, settings={"once": True}, facts={"hang_after_s": 1.0}),
         robot.node("Quiet"),
     )
 
@@ -218,7 +220,7 @@ def test_a_node_that_hangs_is_named_with_the_place_and_brought_into_its_safe_sta
 
 
 def test_a_node_that_hangs_in_native_code_is_killed(robot):
-    node = robot.node("HoldsInterpreter", restart="stop-run", context={"hang_after_s": 1.0})
+    node = robot.node("HoldsInterpreter", restart="stop-run", facts={"hang_after_s": 1.0})
     report = robot.run(node, duration_s=None)
 
     assert report.exit_code == 1
@@ -227,14 +229,16 @@ def test_a_node_that_hangs_in_native_code_is_killed(robot):
 
 
 def test_a_reader_thread_that_hangs_is_named(robot):
-    report = robot.run(robot.node("Reader", context={"reader": "hangs"}, restart="stop-run"), duration_s=None)
+    report = robot.run(
+        robot.node("Reader", settings={"reader": "hangs"}, restart="stop-run"), duration_s=None
+    )
 
     assert report.exit_code == 1
     assert "its thread 'reader' has shown no sign of life" in report.reason
 
 
 def test_a_node_that_does_not_get_ready_is_named_with_what_it_waits_for(robot):
-    report = robot.run(robot.node("SlowStart", context={"ready_timeout_s": 5.0}), robot.node("Quiet"))
+    report = robot.run(robot.node("SlowStart", facts={"ready_timeout_s": 5.0}), robot.node("Quiet"))
 
     assert report.exit_code == 1
     assert (
@@ -245,8 +249,8 @@ def test_a_node_that_does_not_get_ready_is_named_with_what_it_waits_for(robot):
 
 def test_a_node_that_does_not_stop_climbs_the_ladder_and_is_killed(robot):
     report = robot.run(
-        robot.node("IgnoresStop", context={"stop_timeout_s": 2.0}),
-        robot.node("Quiet", context={"stop_timeout_s": 60.0}),
+        robot.node("IgnoresStop", facts={"stop_timeout_s": 2.0}),
+        robot.node("Quiet", facts={"stop_timeout_s": 60.0}),
         ladder=SHORT_LADDER,
     )
 
@@ -261,7 +265,7 @@ def test_a_node_that_does_not_stop_climbs_the_ladder_and_is_killed(robot):
 def test_a_node_that_blocks_is_interrupted_and_still_comes_to_its_safe_state(robot):
     report = robot.run_until(
         lambda: "sleeps acts" in robot.noted(),
-        robot.node("Sleeps", context={"hang_after_s": 60.0}),
+        robot.node("Sleeps", facts={"hang_after_s": 60.0}),
         ladder=LadderTimes(0.3, 30.0),
     )
 
@@ -273,7 +277,7 @@ def test_a_node_that_blocks_is_interrupted_and_still_comes_to_its_safe_state(rob
 def test_a_node_that_swallows_the_interruption_is_killed(robot):
     report = robot.run_until(
         lambda: "ignoreseverything acts" in robot.noted(),
-        robot.node("IgnoresEverything", context={"hang_after_s": 60.0}),
+        robot.node("IgnoresEverything", facts={"hang_after_s": 60.0}),
         ladder=SHORT_LADDER,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from joshua.guardian.silence import ThreadTime
 from joshua.ipc.messages import Heartbeat, ThreadAge
-from joshua.plan import NodeKind, NodeSpec
+from joshua.plan import ActuatorFacts, NodeKind, NodeSpec
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S, HANG_AFTER_S, HeartbeatWatch, hang_limit_s
 
 ARM = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="a:B", implementation="")
@@ -90,8 +90,6 @@ def test_nothing_is_watched_before_the_begin_and_after_the_end():
     assert heart.hung() is None
 
 
-@pytest.mark.parametrize(
-    ("value", "limit"), [(3, 3.0), (0.05, 0.05), (0, 0.2), (-1, 0.2), ("x", 0.2), (None, 0.2)]
-)
+@pytest.mark.parametrize(("value", "limit"), [(3, 3.0), (0.05, 0.05), (0, 0.2), (-1, 0.2)])
 def test_the_plan_can_set_a_limit(value, limit):
-    assert hang_limit_s(ARM.model_copy(update={"context": {"hang_after_s": value}})) == limit
+    assert hang_limit_s(ARM.model_copy(update={"facts": ActuatorFacts(hang_after_s=value)})) == limit

@@ -152,7 +152,7 @@ def test_ctrl_c_during_the_start_is_130_and_leaves_nothing(robot, launch):
 
 
 def test_a_second_ctrl_c_kills_at_once(robot, launch):
-    run = launch(robot.node("IgnoresStop", context={"stop_timeout_s": 60.0}), robot.node("Quiet"))
+    run = launch(robot.node("IgnoresStop", facts={"stop_timeout_s": 60.0}), robot.node("Quiet"))
     pids = run.pids()
 
     # At once, however busy this program is: the same order, delivered twice.
@@ -182,7 +182,7 @@ def test_a_child_that_is_killed_comes_back(robot, launch):
 
 
 def test_a_child_that_is_stopped_counts_as_hung_and_comes_back(robot, launch):
-    run = launch(robot.node("Ticking", context={"hang_after_s": 1.0}), robot.node("Quiet"))
+    run = launch(robot.node("Ticking", facts={"hang_after_s": 1.0}), robot.node("Quiet"))
     pid = run.wait_for("ready")["/ticking"]
 
     os.kill(pid, signal.SIGSTOP)
@@ -196,7 +196,7 @@ def test_a_child_that_is_stopped_counts_as_hung_and_comes_back(robot, launch):
 
 @pytest.mark.parametrize("whole_group", [True, False])
 def test_a_supervisor_that_was_stopped_takes_nobody_for_hung(robot, launch, whole_group):
-    run = launch(robot.node("Ticking", context={"hang_after_s": 2.0}), robot.node("Quiet"))
+    run = launch(robot.node("Ticking", facts={"hang_after_s": 2.0}), robot.node("Quiet"))
     node = run.wait_for("ready")["/ticking"]
     stop = os.killpg if whole_group else os.kill
 

@@ -35,9 +35,9 @@ class User:
         self._errors: list[BaseException] = []
 
     def run(self, *others: Any, **options: Any) -> RunReport:
-        context = {"wish": str(self.wish)}
+        settings = {"wish": str(self.wish)}
         node = self.robot.node(
-            "Faulty", "arm", kind=NodeKind.ACTUATOR, module="resume_behaviours", context=context
+            "Faulty", "arm", kind=NodeKind.ACTUATOR, module="resume_behaviours", settings=settings
         )
         thread = threading.Thread(target=self._do)
         thread.start()
@@ -143,7 +143,7 @@ def test_nothing_is_started_again_while_the_run_stops(robot: Any) -> None:
         finally:
             gate.touch()
 
-    waits = robot.node("StopsLate", module="resume_behaviours", context={"gate": str(gate)})
+    waits = robot.node("StopsLate", module="resume_behaviours", settings={"gate": str(gate)})
     report = User(robot, work).run(waits, ladder=LadderTimes(40.0, 10.0))
     assert {node.full_name: node.state for node in report.nodes} == {ARM: "stopped", "/stopslate": "stopped"}
 

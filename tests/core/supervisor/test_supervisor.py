@@ -89,7 +89,7 @@ def test_nodes_and_their_logs_are_those_of_ros_2_nodes(robot, kind):
     robot.transport = robot.transport.model_copy(update={"kind": kind})
     report = robot.run(
         robot.node("Chats", namespace="/left"),
-        robot.node("SeesGraph", context={"transport": robot.transport.model_dump(mode="json")}),
+        robot.node("SeesGraph", settings={"transport": robot.transport.model_dump(mode="json")}),
         duration_s=60.0,
     )
 
@@ -165,7 +165,7 @@ def test_a_failing_user_interface_is_cut_off_and_stops_nothing(robot):
 def test_an_actuator_is_told_that_it_was_restarted(robot):
     report = robot.run_until(
         lambda: "ready again" in robot.ui.text(),
-        robot.node("Raises", kind=NodeKind.ACTUATOR, context={"once": True}),
+        robot.node("Raises", kind=NodeKind.ACTUATOR, settings={"once": True}),
     )
 
     assert "raises restarted" in robot.noted()

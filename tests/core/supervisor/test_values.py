@@ -30,7 +30,7 @@ def test_a_group_named_like_a_node_is_still_another_process():
 
 
 def test_a_node_can_ask_for_more_time():
-    specs = (node("a", context={"stop_timeout_s": 8, "ready_timeout_s": 90.0}), node("b"))
+    specs = (node("a", facts={"stop_timeout_s": 8, "ready_timeout_s": 90.0}), node("b"))
     assert ladder_times(specs, LadderTimes(3.0, 1.0)) == LadderTimes(8.0, 1.0)
     assert ladder_times(specs[1:], LadderTimes(3.0, 1.0)) == LadderTimes(3.0, 1.0)
     assert ready_timeout_s(specs[0]) == 90.0

@@ -51,7 +51,7 @@ def run() -> Iterator[Runner]:
             implementation="joshua_camera.camera:OpenCvCamera",
             settings_type="joshua_camera.settings:CameraSettings",
             settings=settings.model_dump(mode="json"),
-            context={"testing": True} if testing else {},
+            facts={"testing": True} if testing else {},
             publishers=tuple(
                 TopicSpec(name=f"/{index}", type_name=name, rate_hz=settings.fps)
                 for index, name in enumerate(types)

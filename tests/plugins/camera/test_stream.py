@@ -11,12 +11,14 @@ from typing import Any
 
 import pytest
 from eventually import eventually
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading
 from joshua.guardian.silence import AwakeClock
 from joshua.messages import decode, encode
 from joshua.messages.make import pixels
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
+from joshua.plan import SensorFacts
 from joshua_camera.camera import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, OpenCvCamera
 from joshua_camera.picture import decode_jpeg
 from joshua_emulator import EmulatedCamera
@@ -54,11 +56,11 @@ def test_a_run_that_ends_is_not_kept_waiting(emulator: EmulatedCamera, camera_at
     emulator.fault("stall")
     camera = camera_at(emulator.source)
     asked = itertools.count()
-    camera.stopping = lambda: next(asked) > 2
-    with pytest.raises(StopObeyed):
+    camera.context = SensorContext(SensorFacts(), stopping=lambda: next(asked) > 2)
+    with pytest.raises(Cancelled):
         camera.connect()
     assert not camera.connected
-    camera.stopping = lambda: False
+    camera.context = SensorContext(SensorFacts())
     emulator.ask("clear_faults")
     camera.connect()
 

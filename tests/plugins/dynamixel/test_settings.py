@@ -3,6 +3,7 @@ from typing import Any
 import pytest
 from google.protobuf import text_format
 from joshua.plugins import ActuatorSpec, load_registry
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
 from joshua_dynamixel.settings import DynamixelSettings
@@ -15,7 +16,7 @@ position_max: 4095
 """
 
 
-def settings_of(text: str, context: dict[str, Any] | None = None) -> tuple[Any, list[Any]]:
+def settings_of(text: str, context: BlockContext | None = None) -> tuple[Any, list[Any]]:
     block = text_format.Parse(text, config_pb2.DynamixelConfig())
     spec = load_registry().find(ActuatorSpec, "dynamixel_config", "ACTION_LEADER")
     assert spec is not None

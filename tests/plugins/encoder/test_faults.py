@@ -13,9 +13,11 @@ from typing import Any
 
 import pytest
 from eventually import eventually
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.guardian.silence import AwakeClock
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
+from joshua.plan import SensorFacts
 from joshua_emulator import EmulatedEncoder, EmulatedLidar
 from joshua_encoder.encoder import SerialEncoder
 from joshua_encoder.sources import STALE_S, Amt21Source
@@ -74,8 +76,8 @@ def test_a_run_that_ends_is_not_kept_waiting(
     emulator = emulator_of(kind, baudrate=baudrate, fault=["silent"])
     encoder = encoder_at(emulator.port, kind, baudrate)
     asked = itertools.count()
-    encoder.stopping = lambda: next(asked) > 2
-    with pytest.raises(StopObeyed):
+    encoder.context = SensorContext(SensorFacts(), stopping=lambda: next(asked) > 2)
+    with pytest.raises(Cancelled):
         encoder.connect()
     assert not encoder.connected
     assert not encoder._port.is_open

@@ -12,9 +12,11 @@ from collections.abc import Callable
 
 import pytest
 from eventually import eventually
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.guardian.silence import AwakeClock
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
+from joshua.plan import SensorFacts
 from joshua_emulator import EmulatedLidar
 from joshua_lidar import lidar as lidar_module
 from joshua_lidar import requests
@@ -123,8 +125,8 @@ def test_a_run_that_ends_is_not_kept_waiting(
     emulator = emulator_of(model or "rplidar_a1", fault=[fault])
     lidar = lidar_at(emulator.port, model)
     asked = itertools.count()
-    lidar.stopping = lambda: next(asked) > 5
-    with pytest.raises(StopObeyed):
+    lidar.context = SensorContext(SensorFacts(), stopping=lambda: next(asked) > 5)
+    with pytest.raises(Cancelled):
         lidar.connect()
     assert not lidar.connected
     if model == "rplidar_a1":

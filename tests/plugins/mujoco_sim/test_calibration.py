@@ -15,10 +15,13 @@ import numpy as np
 import pytest
 from joshua.cli.simulation import take_calibrations
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
+from joshua.devices.context import ActuatorContext
 from joshua.devices.errors import DeviceError
+from joshua.plan import ActuatorFacts
 from joshua.planner.calibration_place import calibration_place
 from joshua.planner.pipeline import check_file
 from joshua.planner.request import Request
+from joshua.plugins.block_context import BlockContext
 from joshua.testing import check_actuator
 from joshua.testing.domain import reserved_domain
 from joshua_calibration.arm_file import ArmFile
@@ -36,7 +39,7 @@ WHEEL = {"name": "wheel", "min_rad": -math.tau, "max_rad": math.tau, "by_hand": 
 RAD_PER_TICK = math.tau / 4096
 
 
-def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> dict[str, Any]:
+def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> BlockContext:
     simulation = {
         "mode": "OFFSCREEN",
         "model_path": model_path,
@@ -49,10 +52,10 @@ def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> dict[str, A
         "trajectory_path": "",
         "replay_speed": 1.0,
     }
-    return {"simulation": simulation} | more
+    return BlockContext(simulation=simulation, **more)
 
 
-def settings(facts: dict[str, Any], *names: str) -> SimActuatorSettings:
+def settings(facts: BlockContext, *names: str) -> SimActuatorSettings:
     values = {
         "actuators": list(names),
         "motion": "none",
@@ -63,12 +66,14 @@ def settings(facts: dict[str, Any], *names: str) -> SimActuatorSettings:
     return SimActuatorSettings.model_validate(SimActuatorSettings.si_values(values, None, facts))
 
 
-def actuator(facts: dict[str, Any], *names: str) -> SimActuator:
-    return SimActuator(settings(facts, *names), facts)
+def actuator(facts: BlockContext, *names: str) -> SimActuator:
+    context = ActuatorContext(ActuatorFacts(simulation=facts.simulation))
+    return SimActuator(settings(facts, *names), context)
 
 
-def calibration(*motors: MotorCalibration, identity: str = "simulation") -> dict[str, Any]:
-    return {"calibration": ArmCalibration(motors=motors, device_identity=identity).model_dump()}
+def calibration(*motors: MotorCalibration, identity: str = "simulation") -> BlockContext:
+    made = ArmCalibration(motors=motors, device_identity=identity)
+    return context(calibration=made.to_block("arm"))
 
 
 @pytest.mark.parametrize(("angle", "ticks"), [(0.0, 2048), (math.pi / 2, 3072), (-math.pi, 0), (math.pi, 0)])
@@ -112,7 +117,7 @@ def test_what_does_not_fit_the_model_is_said() -> None:
 
 def test_a_calibration_of_a_real_arm_is_refused() -> None:
     motor = MotorCalibration(id=1, joint_name="pan", range_min=700, range_max=3300)
-    facts = context() | calibration(motor, identity="usb:ARM1")
+    facts = calibration(motor, identity="usb:ARM1")
     with pytest.raises(
         ValidationError, match="the calibration is that of usb:ARM1, and this arm is simulated"
     ):
@@ -122,13 +127,13 @@ def test_a_calibration_of_a_real_arm_is_refused() -> None:
 def test_a_calibration_of_another_model_is_refused() -> None:
     motor = MotorCalibration(id=1, joint_name="pan", homing_offset=900, range_min=700, range_max=3300)
     with pytest.raises(ValidationError) as refused:
-        settings(context() | calibration(motor), "shoulder_pan", "elbow_flex")
+        settings(calibration(motor), "shoulder_pan", "elbow_flex")
     assert "does not fit the model: pan (id 1): calibrated from -39° to 189°" in str(refused.value)
     assert "elbow_flex (id 2) is not calibrated" in str(refused.value)
 
 
 def test_a_calibrated_arm_keeps_the_contract_of_actuators() -> None:
-    facts = context() | calibration(
+    facts = calibration(
         MotorCalibration(id=1, joint_name="lift", homing_offset=-959, range_min=1000, range_max=3100),
         MotorCalibration(
             id=2, joint_name="elbow", homing_offset=1024, range_min=1100, range_max=3000, inverted=True
@@ -140,8 +145,7 @@ def test_a_calibrated_arm_keeps_the_contract_of_actuators() -> None:
 def test_a_calibrated_arm_says_where_its_joints_are_about_its_own_zero() -> None:
     plain = actuator(context(), "elbow_flex")
     turned = actuator(
-        context()
-        | calibration(
+        calibration(
             MotorCalibration(
                 id=1, joint_name="elbow", homing_offset=1024, range_min=1100, range_max=3000, inverted=True
             )

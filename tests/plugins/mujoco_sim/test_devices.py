@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.devices.actuator import DeviceError
+from joshua.devices.context import ActuatorContext, SensorContext
+from joshua.plan import ActuatorFacts, SensorFacts
+from joshua.plugins.block_context import BlockContext
 from joshua.testing import check_actuator, check_sensor
 from joshua_mujoco_sim.actuator import SimActuator
 from joshua_mujoco_sim.camera import SimCamera
@@ -19,7 +22,7 @@ from joshua_mujoco_sim.settings import SimActuatorSettings, SimCameraSettings, S
 from joshua_mujoco_sim.world import leave_world, shared_world
 
 
-def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> dict[str, Any]:
+def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> BlockContext:
     simulation = {
         "mode": "OFFSCREEN",
         "model_path": model_path,
@@ -32,10 +35,10 @@ def context(model_path: str = "so_arm100/scene.xml", **more: Any) -> dict[str, A
         "trajectory_path": "",
         "replay_speed": 1.0,
     }
-    return {"simulation": simulation | more}
+    return BlockContext(simulation=simulation | more)
 
 
-def actuator(facts: dict[str, Any], *names: str, motion: str = "none") -> SimActuator:
+def actuator(facts: BlockContext, *names: str, motion: str = "none") -> SimActuator:
     values = {
         "actuators": list(names),
         "motion": motion,
@@ -44,14 +47,16 @@ def actuator(facts: dict[str, Any], *names: str, motion: str = "none") -> SimAct
         "motion_file": "",
     }
     return SimActuator(
-        SimActuatorSettings.model_validate(SimActuatorSettings.si_values(values, None, facts)), facts
+        SimActuatorSettings.model_validate(SimActuatorSettings.si_values(values, None, facts)),
+        ActuatorContext(ActuatorFacts(simulation=facts.simulation)),
     )
 
 
-def camera(facts: dict[str, Any], name: str = "top") -> SimCamera:
+def camera(facts: BlockContext, name: str = "top") -> SimCamera:
     values = {"camera": name, "width": 160, "height": 120, "fps": 20}
     return SimCamera(
-        SimCameraSettings.model_validate(SimCameraSettings.si_values(values, None, facts)), facts
+        SimCameraSettings.model_validate(SimCameraSettings.si_values(values, None, facts)),
+        SensorContext(SensorFacts(simulation=facts.simulation)),
     )
 
 
@@ -207,8 +212,7 @@ def test_motor_actuators_cannot_be_commanded_to_an_angle() -> None:
 
 
 def test_without_a_simulation_nothing_connects() -> None:
-    arm = actuator(context(), "gripper")
-    arm.plan_context = {}
+    arm = SimActuator(actuator(context(), "gripper").settings)
     with pytest.raises(DeviceError, match="no simulation block"):
         arm.connect()
 

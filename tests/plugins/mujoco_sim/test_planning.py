@@ -28,15 +28,15 @@ def test_simulated_devices_share_the_process_of_the_simulation(tmp_path) -> None
     groups = {node.name: node.process_group for node in plan.nodes}
     assert groups == {"arm": "simulation", "camera": "simulation", "simulation": "simulation"}
     arm = next(node for node in plan.nodes if node.name == "arm")
-    assert arm.context["simulation"]["model_path"] == "so_arm100/scene.xml"
-    assert [joint["name"] for joint in arm.context["joints"]][:2] == ["shoulder_pan", "shoulder_lift"]
-    assert arm.context["joints"][5]["max_rad"] == pytest.approx(2.0)
+    assert arm.facts.simulation["model_path"] == "so_arm100/scene.xml"
+    assert [joint.name for joint in arm.facts.joints][:2] == ["shoulder_pan", "shoulder_lift"]
+    assert arm.facts.joints[5].max_rad == pytest.approx(2.0)
 
 
 def test_without_names_all_actuators_are_taken(tmp_path) -> None:
     plan = examination(tmp_path, simulation_file(arm="")).plan
     arm = next(node for node in plan.nodes if node.name == "arm")
-    assert len(arm.context["joints"]) == 6
+    assert len(arm.facts.joints) == 6
 
 
 def test_unknown_actuator_is_found_with_the_nearest_name(tmp_path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joshua.plan import Severity
+from joshua.plan import ServiceFacts, Severity
 from joshua.planner.environments import choose_environment
 from joshua.planner.findings import Findings
 from joshua.planner.pipeline import check_file, examine
@@ -75,8 +75,8 @@ def test_what_is_offered_is_what_there_is() -> None:
 
 def test_block_becomes_environments_with_its_seed_and_reward(tmp_path: Path) -> None:
     text = training_file(reward="reach_sparse", seed="seed: 7")
-    context = {"environment": chosen(tmp_path, text).as_context()}
-    first, second = make_environment(context), make_environment(context)
+    facts = ServiceFacts(environment=chosen(tmp_path, text))
+    first, second = make_environment(facts), make_environment(facts)
     assert first.num_envs == 3
     observations = []
     for environment in (first, second):
@@ -85,9 +85,9 @@ def test_block_becomes_environments_with_its_seed_and_reward(tmp_path: Path) -> 
         observations.append(observation)
     assert np.array_equal(*observations)
     assert not np.array_equal(observations[0][0], observations[0][1])
-    other = {"environment": chosen(tmp_path, text.replace("seed: 7", "seed: 8")).as_context()}
+    other = ServiceFacts(environment=chosen(tmp_path, text.replace("seed: 7", "seed: 8")))
     assert not np.array_equal(make_environment(other).step(np.full((3, 6), 0.5))[0], observations[0])
-    assert make_environment(context, num_envs=1).num_envs == 1
+    assert make_environment(facts, num_envs=1).num_envs == 1
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ class Trainer(NodeBehaviour):
     def configure(self):
         from joshua.plugins.environments import make_environment
 
-        self.environment = make_environment(self.context.spec.context)
+        self.environment = make_environment(self.context.spec.facts)
 
     def activate(self):
         self.context.create_timer(0.05, self.learn)

@@ -15,14 +15,13 @@ class Scale(SerialSettings):
         return "a scale"
 
 
-def test_link_comes_from_the_block_and_the_folder_of_emulated_devices_from_the_plan() -> None:
+def test_link_comes_from_the_block() -> None:
     block = LidarConfig()
     block.comm.serial.vid_pid = "10c4:ea60"
     block.comm.serial.baudrate = 9600
-    found = Scale.from_block(block, None, {"device_root": "/tmp/emulated"})
+    found = Scale.from_block(block)
     assert (found.port, found.vid_pid, found.baudrate) == ("", "10c4:ea60", 9600)
-    assert found.device_root == "/tmp/emulated"
-    assert Scale.from_block(block).device_root == "/"
+    assert found.device_root == "/"
 
 
 def test_link_without_a_port_is_refused() -> None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 from joshua_emulator import EmulatedBus
 from joshua_serial.errors import PortGuarded
 from joshua_serial.port import SerialPort
@@ -70,5 +70,5 @@ def test_a_guardian_is_named_as_what_it_is(
         PortGuarded, match=rf"a guardian \(process {guardian.pid}\) is bringing .*Leave it alone"
     ):
         open_unguarded(port, lambda: False)
-    with pytest.raises(StopObeyed):
+    with pytest.raises(Cancelled):
         open_unguarded(port, lambda: True)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from joshua.devices.context import ActuatorContext
+from joshua.plan import ActuatorFacts
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike import client, link, session
 from joshua_spike.actuator import SpikeActuator
@@ -40,11 +42,11 @@ def make_actuator(hub: EmulatedHub) -> Iterator[Callable[..., SpikeActuator]]:
     """Makes drivers of the emulated hub; they are closed after the test."""
     made: list[SpikeActuator] = []
 
-    def make(context: dict[str, Any] | None = None, **values: Any) -> SpikeActuator:
+    def make(facts: dict[str, Any] | None = None, **values: Any) -> SpikeActuator:
         settings = {"device_name": HUB_NAME, "adapter": hub.adapter, "port_names": ["A", "B"], **values}
         actuator = SpikeActuator(
             SpikeSettings.model_validate(settings),
-            {"allow_uncalibrated": True} if context is None else context,
+            ActuatorContext(ActuatorFacts(**({"allow_uncalibrated": True} if facts is None else facts))),
         )
         made.append(actuator)
         return actuator

@@ -18,10 +18,10 @@ def test_the_plan_grants_the_times_that_a_radio_takes(monkeypatch: pytest.Monkey
     assert plan is not None
     (hub,) = [node for node in plan.nodes if node.name == "spike_hub"]
     assert hub.plugin == "joshua-spike"
-    assert hub.context["hang_after_s"] > STATE_TIMEOUT_S > DEAD_MAN_S
-    assert hub.context["ready_timeout_s"] > OPEN_TIMEOUT_S
-    assert hub.context["safe_state"] == "HOLD"
-    assert "safe_stop" not in hub.context  # the hub's own dead man's switch is the bound
+    assert hub.facts.hang_after_s > STATE_TIMEOUT_S > DEAD_MAN_S
+    assert hub.facts.ready_timeout_s > OPEN_TIMEOUT_S
+    assert hub.facts.safe_state == "HOLD"
+    assert hub.facts.safe_stop is None  # the hub's own dead man's switch is the bound
 
 
 def test_parking_is_refused_with_what_is_allowed(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ CALIBRATION = {
 def test_a_calibration_names_joints_and_their_ranges() -> None:
     made = settings(calibration=CALIBRATION)
     assert made.joint_names == ("lift", "turn")
-    assert [joint["name"] for joint in made.joints()] == ["lift", "turn"]
+    assert [joint.name for joint in made.joints()] == ["lift", "turn"]
     assert made.range_rad("A") == pytest.approx((-math.pi / 2, math.pi / 2))
     assert made.range_rad("C") == pytest.approx((-math.pi / 2, 0.0))
 

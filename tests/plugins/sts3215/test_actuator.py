@@ -157,7 +157,7 @@ def test_a_driver_that_is_started_again_knows_the_adapter_of_the_one_before(
     arm_emulator.fault("replug", name="ttyACM4")
     with pytest.raises(DeviceError, match="no such serial port"):
         make_arm(arm_emulator, calibrated=False).connect()
-    again = make_arm(arm_emulator, {"remembered": request}, calibrated=False)
+    again = make_arm(arm_emulator, calibrated=False, remembered=request)
     again.connect()
     assert again.identity == "usb:ARM1"
 

@@ -71,7 +71,7 @@ except NoReply as error:
 """
 
 
-def spec(emulator: EmulatedBus, make_arm: Any, **context: Any) -> NodeSpec:
+def spec(emulator: EmulatedBus, make_arm: Any, **facts: Any) -> NodeSpec:
     return NodeSpec(
         name="arm",
         kind=NodeKind.ACTUATOR,
@@ -80,7 +80,7 @@ def spec(emulator: EmulatedBus, make_arm: Any, **context: Any) -> NodeSpec:
         implementation="joshua_sts3215.actuator:Sts3215Actuator",
         settings_type="joshua_sts3215.settings:Sts3215Settings",
         settings=make_arm(emulator).settings.model_dump(mode="json"),
-        context={"safe_state": "HOLD", **context},
+        facts={"safe_state": "HOLD", **facts},
         publishers=(STATE,),
         subscriptions=(COMMAND,),
     )

@@ -3,8 +3,10 @@ from typing import Any
 import pytest
 from google.protobuf import text_format
 from joshua.plugins import ActuatorSpec, load_registry
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
+from joshua.schema.calibration_pb2 import ArmCalibration
 from joshua_sts3215.settings import Sts3215Settings
 
 BLOCK = """
@@ -37,16 +39,17 @@ CALIBRATION: dict[str, Any] = {
         },
     ],
 }
+CALIBRATED = BlockContext(ArmCalibration(**CALIBRATION))
 
 
-def settings_of(text: str, context: dict[str, Any] | None = None) -> tuple[Any, list[Any]]:
+def settings_of(text: str, context: BlockContext | None = None) -> tuple[Any, list[Any]]:
     block = text_format.Parse(text, config_pb2.STS3215Config())
     spec = load_registry().find(ActuatorSpec, "sts3215_config", "ACTION_FOLLOWER")
     assert spec is not None
     return make_settings(spec, block, context=context, field_path="robot.actions[0].sts3215_config")
 
 
-def good(text: str = BLOCK, context: dict[str, Any] | None = None) -> Sts3215Settings:
+def good(text: str = BLOCK, context: BlockContext | None = None) -> Sts3215Settings:
     settings, problems = settings_of(text, context)
     assert problems == []
     assert isinstance(settings, Sts3215Settings)
@@ -64,17 +67,17 @@ def test_a_block_becomes_settings_that_survive_json() -> None:
 def test_an_uncalibrated_arm_has_its_zero_in_the_middle_of_its_range() -> None:
     settings = good()
     assert settings.zero_ticks == 2050
-    assert settings.joints()[0]["min_rad"] == pytest.approx(-settings.joints()[0]["max_rad"])
+    assert settings.joints()[0].min_rad == pytest.approx(-settings.joints()[0].max_rad)
 
 
 def test_a_calibration_gives_names_zero_and_the_tighter_range() -> None:
-    settings = good(context={"calibration": CALIBRATION})
+    settings = good(context=CALIBRATED)
     assert settings.zero_ticks == 2048
     assert settings.ranges_ticks() == [(1024, 3072), (100, 2048)]
     pan, lift = settings.joints()
-    assert (pan["name"], lift["name"]) == ("pan", "lift")
-    assert (pan["min_rad"], pan["max_rad"]) == pytest.approx((-1.5708, 1.5708), abs=1e-4)
-    assert (lift["min_rad"], lift["max_rad"]) == pytest.approx((0.0, 2.9882), abs=1e-4)  # inverted
+    assert (pan.name, lift.name) == ("pan", "lift")
+    assert (pan.min_rad, pan.max_rad) == pytest.approx((-1.5708, 1.5708), abs=1e-4)
+    assert (lift.min_rad, lift.max_rad) == pytest.approx((0.0, 2.9882), abs=1e-4)  # inverted
     assert Sts3215Settings.model_validate(settings.model_dump(mode="json")) == settings
 
 
@@ -115,17 +118,12 @@ def test_rules_across_fields_point_at_the_field(
 
 
 def test_a_calibration_must_know_each_motor_and_leave_it_a_range() -> None:
-    _, (problem,) = settings_of(BLOCK.replace("[1, 2]", "[1, 5]"), {"calibration": CALIBRATION})
+    _, (problem,) = settings_of(BLOCK.replace("[1, 2]", "[1, 5]"), CALIBRATED)
     assert "has no motor 5" in problem.message
     assert problem.allowed == ("1", "2")
-    _, (problem,) = settings_of(BLOCK.replace("min: 100", "min: 3100"), {"calibration": CALIBRATION})
+    _, (problem,) = settings_of(BLOCK.replace("min: 100", "min: 3100"), CALIBRATED)
     assert "The joint pan cannot move: position_min 3100" in problem.message
     broken = {**CALIBRATION, "motors": [{**CALIBRATION["motors"][0], "range_max": 9999}]}
-    settings, (problem, *_) = settings_of(BLOCK, {"calibration": broken})
+    settings, (problem, *_) = settings_of(BLOCK, BlockContext(ArmCalibration(**broken)))
     assert settings is None
     assert "range_max" in problem.message
-
-
-def test_emulated_devices_bring_a_place_of_their_own() -> None:
-    assert good().device_root == "/"
-    assert good(context={"device_root": "/run/emulated"}).device_root == "/run/emulated"

@@ -18,9 +18,10 @@ import pytest
 PROGRAM = """
 import sys, time
 from types import SimpleNamespace
+from joshua.plan import SensorFacts
 from joshua.supervisor.terminal_guard import TerminalGuard
 from joshua_teleop_input.key_terminal import KeyTerminal
-node = SimpleNamespace(context={'terminal': True})
+node = SimpleNamespace(facts=SensorFacts(terminal=True))
 guard, terminal = TerminalGuard([node]), KeyTerminal()
 try:
     terminal.open()

@@ -80,7 +80,7 @@ def test_names_of_an_arm_without_calibration_are_not_judged(tmp_path: Path) -> N
     examination = examine(Request(str(path)))
     assert [item for item in examination.diagnostics if item.code == "invalid-setting"] == []
     assert examination.plan is not None  # nor by the node, before the arm says that it is not calibrated
-    assert "joints" not in next(node for node in examination.plan.nodes if node.name == "keyboard").context
+    assert next(node for node in examination.plan.nodes if node.name == "keyboard").facts.joints == ()
     waived = examine(Request(str(path), allow_uncalibrated=True)).diagnostics
     assert [item.message for item in waived if item.code == "invalid-setting"] == [
         "The actuator has no joint named 'shoulder_pan'."
@@ -102,8 +102,8 @@ def test_the_plan_says_who_reads_the_terminal_and_what_it_reaches(tmp_path: Path
     plan = examine(Request(write(tmp_path))).plan
     assert plan is not None
     keyboard = next(node for node in plan.nodes if node.name == "keyboard")
-    assert keyboard.context["terminal"] is True
-    assert [joint["name"] for joint in keyboard.context["joints"]] == ["joint_1", "joint_2"]
+    assert keyboard.facts.terminal is True
+    assert [joint.name for joint in keyboard.facts.joints] == ["joint_1", "joint_2"]
     assert keyboard.settings["joints"] == ["joint_1", "joint_2"]
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
 from joshua.devices.errors import DeviceSilent as DeviceSilent
 from joshua.devices.errors import SafetyTripped as SafetyTripped
+from joshua.plan.facts import ActuatorFacts
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,17 +56,14 @@ class Actuator(ABC):
     ``hold`` or ``release`` → ``disconnect``. ``disconnect`` is idempotent and leaves no thread and no
     file handle. ``joint_names`` and ``limits`` are known without a connection.
 
-    Args of the constructor: ``settings`` (the model that its ``ActuatorSpec`` names) and ``context`` (the
-    plan's further facts, see ``NodeSpec.context``).
+    Args:
+        settings: the model that its ``ActuatorSpec`` names.
+        context: of the node that drives it; None for a driver outside a run.
     """
 
-    def __init__(self, settings: Any, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: Any, context: ActuatorContext | None = None) -> None:
         self.settings = settings
-        self.plan_context: dict[str, Any] = context or {}
-        #: Whether the run is to end; a ``connect`` that takes long asks it, and raises ``StopObeyed``.
-        self.stopping: Callable[[], bool] = lambda: False
-        #: Called before a protection takes the torque off, which may take longer than a cycle.
-        self.letting_go: Callable[[], None] = lambda: None
+        self.context = context or ActuatorContext(ActuatorFacts())
 
     @property
     @abstractmethod

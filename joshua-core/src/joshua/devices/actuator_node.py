@@ -10,6 +10,7 @@ from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
 from joshua.devices.command_intake import CommandIntake, StalePolicy, TakeOver, leader_mappings
+from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher
 from joshua.devices.errors import DeviceError, DeviceSilent, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
@@ -20,7 +21,7 @@ from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below
 from joshua.node.verbs import RefusedError, verb
-from joshua.plan import JointTrace, TopicSpec
+from joshua.plan import ActuatorFacts, JointTrace, TopicSpec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -37,21 +38,17 @@ class ActuatorNode(NodeBehaviour):
     neither does an actuator that nobody commands.
 
     It is in fault, which means that it reads, gives no torque and writes nothing until ``resume``: after a
-    failure (``restarted`` in the context; torque is then as the safe state has left it), after a trip of a
+    failure (``restarted`` in its facts; torque is then as the safe state has left it), after a trip of a
     protection, after an e-stop, and where commands stayed away for longer than its policy allows (the torque
     is off).
-    With a ``safe_stop`` in its context it has a guardian from before the joints get torque until their safe
+    With a ``safe_stop`` in its facts it has a guardian from before the joints get torque until their safe
     state stands.
-
-    Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each joint), ``leader``
-    (``node``, ``topic``, ``joints``) for a follower, ``take_over`` (the same for each publisher that is
-    declared as override; ``joints`` only where it is a leader), ``stale_after_s``, ``on_stale`` (see
-    ``StalePolicy``), ``restarted``.
     """
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
         spec = context.spec
+        self._facts = spec.facts_as(ActuatorFacts)
         self._is_leader = spec.role == "ACTION_LEADER"
         states_hz = [topic.rate_hz for topic in spec.publishers if topic.type_name == JOINT_STATE]
         self._rate_hz = max(states_hz, default=CONTROL_RATE_HZ)
@@ -73,19 +70,27 @@ class ActuatorNode(NodeBehaviour):
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
         spec = self.context.spec
         implementation, settings = load_implementation(spec, Actuator)
-        actuator: Actuator = implementation(settings, {**spec.context, **self._safety.remembered()})
+        actuator: Actuator = implementation(
+            settings,
+            ActuatorContext(
+                self._facts,
+                self.context.log,
+                stopping=lambda: self.context.stopping,
+                before_torque_off=self._safety.before_torque_off,
+                remembered=self._safety.remembered(),
+            ),
+        )
         self._check_topics(actuator)
         self._actuator = actuator
-        actuator.stopping = lambda: self.context.stopping
-        actuator.letting_go = self._safety.letting_go
         actuator.connect()
         self._safety.introduce(actuator)
+        stale_after_s = self._facts.stale_after_s
         self._goals = GoalGenerator(
             actuator.limits,
             1 / self._rate_hz,
-            stale_after_s=spec.context.get("stale_after_s", STALE_AFTER_S),
+            stale_after_s=STALE_AFTER_S if stale_after_s is None else stale_after_s,
         )
-        on_stale = spec.context.get("on_stale")
+        on_stale = self._facts.on_stale
         self._on_stale = StalePolicy(self._goals, on_stale) if on_stale else None
         self._states = [
             (
@@ -103,7 +108,7 @@ class ActuatorNode(NodeBehaviour):
             self.context, lambda: self._test.diagnosed(self._status.rows(actuator))
         )
         if not self._is_leader:
-            overriding = [other["node"] for other in spec.context.get("take_over", ())]
+            overriding = [other.node for other in self._facts.take_over]
             take_over = TakeOver(overriding, self.context.log) if overriding else None
             for topic in spec.subscriptions:
                 self._subscribe(actuator, topic, take_over)
@@ -115,7 +120,7 @@ class ActuatorNode(NodeBehaviour):
             actuator.release()  # a person moves it, also where an earlier run has left it holding
         if self._safety.latch() is not None:
             self._watch()
-        elif self._is_commanded and self.context.spec.context.get("restarted"):
+        elif self._is_commanded and self._facts.restarted:
             self._safety.renew(actuator)
             self._enter_fault("comes back after a failure and follows no command: look at the arm")
         elif self._is_commanded:
@@ -303,7 +308,7 @@ class ActuatorNode(NodeBehaviour):
     def _trip(self, error: SafetyTripped) -> None:
         """A protection has taken the torque off; unless the device confirms that, the guardian acts."""
         if not error.released:
-            self._safety.letting_go()
+            self._safety.before_torque_off()
             raise error
         self._energised = False
         self._safety.stand_down()
@@ -313,7 +318,7 @@ class ActuatorNode(NodeBehaviour):
         """Takes the torque off once commands were away for too long; the guardian does where that fails."""
         reason = policy.look(reading.position_rad, time.monotonic())
         if reason:
-            self._safety.letting_go()
+            self._safety.before_torque_off()
             actuator.release()
             self._energised = False
             self._safety.stand_down()

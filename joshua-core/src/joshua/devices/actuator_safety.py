@@ -15,22 +15,18 @@ from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, S
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import GuardianOrder
 from joshua.node.behaviour import NodeContext
+from joshua.plan import ActuatorFacts, SafeStop
 
 
 class Estop:
-    """The e-stops of one node.
-
-    Keys of ``NodeSpec.context`` that it uses: ``latch_folder``, without which there is no e-stop;
-    ``estop_files``, ``robot``, ``domain_id``.
-    """
+    """The e-stops of one node; there are none without a folder of latches."""
 
     def __init__(self, context: NodeContext) -> None:
-        values: dict[str, Any] = context.spec.context
+        run = context.spec.facts_as(ActuatorFacts).run
         self._node = context.spec.full_name
-        folder = values.get("latch_folder", "")
-        self._latches = LatchFolder(Path(folder)) if folder else None
-        self._subject = Subject(values.get("robot", ""), values.get("domain_id", 0), self._node)
-        self._files = EstopFiles(values.get("estop_files", ""))
+        self._latches = LatchFolder(Path(run.latch_folder)) if run.latch_folder else None
+        self._subject = Subject(run.robot, run.domain_id, self._node)
+        self._files = EstopFiles(run.estop_files)
 
     def latch(self) -> Latch | None:
         """The e-stop that stands, if any; some microseconds."""
@@ -93,18 +89,14 @@ HOLD, RELEASE, PARK = "HOLD", "RELEASE", "PARK_THEN_RELEASE"
 class ActuatorSafety:
     """Safe state and guardian of one node.
 
-    Keys of ``NodeSpec.context`` that it uses: ``safe_state``; ``safe_stop`` (``implementation``, ``state``,
-    ``park_pose_rad``, ``timeout_s``), without which there is no guardian; ``run_log`` and ``run_socket``;
-    ``estop_action``, which releases the joints without the driver; those of ``Estop``.
-
     Attributes:
         in_doubt: the driver cannot say which joints have torque; their guardian finds out.
     """
 
     def __init__(self, context: NodeContext) -> None:
         self._context = context
-        self._values: dict[str, Any] = context.spec.context
-        self._state: str = self._values.get("safe_state", HOLD)
+        self._facts = context.spec.facts_as(ActuatorFacts)
+        self._state = self._facts.safe_state
         self._link: GuardianLink | None = None
         self._applied = ""
         self._estop = Estop(context)
@@ -112,16 +104,15 @@ class ActuatorSafety:
 
     def introduce(self, actuator: Actuator) -> None:
         """Leaves what an e-stop needs where the driver of this open device cannot answer."""
-        action = self._values.get("estop_action")
+        action = self._facts.estop_action
         if action:
             with contextlib.suppress(NotImplementedError):  # who wants torque from it hears of that
                 request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
                 self._estop.leave_order(action, json.loads(request.to_json()))
 
     def remembered(self) -> dict[str, Any]:
-        """For a driver that is started again: ``remembered``, how the one before has reached the device."""
-        order = self._estop.left_order() if self._values.get("restarted") else {}
-        return {"remembered": order} if order else {}
+        """For a driver that is started again: how the one before has reached the device."""
+        return self._estop.left_order() if self._facts.restarted else {}
 
     def latch(self) -> Latch | None:
         """The e-stop that stands, if any."""
@@ -129,23 +120,23 @@ class ActuatorSafety:
 
     def guard(self, actuator: Actuator) -> None:
         """Starts the guardian if the plan names its action. Raises DeviceError if it does not start."""
-        stop = self._values.get("safe_stop")
-        if not stop or self._values.get("dry_run"):
+        stop, run = self._facts.safe_stop, self._facts.run
+        if stop is None or self._facts.dry_run:
             return
         order = GuardianOrder(
             node=self._context.spec.full_name,
-            implementation=stop["implementation"],
-            request=self._request(actuator, stop["state"]),
-            release_request=self._request(actuator, RELEASE),
-            timeout_s=stop["timeout_s"],
+            implementation=stop.implementation,
+            request=self._request(actuator, stop, stop.state),
+            release_request=self._request(actuator, stop, RELEASE),
+            timeout_s=stop.timeout_s,
             process_id=os.getpid(),
             thread_id=threading.get_native_id(),
-            log=self._values.get("run_log", ""),
-            control_socket=self._values.get("run_socket", ""),
-            robot=self._values.get("robot", ""),
-            domain_id=self._values.get("domain_id", 0),
-            latch_folder=self._values.get("latch_folder", ""),
-            estop_files=self._values.get("estop_files", ""),
+            log=run.log,
+            control_socket=run.socket,
+            robot=run.robot,
+            domain_id=run.domain_id,
+            latch_folder=run.latch_folder,
+            estop_files=run.estop_files,
         )
         try:
             self._link = GuardianLink(order)
@@ -202,7 +193,7 @@ class ActuatorSafety:
         if link is not None:  # its end takes longer than a control loop may be silent
             threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
 
-    def letting_go(self) -> None:
+    def before_torque_off(self) -> None:
         """Says that the driver takes the torque off now; where it fails, the guardian does.
 
         Whatever the safe state is: after a trip of a protection, and where commands stay away.
@@ -231,10 +222,9 @@ class ActuatorSafety:
         state = report.get("action", self._state)
         self._context.log.info("safe state %s: %s %s", state, joints, report.get("detail", ""))
 
-    def _request(self, actuator: Actuator, action: str) -> dict[str, Any]:
-        stop = self._values["safe_stop"]
-        pose = stop["park_pose_rad"] if action == PARK else ()
-        request = actuator.safe_stop_request(action, park_pose_rad=pose, timeout_s=stop["timeout_s"])
+    def _request(self, actuator: Actuator, stop: SafeStop, action: str) -> dict[str, Any]:
+        pose = stop.park_pose_rad if action == PARK else ()
+        request = actuator.safe_stop_request(action, park_pose_rad=pose, timeout_s=stop.timeout_s)
         values: dict[str, Any] = json.loads(request.to_json())
         return values
 

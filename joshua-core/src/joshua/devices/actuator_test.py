@@ -11,7 +11,7 @@ from joshua.devices.actuator import FloatArray, JointLimits, JointReading
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.joint_command import CommandReader
 from joshua.node.rates import RateMeter, meter_for
-from joshua.plan import JointTrace, NodeSpec
+from joshua.plan import ActuatorFacts, JointTrace, NodeSpec
 
 #: When so many samples are held, every other one is dropped and only every other cycle recorded from then on.
 MOST_SAMPLES = 4000
@@ -184,7 +184,7 @@ class ActuatorTest:
         self._samples = 0
         self._outside_rad = 0.0
         self._finite = True
-        self._recorder = MotionRecorder() if spec.context.get("testing") else None
+        self._recorder = MotionRecorder() if spec.facts.testing else None
 
     def meter(self, topic: str) -> RateMeter:
         """The counter of the messages on a topic."""
@@ -221,7 +221,7 @@ class ActuatorTest:
 
     def traces(self) -> list[JointTrace]:
         """What was recorded in MODE_TEST, one trace for each joint."""
-        names = [str(joint["name"]) for joint in self._spec.context.get("joints", ())]
+        names = [joint.name for joint in self._spec.facts_as(ActuatorFacts).joints]
         return self._recorder.traces(names) if self._recorder is not None else []
 
     def results(self, readers: Sequence[CommandReader]) -> list[Result]:

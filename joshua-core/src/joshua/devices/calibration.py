@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from typing_extensions import Self
 
@@ -80,11 +82,16 @@ class ArmCalibration(BaseModel):
     @classmethod
     def from_block(cls, block: calibration_pb2.ArmCalibration) -> Self:
         """Reads an entry of a ``calibration`` block. Raises pydantic.ValidationError."""
-        names = MotorCalibration.model_fields
-        return cls(
-            motors=tuple(
-                MotorCalibration(**{name: getattr(motor, name) for name in names}) for motor in block.motors
-            ),
-            device_identity=block.device_identity,
-            calibrated_at=block.calibrated_at,
-        )
+        return cls.model_validate(cls.values_of(block))
+
+    @staticmethod
+    def values_of(block: calibration_pb2.ArmCalibration) -> dict[str, Any]:
+        """The values of an entry of a ``calibration`` block, unchecked."""
+        return {
+            "device_identity": block.device_identity,
+            "calibrated_at": block.calibrated_at,
+            "motors": [
+                {name: getattr(motor, name) for name in MotorCalibration.model_fields}
+                for motor in block.motors
+            ],
+        }

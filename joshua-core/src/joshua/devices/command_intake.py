@@ -16,6 +16,7 @@ from joshua.devices.goal import GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.mapping import LeaderMapping
 from joshua.node.behaviour import NodeContext
+from joshua.plan import ActuatorFacts, Commander, OnStale
 
 NS_PER_S = 1_000_000_000
 
@@ -97,16 +98,13 @@ class StalePolicy:
 
     Args:
         goals: of the actuator; they park it.
-        values: ``action`` (``RELEASE`` or ``PARK_THEN_RELEASE``), ``after_s`` (how long the joints hold),
-            ``pose_rad`` and ``timeout_s`` of a park.
+        policy: what they do, and when.
     """
 
-    def __init__(self, goals: GoalGenerator, values: dict[str, Any]) -> None:
+    def __init__(self, goals: GoalGenerator, policy: OnStale) -> None:
         self._goals = goals
-        self._action: str = values["action"]
-        self._after_s = float(values["after_s"])
-        self._pose = np.array(values["pose_rad"], np.float64)
-        self._timeout_s = float(values["timeout_s"])
+        self._action, self._after_s, self._timeout_s = policy.action, policy.after_s, policy.timeout_s
+        self._pose = np.array(policy.pose_rad, np.float64)
         self._state = GoalState.WAITING
         self._since_s = 0.0
 
@@ -185,23 +183,26 @@ def leader_mappings(context: NodeContext, topic: str) -> dict[str, LeaderMapping
     Raises:
         DeviceError: leader and follower cannot be paired.
     """
-    facts = context.spec.context
-    candidates = [facts.get("leader"), *facts.get("take_over", ())]
-    leaders = [leader for leader in candidates if leader and leader["topic"] == topic and "joints" in leader]
-    return {leader["node"]: _mapping(context, leader) for leader in leaders}
+    facts = context.spec.facts_as(ActuatorFacts)
+    candidates = (facts.leader, *facts.take_over)
+    return {
+        leader.node: _mapping(context, facts, leader)
+        for leader in candidates
+        if leader is not None and leader.topic == topic and leader.joints is not None
+    }
 
 
-def _mapping(context: NodeContext, leader: dict[str, Any]) -> LeaderMapping:
+def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> LeaderMapping:
     own_name = context.spec.full_name
     try:
-        mapping = LeaderMapping(leader["joints"], context.spec.context["joints"])
+        mapping = LeaderMapping(leader.joints or (), facts.joints)
     except ValueError as error:
-        raise DeviceError(f"{own_name} cannot follow {leader['node']}: {error}") from error
+        raise DeviceError(f"{own_name} cannot follow {leader.node}: {error}") from error
     pairs = ", ".join(f"{pair.leader} → {pair.follower}" for pair in mapping.pairs)
-    context.log.info("follows %s: %s", leader["node"], pairs)
+    context.log.info("follows %s: %s", leader.node, pairs)
     unpaired = mapping.unpaired_leader + mapping.unpaired_follower
     if unpaired:
         context.warn(
-            f"{own_name} and {leader['node']} differ in their joints; without partner: {', '.join(unpaired)}"
+            f"{own_name} and {leader.node} differ in their joints; without partner: {', '.join(unpaired)}"
         )
     return mapping

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+
+from joshua.plan.joints import JointRange
 
 
 @dataclass(frozen=True)
@@ -32,18 +33,15 @@ class LeaderMapping:
     Joints are paired by name; those without a partner of the same name are paired in their order.
 
     Args:
-        leader_joints: each with ``name``, ``min_rad`` and ``max_rad``, in joint order.
-        follower_joints: the same of the follower.
+        leader_joints, follower_joints: in joint order.
 
     Raises:
         ValueError: a joint has no range, or there is no pair; names the joint.
     """
 
-    def __init__(
-        self, leader_joints: Sequence[Mapping[str, Any]], follower_joints: Sequence[Mapping[str, Any]]
-    ) -> None:
-        leaders = {joint["name"]: joint for joint in leader_joints}
-        followers = {joint["name"]: joint for joint in follower_joints}
+    def __init__(self, leader_joints: Sequence[JointRange], follower_joints: Sequence[JointRange]) -> None:
+        leaders = {joint.name: joint for joint in leader_joints}
+        followers = {joint.name: joint for joint in follower_joints}
         names = [(name, name) for name in followers if name in leaders]
         names += zip(
             [name for name in leaders if name not in followers],
@@ -63,19 +61,13 @@ class LeaderMapping:
         return self._by_leader.get(leader_joint)
 
 
-def _pair(leader: Mapping[str, Any], follower: Mapping[str, Any]) -> MappedJoint:
+def _pair(leader: JointRange, follower: JointRange) -> MappedJoint:
     for role, joint in (("leader", leader), ("follower", follower)):
-        if not joint["min_rad"] < joint["max_rad"]:
+        if not joint.min_rad < joint.max_rad:
             raise ValueError(
-                f"joint {joint['name']} of the {role} has no range: "
-                f"{joint['min_rad']} to {joint['max_rad']} rad; "
+                f"joint {joint.name} of the {role} has no range: {joint.min_rad} to {joint.max_rad} rad; "
                 "calibrate it, or set position_min below position_max"
             )
     return MappedJoint(
-        leader["name"],
-        follower["name"],
-        leader["min_rad"],
-        leader["max_rad"],
-        follower["min_rad"],
-        follower["max_rad"],
+        leader.name, follower.name, leader.min_rad, leader.max_rad, follower.min_rad, follower.max_rad
     )

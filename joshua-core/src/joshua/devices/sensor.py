@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceError
+from joshua.plan.facts import SensorFacts
 
 
 @dataclass(frozen=True)
@@ -31,13 +33,15 @@ class Sensor(ABC):
 
     Order: constructor (no I/O) → ``connect`` → ``read``… → ``disconnect`` (idempotent; leaves no
     thread and no file handle).
+
+    Args:
+        settings: the model that its ``SensorSpec`` names.
+        context: of the node that drives it; None for a driver outside a run.
     """
 
-    def __init__(self, settings: Any, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: Any, context: SensorContext | None = None) -> None:
         self.settings = settings
-        self.plan_context: dict[str, Any] = context or {}
-        #: Whether the run is to end; a ``connect`` that takes long asks it, and raises ``StopObeyed``.
-        self.stopping: Callable[[], bool] = lambda: False
+        self.context = context or SensorContext(SensorFacts())
 
     @property
     @abstractmethod

@@ -5,13 +5,15 @@ from __future__ import annotations
 import threading
 import time
 
+from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import ERROR, OK, STALE, DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, meter_for
+from joshua.plan import SensorFacts
 
 #: Longest wait for a reading, so that the stop is noticed.
 READ_TIMEOUT_S = 0.2
@@ -51,7 +53,10 @@ class SensorNode(NodeBehaviour):
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
         spec = self.context.spec
         implementation, settings = load_implementation(spec, Sensor)
-        sensor: Sensor = implementation(settings, dict(spec.context))
+        facts = spec.facts_as(SensorFacts)
+        sensor: Sensor = implementation(
+            settings, SensorContext(facts, self.context.log, stopping=lambda: self.context.stopping)
+        )
         for topic in spec.publishers:
             if topic.type_name not in sensor.data_types:
                 raise DeviceError(
@@ -62,7 +67,6 @@ class SensorNode(NodeBehaviour):
             names = ", ".join(topic.name for topic in spec.subscriptions)
             self.context.warn(f"{spec.full_name}: a sensor takes no commands, so {names} has no effect")
         self._sensor = sensor
-        sensor.stopping = lambda: self.context.stopping
         sensor.connect()
         self._outputs = [
             (self.context.publisher(topic), RateLimit(topic.rate_hz), meter_for(spec))
@@ -178,7 +182,7 @@ class SensorNode(NodeBehaviour):
                 return
             try:
                 self._connect(sensor)
-            except StopObeyed:
+            except Cancelled:
                 return
             except DeviceError as error:
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict
 from typing import Any
 
 from joshua.plan.feature import Feature
@@ -66,18 +65,6 @@ class FeatureSet(Mapping[str, Feature]):
             if key in other:
                 found += _differences(self[key], other[key], here, there)
         return found
-
-    def as_json(self) -> list[dict[str, Any]]:
-        """Plain values, for plans and files."""
-        return [asdict(feature) for feature in self._features.values()]
-
-    @classmethod
-    def from_json(cls, values: Iterable[Mapping[str, Any]]) -> FeatureSet:
-        """Reads what ``as_json`` wrote, also after a way through JSON."""
-        return cls(
-            Feature(**{**value, "shape": tuple(value["shape"]), "names": tuple(value["names"])})
-            for value in values
-        )
 
     def as_lerobot(self) -> dict[str, dict[str, Any]]:
         """Features as ``meta/info.json`` of a data set in LeRobot's layout has them; pictures are videos."""

@@ -25,7 +25,7 @@ class Message(BaseModel):
 
 
 class Start(Message):
-    """Supervisor to child: what to run; ``context["restarted"]`` of a node says that it ran before."""
+    """Supervisor to child: what to run; ``facts.restarted`` of a node says that it ran before."""
 
     kind: Literal["start"] = "start"
     protocol: int = PROTOCOL_VERSION

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.devices.context import ActuatorContext
 from joshua.devices.pacing import NS_PER_S
-from joshua.devices.stamps import StampClock
 from joshua.devices.units import rad_to_ticks, ticks_to_rad
 from joshua.mock.motion import FileMotion, Motion, SineMotion
 from joshua.mock.settings import MockMotorSettings
@@ -28,12 +27,12 @@ class MockActuator(Actuator):
 
     Args:
         settings: the motors.
-        context: further facts of the plan; not used.
+        context: of the node that drives it.
     """
 
     settings: MockMotorSettings
 
-    def __init__(self, settings: MockMotorSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: MockMotorSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         joints = settings.joint_ranges
         self._names = tuple(joint.name for joint in joints)
@@ -44,7 +43,7 @@ class MockActuator(Actuator):
         )
         self._connected = False
         self._energised = False
-        self._stamps = StampClock()
+        self._stamps = self.context.clock
         self._motion: Motion | None = None
         self._start_ns = self._simulated_ns = 0
         self._position = np.zeros(len(joints))

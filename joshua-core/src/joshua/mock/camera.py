@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceError
 from joshua.devices.pacing import FreeRunningClock
 from joshua.devices.sensor import Reading, Sensor
@@ -43,12 +44,12 @@ class MockCamera(Sensor):
 
     Args:
         settings: size and rate.
-        context: further facts of the plan; not used.
+        context: of the node that drives it.
     """
 
     settings: MockCameraSettings
 
-    def __init__(self, settings: MockCameraSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: MockCameraSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         self._clock: FreeRunningClock | None = None
         self._pattern: MovingPattern | None = None

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceError
 from joshua.devices.pacing import NS_PER_S, FreeRunningClock
 from joshua.devices.sensor import Reading, Sensor
@@ -36,12 +37,12 @@ class MockEncoder(Sensor):
 
     Args:
         settings: resolution, speed and rate.
-        context: further facts of the plan; ``joint_name`` names the joint in JointState messages.
+        context: of the node that drives it.
     """
 
     settings: MockEncoderSettings
 
-    def __init__(self, settings: MockEncoderSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: MockEncoderSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         self._clock: FreeRunningClock | None = None
         self._first_ns: int | None = None
@@ -83,9 +84,8 @@ class MockEncoder(Sensor):
         """Makes a JointState of one joint."""
         del type_name  # there is only one
         data: EncoderReading = reading.data
-        name = self.plan_context.get("joint_name", "joint_1")
         return joint_state(
-            [name], [data.position_rad], [data.velocity_rad_s], frame_id=frame_id, at_ns=reading.stamp_ns
+            ["joint_1"], [data.position_rad], [data.velocity_rad_s], frame_id=frame_id, at_ns=reading.stamp_ns
         )
 
     def disconnect(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceError
 from joshua.devices.pacing import FreeRunningClock
 from joshua.devices.sensor import Reading, Sensor
@@ -25,12 +26,12 @@ class MockLidar(Sensor):
 
     Args:
         settings: scan, ranges, room and rate.
-        context: further facts of the plan; not used.
+        context: of the node that drives it.
     """
 
     settings: MockLidarSettings
 
-    def __init__(self, settings: MockLidarSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: MockLidarSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         self._clock: FreeRunningClock | None = None
 

@@ -6,26 +6,19 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from google.protobuf.message import Message
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import model_validator
 
 from joshua.devices.units import ticks_to_rad
+from joshua.plan.joints import JointRange
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.schema.calibration_pb2 import MotorCalibration
 
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
 
 
 def _motion(name: str) -> str:
     return _MOTIONS.get(name, name)
-
-
-class JointRange(BaseModel):
-    """One joint: its name and its range."""
-
-    model_config = ConfigDict(frozen=True)
-
-    name: str
-    min_rad: float
-    max_rad: float
 
 
 class MockMotorSettings(BlockSettings):
@@ -53,12 +46,12 @@ class MockMotorSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds the joints, named and narrowed by the calibration where there is one."""
         result = super().si_values(values, node, context)
         low, high = result["position_min_rad"], result["position_max_rad"]
-        calibrated = {motor["id"]: motor for motor in context.get("calibration", {}).get("motors", ())}
+        calibrated = {motor.id: motor for motor in context.calibration.motors} if context.calibration else {}
         result["joint_ranges"] = [
             _joint_range(number, calibrated.get(number), low, high)
             for number in range(1, values["num_motors"] + 1)
@@ -89,21 +82,21 @@ class MockMotorSettings(BlockSettings):
             )
         return self
 
-    def joints(self) -> list[dict[str, Any]]:
-        """Names and limits of the joints, known without a connection."""
-        return [joint.model_dump() for joint in self.joint_ranges]
+    def joints(self) -> tuple[JointRange, ...]:
+        """The joints, known without a connection."""
+        return self.joint_ranges
 
 
 def _joint_range(
-    number: int, calibrated: Mapping[str, Any] | None, low_rad: float, high_rad: float
-) -> dict[str, Any]:
+    number: int, calibrated: MotorCalibration | None, low_rad: float, high_rad: float
+) -> JointRange:
     if calibrated is None:
-        return {"name": f"joint_{number}", "min_rad": low_rad, "max_rad": high_rad}
-    return {
-        "name": calibrated["joint_name"] or f"joint_{number}",
-        "min_rad": max(low_rad, ticks_to_rad(calibrated["range_min"])),
-        "max_rad": min(high_rad, ticks_to_rad(calibrated["range_max"])),
-    }
+        return JointRange(f"joint_{number}", low_rad, high_rad)
+    return JointRange(
+        calibrated.joint_name or f"joint_{number}",
+        max(low_rad, ticks_to_rad(calibrated.range_min)),
+        min(high_rad, ticks_to_rad(calibrated.range_max)),
+    )
 
 
 class MockCameraSettings(BlockSettings):
@@ -137,7 +130,7 @@ class MockEncoderSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds the sample rate."""
         return super().si_values(values, node, context) | {"sample_rate_hz": _sample_rate_hz(node, 100.0)}
@@ -165,7 +158,7 @@ class MockLidarSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds the scan rate."""
         return super().si_values(values, node, context) | {"scan_rate_hz": _sample_rate_hz(node, 10.0)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from joshua.node.errors import NodeError
 from joshua.node.implementation import load_implementation
 from joshua.node.rates import RateLimit, RateMeter, limit_below, meter_for
 from joshua.node.verbs import RefusedError, verb
+from joshua.plan import JointRange, ModelFacts
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
@@ -41,24 +42,21 @@ class InferenceNode(NodeBehaviour):
     A thread runs the model whenever a chunk of actions is wanted and every subscribed topic is fresh; a timer
     at the publisher's rate plays the chunk. While a topic is stale nothing is published, so that the
     actuator's own watchdog holds it.
-
-    Keys of ``NodeSpec.context`` that it uses: ``joints`` (name, min_rad, max_rad of each commanded joint),
-    ``features`` (of its subscriptions), ``task`` (instruction in natural language), ``observation_stale_s``.
     """
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
-        facts = context.spec.context
+        facts = context.spec.facts_as(ModelFacts)
         self._model: Model | None = None
-        self._joints = joint_space(facts.get("joints", ()))
+        self._joints = joint_space(facts.joints)
         self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
         self._acting = threading.Lock()
         self._player = ChunkPlayer()
-        self._features = FeatureSet.from_json(facts.get("features", ()))
+        self._features = FeatureSet(facts.features)
         self._observer = Observer(
             self._features,
-            facts.get("observation_stale_s", STALE_AFTER_S),
-            facts.get("task", ""),
+            STALE_AFTER_S if facts.observation_stale_s is None else facts.observation_stale_s,
+            facts.task,
         )
         self._outputs: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
         self._received = {topic.name: RateMeter() for topic in context.spec.subscriptions}
@@ -260,10 +258,10 @@ def _require_decoder(node: str) -> None:
         raise ModelError(f"{node}: {error}") from error
 
 
-def joint_space(joints: Any) -> JointSpace:
-    """Makes a JointSpace of the plan's ``joints``: name, min_rad and max_rad of each."""
+def joint_space(joints: Sequence[JointRange]) -> JointSpace:
+    """Makes a JointSpace of the joints of the plan."""
     return JointSpace(
-        names=tuple(joint["name"] for joint in joints),
-        position_min_rad=np.array([joint["min_rad"] for joint in joints], np.float64),
-        position_max_rad=np.array([joint["max_rad"] for joint in joints], np.float64),
+        names=tuple(joint.name for joint in joints),
+        position_min_rad=np.array([joint.min_rad for joint in joints], np.float64),
+        position_max_rad=np.array([joint.max_rad for joint in joints], np.float64),
     )

@@ -15,7 +15,7 @@ class RandomNoise(Model):
     Args:
         settings: seed and amplitude.
         joints: the joints that are commanded.
-        context: further facts of the plan; not used.
+        features: not used.
     """
 
     settings: RandomNoiseSettings

@@ -22,7 +22,7 @@ class NodeContext(Protocol):
     """What the runtime offers to a behaviour, on the node's own thread unless said otherwise.
 
     Attributes:
-        spec: the node's part of the plan; ``spec.context["restarted"]`` is true after a failure.
+        spec: the node's part of the plan; ``spec.facts.restarted`` is true after a failure.
         log: logger whose records reach the supervisor with the node's name.
     """
 

@@ -39,5 +39,5 @@ def exit_code_of(error: BaseException) -> int:
     return EXIT_NODE_FAILED
 
 
-class StopObeyed(NodeError):
+class Cancelled(NodeError):
     """A step that takes long ended early, because the node was asked to stop; no failure."""

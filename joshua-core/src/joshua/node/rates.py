@@ -57,7 +57,7 @@ class RateMeter:
 
 def meter_for(spec: NodeSpec) -> RateMeter:
     """A meter for a topic of a node; in MODE_TEST, which judges devices, it knows when the machine stood."""
-    return RateMeter(witness=witness() if spec.context.get("testing") else None)
+    return RateMeter(witness=witness() if spec.facts.testing else None)
 
 
 class RateLimit:

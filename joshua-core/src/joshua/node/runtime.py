@@ -19,9 +19,9 @@ from joshua.node.calls import Calls
 from joshua.node.context import NodeFailedError, RuntimeContext
 from joshua.node.endpoints import Endpoints
 from joshua.node.errors import (
+    Cancelled,
     InterruptedLifecycleError,
     NodeError,
-    StopObeyed,
     exit_code_of,
 )
 from joshua.node.implementation import load_behaviour
@@ -133,7 +133,7 @@ class NodeRuntime:
         try:
             with self._interruptible():
                 self._start_and_loop()
-        except StopObeyed:
+        except Cancelled:
             self._log.debug("ended step %s, as it was asked to stop", self._step)
         except BaseException as error:  # noqa: BLE001 (even sys.exit must not skip the safe state)
             self.context.fail_with(error)
@@ -151,7 +151,7 @@ class NodeRuntime:
         self.context.endpoints = Endpoints(
             handle, self._spec.full_name, self._services.send, self.context.fail_with, self._log
         )
-        if self._spec.context.get("use_sim_time"):
+        if self._spec.facts.use_sim_time:
             ros_time.follow_simulation()
             if self._spec.process_group != "simulation":  # that process sets its time itself
                 self.context.endpoints.subscribe(ros_time.CLOCK, ros_time.take)

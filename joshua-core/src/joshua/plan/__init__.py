@@ -12,22 +12,46 @@ from joshua.plan.diagnostic import Diagnostic, Position, Related, Severity
 from joshua.plan.qos import QosProfile
 
 if TYPE_CHECKING:
+    from joshua.plan.facts import (
+        ActuatorFacts,
+        ChosenEnvironment,
+        Commander,
+        ModelFacts,
+        NodeFacts,
+        OnStale,
+        RunFacts,
+        SafeStop,
+        SensorFacts,
+        ServiceFacts,
+    )
+    from joshua.plan.joints import JointRange
     from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
     from joshua.plan.plan import Plan, TlsSpec, TransportSpec
     from joshua.plan.report import CheckResult, JointTrace, NodeReport, RunReport, TimerReport, TopicReport
 
 __all__ = [
+    "ActuatorFacts",
     "CheckResult",
+    "ChosenEnvironment",
+    "Commander",
     "Diagnostic",
+    "JointRange",
     "JointTrace",
+    "ModelFacts",
+    "NodeFacts",
     "NodeKind",
     "NodeReport",
     "NodeSpec",
+    "OnStale",
     "Plan",
     "Position",
     "QosProfile",
     "Related",
+    "RunFacts",
     "RunReport",
+    "SafeStop",
+    "SensorFacts",
+    "ServiceFacts",
     "Severity",
     "TimerReport",
     "TlsSpec",
@@ -37,6 +61,19 @@ __all__ = [
 ]
 
 _LATER = {
+    "joshua.plan.joints": ("JointRange",),
+    "joshua.plan.facts": (
+        "ActuatorFacts",
+        "ChosenEnvironment",
+        "Commander",
+        "ModelFacts",
+        "NodeFacts",
+        "OnStale",
+        "RunFacts",
+        "SafeStop",
+        "SensorFacts",
+        "ServiceFacts",
+    ),
     "joshua.plan.node_spec": ("NodeKind", "NodeSpec", "TopicSpec"),
     "joshua.plan.plan": ("Plan", "TlsSpec", "TransportSpec"),
     "joshua.plan.report": (

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from typing_extensions import Self
 
+from joshua.plan.facts import Facts, NodeFacts
 from joshua.plan.qos import QosProfile
+
+FactsT = TypeVar("FactsT", bound=NodeFacts)
 
 
 class NodeKind(str, Enum):
@@ -50,7 +54,7 @@ class NodeSpec(BaseModel):
         behaviour: import string of the node behaviour, such as ``joshua.devices.actuator_node:ActuatorNode``.
         implementation: import string of the driver or model class that the behaviour drives.
         settings_type: import string of the settings model; settings: its JSON-able content.
-        context: further facts that the plan hands over (leader calibration, joint names, limits).
+        facts: what the plan hands over beside the settings, of the class of the kind.
         backend: what runs, as the start-up table shows it, such as ``python`` or ``native``.
         publishers, subscriptions: endpoints.
         process_group: nodes with the same group share a process; "" for a process of its own.
@@ -73,7 +77,7 @@ class NodeSpec(BaseModel):
     implementation: str
     settings_type: str = ""
     settings: dict[str, Any] = Field(default_factory=dict)
-    context: dict[str, Any] = Field(default_factory=dict)
+    facts: Annotated[Facts, Field(discriminator="kind")]
     backend: str = "python"
     publishers: tuple[TopicSpec, ...] = ()
     subscriptions: tuple[TopicSpec, ...] = ()
@@ -81,6 +85,26 @@ class NodeSpec(BaseModel):
     interpreter: str = ""
     host: str = ""
     restart: str = "on-failure"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _names_the_kind_of_its_facts(cls, values: Any) -> Any:
+        """Facts may be left out, or given as plain values, which have the kind of the node."""
+        if not isinstance(values, dict) or not isinstance(values.get("facts", {}), dict):
+            return values
+        return values | {"facts": {"kind": values.get("kind")} | values.get("facts", {})}
+
+    @model_validator(mode="after")
+    def _has_facts_of_its_kind(self) -> Self:
+        if self.facts.kind != self.kind.value:
+            raise ValueError(f"the facts of {self.name} are those of a {self.facts.kind}")
+        return self
+
+    def facts_as(self, kind: type[FactsT]) -> FactsT:
+        """The facts of a node of one kind. Raises TypeError where it is of another."""
+        if not isinstance(self.facts, kind):
+            raise TypeError(f"{self.full_name} is no node with {kind.__name__}")
+        return self.facts
 
     @property
     def full_name(self) -> str:

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from joshua.config.graph import node_entries
 from joshua.plan.graph import NodeEntry
+from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.schema import calibration_pb2
 from joshua.schema import config_pb2 as pb
@@ -93,14 +94,14 @@ def _value_name(enum: Any, number: int) -> str:
 
 def joints_of(
     settings: Any, block: Any, calibration: calibration_pb2.ArmCalibration | None
-) -> list[dict[str, Any]]:
+) -> tuple[JointRange, ...]:
     """Names the joints of an actuator with their limits in radians, without a connection.
 
     A settings model that offers ``joints()`` decides; else motors of 4096 ticks a turn are assumed, zero in
     the middle, named by the calibration or ``joint_<id>``.
     """
     if settings is not None and hasattr(settings, "joints"):
-        return list(settings.joints())
+        return tuple(settings.joints())
     identities = _motor_ids(block)
     names = {motor.id: motor for motor in calibration.motors} if calibration else {}
     joints = []
@@ -109,8 +110,8 @@ def joints_of(
         low = motor.range_min if motor else getattr(block, "position_min", 0)
         high = motor.range_max if motor else getattr(block, "position_max", 4095)
         name = motor.joint_name if motor and motor.joint_name else f"joint_{identity}"
-        joints.append({"name": name, "min_rad": _radians(low), "max_rad": _radians(high)})
-    return joints
+        joints.append(JointRange(name, _radians(low), _radians(high)))
+    return tuple(joints)
 
 
 def _motor_ids(block: Any) -> Sequence[int]:

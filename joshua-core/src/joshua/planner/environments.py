@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from joshua.plan import Related, Severity
 from joshua.planner.findings import Findings
 from joshua.plugins import Environment, EnvironmentSpec, Registry
-from joshua.plugins.environments import ChosenEnvironment
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest, nearest_first
+
+if TYPE_CHECKING:
+    from joshua.plan import ChosenEnvironment
 
 _BACKEND = "ai.training.simulator_backend"
 _ID = "ai.training.environment_id"
@@ -55,6 +59,8 @@ def choose_environment(config: pb.Config, registry: Registry, findings: Findings
     if len(fitting) > 1:
         _needed(fitting, findings)
         return None
+    from joshua.plan import ChosenEnvironment
+
     return ChosenEnvironment(
         environment_id=environment.id,
         reward_function=reward or environment.rewards[0],

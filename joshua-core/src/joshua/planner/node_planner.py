@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from joshua.features.derive import features_of
 from joshua.modes import ModeSpec
 from joshua.modes.services import PHYSICS_GROUP
-from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan import (
+    ActuatorFacts,
+    Commander,
+    JointRange,
+    ModelFacts,
+    NodeKind,
+    NodeSpec,
+    SensorFacts,
+    TopicSpec,
+)
+from joshua.plan.facts import Facts
 from joshua.plan.graph import Endpoint, RobotGraph
 from joshua.planner.devices import Wanted
 from joshua.planner.findings import Findings
+from joshua.planner.request import Request
 from joshua.planner.resolution import Resolved
-from joshua.planner.safety import safety_context
-from joshua.plugins import ActuatorSpec, NodePluginSpec, Registry, SensorSpec
+from joshua.planner.safety import safety_facts
+from joshua.plugins import ActuatorSpec, ModelSpec, Registry, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 
@@ -31,7 +42,9 @@ class NodePlanner:
 
     Args:
         joints: joints of each actuator by field path of its node block.
-        source: the configuration file, at whose folder relative paths start.
+        request: names the configuration file, at whose folder relative paths start.
+        physics: settings of the simulation; None where there is none.
+        allow_uncalibrated: joints without calibration may be energised.
     """
 
     def __init__(
@@ -39,17 +52,22 @@ class NodePlanner:
         mode: ModeSpec,
         graph: RobotGraph,
         registry: Registry,
-        joints: Mapping[str, list[dict[str, Any]]],
+        joints: Mapping[str, Sequence[JointRange]],
         findings: Findings,
-        source: str,
+        request: Request,
+        physics: dict[str, Any] | None,
+        *,
+        allow_uncalibrated: bool,
     ) -> None:
-        self._source = source
+        self._request = request
+        self._allow_uncalibrated = allow_uncalibrated
         self._registry = registry
         self._joints = joints
         self._findings = findings
         self._without_native: dict[str, list[Wanted]] = {}
         self._settings: dict[str, Any] = {}
         self._graph = graph
+        self._physics = physics
         self._testing = mode.verdict
 
     def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
@@ -81,11 +99,7 @@ class NodePlanner:
             implementation=spec.native if native else spec.implementation,
             settings_type=spec.settings,
             settings=settings.model_dump(mode="json") if settings is not None else {},
-            context=resolved.context
-            | self._shared_context(want)
-            | safety_context(want, spec)
-            | _times(spec)
-            | ({"terminal": True} if isinstance(spec, SensorSpec) and spec.terminal else {}),
+            facts=self._facts(resolved),
             backend="native" if native else "python",
             publishers=tuple(self._topics(want, publishers=True)),
             subscriptions=tuple(self._topics(want, publishers=False)),
@@ -102,7 +116,7 @@ class NodePlanner:
         from joshua.config.input_paths import with_absolute_paths
 
         positions = self._findings.positions
-        return with_absolute_paths(want.entry.node, want.entry.path, positions, self._source).python
+        return with_absolute_paths(want.entry.node, want.entry.path, positions, self._request.path).python
 
     def _own(self, want: Wanted, *, publishers: bool) -> list[Endpoint]:
         return [
@@ -120,35 +134,45 @@ class NodePlanner:
                 rate_hz=endpoint.block.publish_rate_hz if publishers else 0.0,
             )
 
-    def _shared_context(self, want: Wanted) -> dict[str, Any]:
-        """What a node must know of others: its own joints and its leader's, or those that it commands."""
-        if want.kind is ActuatorSpec:
-            joints = {"joints": self._joints[want.entry.path]}
-            return joints | self._commanders(want) | ({"testing": True} if self._testing else {})
-        if want.kind is SensorSpec:  # it was resolved with the joints that it reaches
-            return {"testing": True} if self._testing else {}
-        commanded = [
-            joint for entry in self._graph.driven_by(want.entry) for joint in self._joints.get(entry.path, ())
-        ]
-        names = {path: [joint["name"] for joint in joints] for path, joints in self._joints.items()}
-        features = features_of(self._graph, names, self._settings, reader=want.entry)
-        return {"features": features.as_json()} | ({"joints": commanded} if commanded else {})
+    def _facts(self, resolved: Resolved) -> Facts:
+        """What a node must know of itself and others, such as its leader, or the joints that it commands."""
+        want, spec = resolved.want, resolved.spec
+        common: dict[str, Any] = {
+            "testing": self._testing,
+            "hang_after_s": spec.hang_after_s,
+            "ready_timeout_s": spec.ready_timeout_s,
+        }
+        if isinstance(spec, ModelSpec):
+            driven = self._graph.driven_by(want.entry)
+            commanded = (joint for entry in driven for joint in self._joints.get(entry.path, ()))
+            names = {path: [joint.name for joint in joints] for path, joints in self._joints.items()}
+            features = features_of(self._graph, names, self._settings, reader=want.entry)
+            return ModelFacts(joints=tuple(commanded), features=tuple(features.values()), **common)
+        common["simulation"] = self._physics if want.is_simulated else None
+        if isinstance(spec, SensorSpec):
+            return SensorFacts(joints=resolved.joints, terminal=spec.terminal, **common)
+        assert isinstance(spec, ActuatorSpec)
+        leader, take_over = self._commanders(want)
+        return ActuatorFacts(
+            joints=tuple(self._joints[want.entry.path]),
+            leader=leader,
+            take_over=take_over,
+            allow_uncalibrated=self._allow_uncalibrated,
+            dry_run=self._request.dry_run,
+            **common,
+            **safety_facts(want.entry.owner, spec),
+        )
 
-    def _commanders(self, want: Wanted) -> dict[str, Any]:
-        """Of those who publish what an actuator hears: its leader, and who may take over."""
-        facts: dict[str, Any] = {}
+    def _commanders(self, want: Wanted) -> tuple[Commander | None, tuple[Commander, ...]]:
+        """Of those who publish what an actuator subscribes to: its leader, and who may take over."""
+        leader: Commander | None = None
+        take_over = []
         for source in self._graph.commanders(want.entry):
-            commander: dict[str, Any] = {"node": source.entry.full_name, "topic": source.topic}
-            if source.entry.leads and source.block.data_type == data_type_pb2.JOINT_STATE:
-                commander["joints"] = self._joints.get(source.entry.path, [])
+            maps = source.entry.leads and source.block.data_type == data_type_pb2.JOINT_STATE
+            joints = tuple(self._joints.get(source.entry.path, ())) if maps else None
+            commander = Commander(source.entry.full_name, source.topic, joints)
             if source.block.override:
-                facts.setdefault("take_over", []).append(commander)
-            elif "joints" in commander:
-                facts.setdefault("leader", commander)
-        return facts
-
-
-def _times(spec: NodePluginSpec) -> dict[str, float]:
-    """What the supervisor grants a device of this kind beyond the usual."""
-    times = {"hang_after_s": spec.hang_after_s, "ready_timeout_s": spec.ready_timeout_s}
-    return {name: value for name, value in times.items() if value}
+                take_over.append(commander)
+            elif maps and leader is None:
+                leader = commander
+        return leader, tuple(take_over)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from joshua.modes import ModeSpec, mode_name, mode_of
+from joshua.modes import mode_name, mode_of
 from joshua.plan import Diagnostic, Severity
 from joshua.planner.devices import wanted_nodes
 from joshua.planner.findings import Findings
@@ -34,13 +35,14 @@ class Planning:
         self._mode = mode_of(loaded.config, registry)
         self._findings = Findings(loaded, launch=request.launch)
         self._graph = loaded.graph
+        self._allows_uncalibrated = request.allow_uncalibrated or self._mode.works_uncalibrated
         self._resolver = Resolver(
             loaded.config,
             self._graph,
             registry,
             self._findings,
             request.path,
-            _waivers(self._mode, request),
+            allow_uncalibrated=self._allows_uncalibrated,
         )
         self._nodes: list[Resolved] = []
         self._services: list[ResolvedService] = []
@@ -69,13 +71,20 @@ class Planning:
 
         config, request = self._config, self._request
         planner = NodePlanner(
-            self._mode, self._graph, self._registry, self._resolver.joints, self._findings, request.path
+            self._mode,
+            self._graph,
+            self._registry,
+            self._resolver.joints,
+            self._findings,
+            request,
+            physics_of(self._services),
+            allow_uncalibrated=self._allows_uncalibrated,
         )
         nodes = planner.specs(self._nodes)
-        nodes += [service_node(resolved, self._graph) for resolved in self._services]
+        nodes += [service_node(resolved, self._graph, request) for resolved in self._services]
         if config.simulation.use_sim_time:
             nodes = [
-                node.model_copy(update={"context": node.context | {"use_sim_time": True}}) for node in nodes
+                node.model_copy(update={"facts": replace(node.facts, use_sim_time=True)}) for node in nodes
             ]
         nodes = _share_of_host(nodes, request.host, self._findings)
         transport = transport_spec(config, request.path, self._findings)
@@ -131,14 +140,6 @@ class Planning:
         for note, names in topics.items():
             where = ", ".join(dict.fromkeys(names))
             self._findings.add("qos-acts-partly", Severity.NOTE, f"{where}: {note}")
-
-
-def _waivers(mode: ModeSpec, request: Request) -> dict[str, bool]:
-    """What actuators may do in this run."""
-    return {
-        "allow_uncalibrated": request.allow_uncalibrated or mode.works_uncalibrated,
-        "dry_run": request.dry_run,
-    }
 
 
 def _share_of_host(nodes: list[NodeSpec], host: str, findings: Findings) -> list[NodeSpec]:

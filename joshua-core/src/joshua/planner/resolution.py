@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from joshua.config.checks.device_table import fitting_blocks
 from joshua.plan import Diagnostic, Severity
@@ -13,8 +13,12 @@ from joshua.planner.devices import Wanted, joints_of
 from joshua.planner.findings import Findings
 from joshua.planner.safety import check_safety
 from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, Registry, SensorSpec
-from joshua.schema import calibration_pb2, data_type_pb2, data_types
+from joshua.plugins.block_context import BlockContext
 from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2, data_types
+
+if TYPE_CHECKING:
+    from joshua.plan import JointRange
 
 
 @dataclass(frozen=True)
@@ -23,13 +27,13 @@ class Resolved:
 
     Attributes:
         settings: the checked settings model; None where the plugin declares none.
-        context: further facts for the driver, such as its calibration.
+        joints: that a sensor's commands reach, where all of them are known.
     """
 
     want: Wanted
     spec: NodePluginSpec
     settings: Any
-    context: dict[str, Any]
+    joints: tuple[JointRange, ...] = ()
 
 
 class Resolver:
@@ -37,7 +41,7 @@ class Resolver:
 
     Args:
         source: the configuration file, at whose folder relative paths start.
-        waivers: what the user allows every actuator: ``allow_uncalibrated``, ``dry_run``.
+        allow_uncalibrated: joints without calibration may be energised.
 
     Attributes:
         joints: joints of each actuator by field path of its node block, known without a connection.
@@ -50,22 +54,23 @@ class Resolver:
         registry: Registry,
         findings: Findings,
         source: str,
-        waivers: Mapping[str, bool],
+        *,
+        allow_uncalibrated: bool,
     ) -> None:
         self._registry = registry
-        self._waivers = {name: True for name, allowed in waivers.items() if allowed}
+        self._allow_uncalibrated = allow_uncalibrated
         self._findings = findings
         self._source = source
         self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
-        self.joints: dict[str, list[dict[str, Any]]] = {}
+        self.joints: dict[str, Sequence[JointRange]] = {}
         self._graph = graph
         self._final_names: set[str] = set()
 
-    def resolve(self, wanted: list[Wanted], physics: Mapping[str, Any]) -> list[Resolved]:
+    def resolve(self, wanted: list[Wanted], physics: dict[str, Any] | None) -> list[Resolved]:
         """Resolves all nodes whose plugin is installed; the others become findings.
 
         Args:
-            physics: what simulated devices must know of the simulation; empty where there is none.
+            physics: settings of the simulation; None where there is none.
         """
         resolved = []
         missing: dict[tuple[type[NodePluginSpec], str], list[Wanted]] = {}
@@ -75,20 +80,20 @@ class Resolver:
                 key = (want.kind, want.block_name or want.enum_value)
                 missing.setdefault(key, []).append(want)
             calibration = self._calibrations.get(want.entry.node.node_name)
-            context = self._context(want, calibration)
-            if want.is_simulated:
-                context |= physics
+            reached = self._reached_joints(want) if want.kind is SensorSpec else ()
+            simulation = physics if want.is_simulated else None
             settings = None
             if spec is not None:
+                context = BlockContext(calibration, reached, simulation, launch=self._findings.launch)
                 settings, problems = self._settings(want, spec, context)
                 self._findings.items += problems
                 self._unfit_types(want, spec)
-                resolved.append(Resolved(want, spec, settings, context))
+                resolved.append(Resolved(want, spec, settings, reached))
             if want.kind is ActuatorSpec:
                 joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
                 # Without calibration an arm's joints have names that nobody will use, unless that is waived.
                 virtual = isinstance(spec, DeviceSpec) and spec.virtual
-                if calibration is not None or virtual or "allow_uncalibrated" in self._waivers:
+                if calibration is not None or virtual or self._allow_uncalibrated:
                     self._final_names.add(want.entry.path)
                 if isinstance(spec, ActuatorSpec):
                     check_safety(want, spec, joints, self._findings)
@@ -96,19 +101,12 @@ class Resolver:
             self._findings.plugin_missing(wants, self._registry)
         return resolved
 
-    def _context(self, want: Wanted, calibration: calibration_pb2.ArmCalibration | None) -> dict[str, Any]:
-        context: dict[str, Any] = {"calibration": calibration_values(calibration)} if calibration else {}
-        if want.kind is ActuatorSpec:
-            return context | self._waivers
-        joints = self._reached_joints(want) if want.kind is SensorSpec else []
-        return context | ({"joints": joints} if joints else {})
-
-    def _reached_joints(self, want: Wanted) -> list[dict[str, Any]]:
+    def _reached_joints(self, want: Wanted) -> tuple[JointRange, ...]:
         """The joints that a sensor's commands reach; empty unless the names of all of them are final."""
         reached = self._graph.driven_by(want.entry)
         if not all(entry.path in self._final_names for entry in reached):
-            return []
-        return [joint for entry in reached for joint in self.joints[entry.path]]
+            return ()
+        return tuple(joint for entry in reached for joint in self.joints[entry.path])
 
     def _spec(self, want: Wanted) -> NodePluginSpec | None:
         if not _is_complete(want):
@@ -116,7 +114,7 @@ class Resolver:
         return self._registry.find(want.kind, want.block_name, want.enum_value)
 
     def _settings(
-        self, want: Wanted, spec: NodePluginSpec, context: dict[str, Any]
+        self, want: Wanted, spec: NodePluginSpec, context: BlockContext
     ) -> tuple[Any, list[Diagnostic]]:
         if want.block is None or not spec.settings:
             return None, []
@@ -128,7 +126,7 @@ class Resolver:
             spec,
             with_absolute_paths(want.block, want.block_path, self._findings.positions, self._source),
             node=want.entry.node,
-            context=context | {"launch": self._findings.launch},
+            context=context,
             field_path=want.block_path,
             positions=self._findings.positions,
         )
@@ -163,22 +161,3 @@ def _is_complete(want: Wanted) -> bool:
         return True
     is_third_party = "." in want.block_name
     return is_third_party or want.block_name in fitting_blocks(want.entry.owner)
-
-
-def calibration_values(calibration: calibration_pb2.ArmCalibration) -> dict[str, Any]:
-    """Turns a calibration block into the plain values that a driver's context carries."""
-    return {
-        "device_identity": calibration.device_identity,
-        "calibrated_at": calibration.calibrated_at,
-        "motors": [
-            {
-                "id": motor.id,
-                "joint_name": motor.joint_name,
-                "homing_offset": motor.homing_offset,
-                "range_min": motor.range_min,
-                "range_max": motor.range_max,
-                "inverted": motor.inverted,
-            }
-            for motor in calibration.motors
-        ],
-    }

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from joshua.plan import Severity
 from joshua.planner.devices import Wanted
 from joshua.planner.findings import Findings
-from joshua.plugins import ActuatorSpec, NodePluginSpec
+from joshua.plugins import ActuatorSpec
 from joshua.schema import config_pb2 as pb
+
+if TYPE_CHECKING:
+    from joshua.plan import JointRange
 
 PARK_TIMEOUT_S = 5.0
 ON_STALE_AFTER_S = 5.0
@@ -17,41 +21,27 @@ ON_STALE_AFTER_S = 5.0
 STOP_MARGIN_S = 6.0
 
 
-def safety_context(want: Wanted, spec: NodePluginSpec) -> dict[str, Any]:
-    """Safe state of an actuator, the action of its guardian and of an e-stop; empty for other nodes."""
-    action = want.entry.owner
-    if not (isinstance(action, pb.SingleAction) and isinstance(spec, ActuatorSpec)):
-        return {}
+def safety_facts(action: pb.SingleAction, spec: ActuatorSpec) -> dict[str, Any]:
+    """Facts about the safe state of an actuator, the action of its guardian and of an e-stop."""
+    from joshua.plan import OnStale, SafeStop
+
     is_leader = action.action_type == pb.ACTION_LEADER
     state = action.safe_state or (pb.RELEASE if is_leader else pb.HOLD)
     name = pb.SafeState.Name(state) if state in pb.SafeState.values() else "HOLD"
-    context: dict[str, Any] = {"safe_state": name}
-    if spec.safe_stop:
-        context["estop_action"] = spec.safe_stop
+    facts: dict[str, Any] = {"safe_state": name, "estop_action": spec.safe_stop}
     timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
+    pose = tuple(action.park_pose_rad)
     if not is_leader and action.on_stale in (pb.RELEASE, pb.PARK_THEN_RELEASE):
-        context["on_stale"] = {
-            "action": pb.SafeState.Name(action.on_stale),
-            "after_s": (
-                float(action.on_stale_after_s) if action.HasField("on_stale_after_s") else ON_STALE_AFTER_S
-            ),
-            "pose_rad": list(action.park_pose_rad),
-            "timeout_s": timeout_s,
-        }
-    if is_leader or not spec.safe_stop:
-        return context
-    context["safe_stop"] = {
-        "implementation": spec.safe_stop,
-        "state": name,
-        "park_pose_rad": list(action.park_pose_rad),
-        "timeout_s": timeout_s,
-    }
-    # Not only for parking: a guardian that looks for a device which is gone takes its time, too.
-    context["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
-    return context
+        after_s = float(action.on_stale_after_s) if action.HasField("on_stale_after_s") else ON_STALE_AFTER_S
+        facts["on_stale"] = OnStale(pb.SafeState.Name(action.on_stale), after_s, pose, timeout_s)
+    if not is_leader and spec.safe_stop:
+        facts["safe_stop"] = SafeStop(spec.safe_stop, name, pose, timeout_s)
+        # Not only for parking: a guardian that looks for a device which is gone takes its time, too.
+        facts["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
+    return facts
 
 
-def check_safety(want: Wanted, spec: ActuatorSpec, joints: list[dict[str, Any]], findings: Findings) -> None:
+def check_safety(want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange], findings: Findings) -> None:
     """Finds a park pose that does not fit the joints, and a device that cannot park."""
     action = want.entry.owner
     if not isinstance(action, pb.SingleAction):
@@ -79,7 +69,7 @@ def check_safety(want: Wanted, spec: ActuatorSpec, joints: list[dict[str, Any]],
             remedy="write safe_state: HOLD or safe_state: RELEASE",
         )
     elif (parks or parks_when_stale) and action.park_pose_rad and len(action.park_pose_rad) != len(joints):
-        names = ", ".join(joint["name"] for joint in joints)
+        names = ", ".join(joint.name for joint in joints)
         findings.add(
             "park-pose-unfit",
             Severity.ERROR,

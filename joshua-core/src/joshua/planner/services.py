@@ -17,10 +17,11 @@ from joshua.planner.environments import choose_environment
 from joshua.planner.findings import Findings
 from joshua.planner.request import Request
 from joshua.plugins import EpisodeWriterSpec, PluginSpec, Registry, SimulatorSpec, TrainerSpec
+from joshua.plugins.block_context import BlockContext, DataStoreContext
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
-    from joshua.plan import NodeSpec, TopicSpec
+    from joshua.plan import ChosenEnvironment, NodeSpec, TopicSpec
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class ResolvedService:
         block: the block that asks for it, as far as the mode uses it; enum_value: what chose the plugin.
         plugin: distribution that provides it.
         settings: the checked settings model; None where the plugin declares none.
-        context: further facts for the service, such as the folder at which relative paths start.
+        folder: at which relative paths start; environment: that a trainer learns in.
     """
 
     service: ServiceSpec
@@ -40,7 +41,8 @@ class ResolvedService:
     spec: PluginSpec
     plugin: str
     settings: Any
-    context: dict[str, Any]
+    folder: str
+    environment: ChosenEnvironment | None = None
 
 
 def resolve_services(
@@ -69,18 +71,15 @@ def resolve_services(
                     service.path, service.kind, value, registry, required=service.required
                 )
             continue
-        context: dict[str, Any] = {"folder": _folder(service.path, findings, source)}
-        if service.kind is SimulatorSpec:
-            if request.physics_socket:
-                context["physics_socket"] = request.physics_socket
-            if config.ai.HasField("data_store"):
-                folder = _folder("ai.data_store.local_path", findings, source)
-                context["data_store"] = _data_store(config, registry, findings, folder)
-        if service.kind is TrainerSpec and chosen is not None:
-            context["environment"] = chosen.as_context()
+        folder, store = _folder(service.path, findings, source), DataStoreContext()
+        if service.kind is SimulatorSpec and config.ai.HasField("data_store"):
+            beside = _folder("ai.data_store.local_path", findings, source)
+            store = _data_store(config, registry, findings, beside)
+        context = BlockContext(folder=folder, data_store=store, launch=findings.launch)
         settings = _settings(service, block, spec, context, findings)
         owner = registry.owner(spec).distribution
-        resolved.append(ResolvedService(service, block, value, spec, owner, settings, context))
+        environment = chosen if service.kind is TrainerSpec else None
+        resolved.append(ResolvedService(service, block, value, spec, owner, settings, folder, environment))
     return resolved
 
 
@@ -89,15 +88,15 @@ def _own(
 ) -> ResolvedService:
     """A service that the plugin of the mode brings itself."""
     spec = PluginSpec(implementation=service.behaviour, settings=service.settings)
-    context = {"folder": _folder(service.path, findings, source)}
+    context = BlockContext(folder=_folder(service.path, findings, source), launch=findings.launch)
     offer = registry.modes().get(mode.name)
     owner = registry.owner(offer).distribution if offer is not None else "joshua-core"
     settings = _settings(service, block, spec, context, findings) if block is not None else None
-    return ResolvedService(service, block, mode.name, spec, owner, settings, context)
+    return ResolvedService(service, block, mode.name, spec, owner, settings, context.folder)
 
 
 def _settings(
-    service: ServiceSpec, block: Any, spec: PluginSpec, context: dict[str, Any], findings: Findings
+    service: ServiceSpec, block: Any, spec: PluginSpec, context: BlockContext, findings: Findings
 ) -> Any:
     if not spec.settings:
         return None
@@ -106,7 +105,7 @@ def _settings(
     settings, problems = make_settings(
         spec,
         block,
-        context=context | {"launch": findings.launch},
+        context=context,
         field_path=service.path,
         positions=findings.positions,
     )
@@ -114,7 +113,7 @@ def _settings(
     return settings
 
 
-def _data_store(config: pb.Config, registry: Registry, findings: Findings, folder: str) -> dict[str, Any]:
+def _data_store(config: pb.Config, registry: Registry, findings: Findings, folder: str) -> DataStoreContext:
     """What a simulator that replays or makes episodes must know of the data set."""
     block = config.ai.data_store
     path = block.local_path
@@ -122,14 +121,14 @@ def _data_store(config: pb.Config, registry: Registry, findings: Findings, folde
     writer = registry.find(EpisodeWriterSpec, "data_store", value)
     if writer is None and makes_episodes(config):
         findings.service_missing("ai.data_store", EpisodeWriterSpec, value, registry, required=True)
-    return {
-        "writer": writer.implementation if writer else "",
-        "task": block.task or block.dataset_name,
-        "robot_type": config.general.robot_type,
-        "path": str(Path(folder) / os.path.expanduser(path)) if path else "",  # noqa: PTH111 (as the checks)
-        "episodes": list(block.episodes),
-        "format": value,
-    }
+    return DataStoreContext(
+        writer=writer.implementation if writer else "",
+        task=block.task or block.dataset_name,
+        robot_type=config.general.robot_type,
+        path=str(Path(folder) / os.path.expanduser(path)) if path else "",  # noqa: PTH111 (as the checks)
+        episodes=tuple(block.episodes),
+        format=value,
+    )
 
 
 def _folder(path: str, findings: Findings, source: str) -> str:
@@ -139,12 +138,12 @@ def _folder(path: str, findings: Findings, source: str) -> str:
     return str(Path(named_in).absolute().parent)
 
 
-def physics_of(services: list[ResolvedService]) -> dict[str, Any]:
-    """What simulated devices must know of the simulation that they are part of; empty where there is none."""
+def physics_of(services: list[ResolvedService]) -> dict[str, Any] | None:
+    """Settings of the simulation that simulated devices are part of; None where there is none."""
     for resolved in services:
         if resolved.service.kind is SimulatorSpec and resolved.settings is not None:
-            return {"simulation": resolved.settings.model_dump(mode="json")}
-    return {}
+            return dict(resolved.settings.model_dump(mode="json"))
+    return None
 
 
 def graph_services(resolved: Iterable[ResolvedService], graph: RobotGraph, config: pb.Config) -> RobotGraph:
@@ -155,16 +154,21 @@ def graph_services(resolved: Iterable[ResolvedService], graph: RobotGraph, confi
     )
 
 
-def service_node(resolved: ResolvedService, graph: RobotGraph) -> NodeSpec:
+def service_node(resolved: ResolvedService, graph: RobotGraph, request: Request) -> NodeSpec:
     """Makes the node spec of a service."""
     from google.protobuf import json_format
 
-    from joshua.plan import NodeKind, NodeSpec
+    from joshua.plan import NodeKind, NodeSpec, ServiceFacts
 
     service, spec, settings = resolved.service, resolved.spec, resolved.settings
     values = {}
     if resolved.block is not None:
         values = json_format.MessageToDict(resolved.block, preserving_proto_field_name=True)
+    facts = ServiceFacts(
+        folder=resolved.folder,
+        physics_socket=request.physics_socket if service.kind is SimulatorSpec else "",
+        environment=resolved.environment,
+    )
     topics = next(item.topics for item in graph.services if item.name == service.name)
     return NodeSpec(
         name=service.name,
@@ -176,7 +180,7 @@ def service_node(resolved: ResolvedService, graph: RobotGraph) -> NodeSpec:
         implementation=spec.implementation,
         settings_type=spec.settings,
         settings=values if settings is None else settings.model_dump(mode="json"),
-        context=resolved.context,
+        facts=facts,
         publishers=tuple(_topic(item, graph) for item in topics if item.is_publisher),
         subscriptions=tuple(_topic(item, graph) for item in topics if not item.is_publisher),
         process_group=service.process_group,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from joshua.modes import mode_of
 from joshua.plan import installing
 from joshua.planner.devices import Wanted, joints_of, wanted_nodes
-from joshua.planner.resolution import calibration_values
 from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, Registry, SimulatorSpec
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.hints import distribution_for
 from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapter, SimAdapterError
 from joshua.plugins.targets import TargetError, load_target
@@ -109,9 +109,9 @@ def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[s
     if spec is not None and want.block is not None:
         from joshua.plugins.settings import make_settings  # needs pydantic
 
-        context = {"calibration": calibration_values(calibration)} if calibration is not None else {}
+        context = BlockContext(calibration)
         settings, _ = make_settings(spec, want.block, node=want.entry.node, context=context)
-    names = tuple(joint["name"] for joint in joints_of(settings, want.block, calibration))
+    names = tuple(joint.name for joint in joints_of(settings, want.block, calibration))
     if not names:
         raise SimAdapterError(
             f"{name}: its block does not say which joints it has, so the simulation cannot stand for it: "

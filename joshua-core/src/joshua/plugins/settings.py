@@ -12,6 +12,7 @@ from typing_extensions import Self
 
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.targets import TargetError, load_target
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class BlockSettings(BaseModel):
     converted. Defaults and ranges are not repeated: an omitted field has the default of its ``FieldRule``,
     and ranges are checked from the rules before a settings model is made. Validators add rules across
     fields and raise ``FieldError``, or ``FieldErrors`` for several. ``si_values`` is the place for values
-    that more than one field, the node or the plan's context decide.
+    that more than one field, the node or the rest of the file decide.
 
     A settings module is imported while a file is validated: it imports no driver and nothing heavy.
     """
@@ -82,15 +83,14 @@ class BlockSettings(BaseModel):
 
     @classmethod
     def from_block(
-        cls, block: Message, node: Message | None = None, context: Mapping[str, Any] | None = None
+        cls, block: Message, node: Message | None = None, context: BlockContext | None = None
     ) -> Self:
         """Makes the settings of a block.
 
         Args:
             block: the configuration block, such as a ``MockMotorConfig``.
             node: the ``Node`` block beside it; None where there is none.
-            context: the plan's further facts, see ``NodeSpec.context``; while a file is examined also
-                ``launch``, whether nodes are about to be started.
+            context: what the rest of the file says to it.
 
         Raises:
             pydantic.ValidationError: a value or a rule across fields is broken.
@@ -98,11 +98,11 @@ class BlockSettings(BaseModel):
         # Imported here, with protobuf: a child process gets its settings without a block.
         from joshua.plugins.block_values import block_values
 
-        return cls.model_validate(cls.si_values(block_values(block), node, context or {}))
+        return cls.model_validate(cls.si_values(block_values(block), node, context or BlockContext()))
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Turns the block's values (see ``block_values``) into the values of the settings."""
         del node, context  # for overriding methods
@@ -127,7 +127,7 @@ def make_settings(
     block: Message,
     *,
     node: Message | None = None,
-    context: Mapping[str, Any] | None = None,
+    context: BlockContext | None = None,
     field_path: str = "",
     positions: Positions | None = None,
 ) -> tuple[BlockSettings | None, list[Diagnostic]]:
@@ -137,7 +137,7 @@ def make_settings(
         spec: whose ``settings`` names the model.
         block: the configuration block.
         node: the ``Node`` block beside it.
-        context: the plan's further facts, see ``NodeSpec.context``.
+        context: what the rest of the file says to it.
         field_path: of the block, such as ``robot.actions[0].mock_motor_config``.
         positions: of the loaded configuration; None leaves diagnostics without a position.
 

@@ -23,9 +23,9 @@ CHECK_PERIOD_S = 0.05
 
 
 def hang_limit_s(spec: NodeSpec) -> float:
-    """Limit of a node: ``hang_after_s`` of its context, else the one of its kind."""
-    limit = spec.context.get("hang_after_s")
-    return float(limit) if isinstance(limit, (int, float)) and limit > 0 else HANG_AFTER_S[spec.kind]
+    """Limit of a node: ``hang_after_s`` of its facts, else the one of its kind."""
+    limit_s = spec.facts.hang_after_s
+    return limit_s if limit_s > 0 else HANG_AFTER_S[spec.kind]
 
 
 @dataclass

@@ -10,11 +10,12 @@ import os
 import re
 import signal
 import time
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Protocol
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
-from joshua.plan import NodeKind, NodeSpec, TransportSpec, installing
+from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSpec, installing
 from joshua.plan.events import LogEntry, Progress
 from joshua.supervisor.child import Child
 from joshua.supervisor.heartbeats import HeartbeatWatch
@@ -117,7 +118,7 @@ class ManagedProcess:
         self.watch = HeartbeatWatch(self._loop_time)
         self.restart_timer: ReactorTimer | None = None
         self.stop_reason = ""
-        self.run_context: dict[str, Any] = {}
+        self.run = RunFacts()
         self._transport = transport
         self._options = options
         self._reactor, self._launcher, self._logbook = tools
@@ -168,13 +169,7 @@ class ManagedProcess:
 
     def start(self) -> None:
         """Tells the process which nodes to run."""
-        added = {**self.run_context, **({"restarted": True} if self._restarted else {})}
-        specs = tuple(
-            spec.model_copy(update={"context": {**spec.context, **added}})
-            if spec.kind is NodeKind.ACTUATOR or self._restarted
-            else spec
-            for spec in self.specs
-        )
+        specs = tuple(spec.model_copy(update={"facts": self._facts(spec)}) for spec in self.specs)
         message = ipc.Start(
             nodes=specs,
             transport=self._transport,
@@ -183,6 +178,11 @@ class ManagedProcess:
         )
         self._send(message)
         self._set_deadline()
+
+    def _facts(self, spec: NodeSpec) -> NodeFacts:
+        """The facts of the plan with those of the run."""
+        facts = replace(spec.facts, restarted=self._restarted)
+        return replace(facts, run=self.run) if isinstance(facts, ActuatorFacts) else facts
 
     def activate(self) -> None:
         """Lets the nodes move and publish."""

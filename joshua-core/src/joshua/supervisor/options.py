@@ -30,7 +30,7 @@ class SupervisorOptions:
         duration_s: length of the run from its readiness; None takes the plan's.
         heartbeat_s: distance of two heartbeats.
         status_period_s: distance of two live status reports.
-        ladder: times of the stop ladder; ``stop_timeout_s`` of a node's context overrides the first.
+        ladder: times of the stop ladder; ``stop_timeout_s`` of a node's facts overrides the first.
         restart: numbers of the restart policy.
         run_base: folder of the run directories; log_directory: folder of the log files.
         began_s: monotonic time from which the start-up is counted; None takes the call of ``run``.
@@ -50,16 +50,11 @@ class SupervisorOptions:
 
 
 def ready_timeout_s(spec: NodeSpec) -> float:
-    """Time for the start of a node: ``ready_timeout_s`` of its context, else the one of its kind."""
-    return _positive(spec, "ready_timeout_s") or READY_TIMEOUT_S[spec.kind]
+    """Time for the start of a node: ``ready_timeout_s`` of its facts, else the one of its kind."""
+    return spec.facts.ready_timeout_s or READY_TIMEOUT_S[spec.kind]
 
 
 def ladder_times(specs: tuple[NodeSpec, ...], default: LadderTimes) -> LadderTimes:
     """Ladder of a process: a node that parks first, for example, asks for more time."""
-    wanted = [seconds for spec in specs if (seconds := _positive(spec, "stop_timeout_s"))]
+    wanted = [spec.facts.stop_timeout_s for spec in specs]
     return LadderTimes(max([default.request_s, *wanted]), default.terminate_s)
-
-
-def _positive(spec: NodeSpec, key: str) -> float | None:
-    value = spec.context.get(key)
-    return float(value) if isinstance(value, (int, float)) and value > 0 else None

@@ -12,11 +12,11 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from joshua.guardian import latch
 from joshua.ipc.client import INFO_NAME, LOCK_NAME, SOCKET_NAME, RunInfo, is_free, read_info
 from joshua.ipc.run_bases import RunDirectoryError, other_bases, private
+from joshua.plan import RunFacts
 
 LOG_NAME = "log.jsonl"
 PHYSICS_FOLDER = "physics"
@@ -76,16 +76,16 @@ class RunDirectory:
         """The control socket, for ``joshua status`` and others."""
         return self.path / SOCKET_NAME
 
-    def context(self, log: Path) -> dict[str, Any]:
-        """What the nodes of the run are told of it."""
-        return {
-            "run_log": str(log.absolute()),
-            "run_socket": str(self.socket_path),
-            "robot": self.info.robot,
-            "domain_id": self.info.domain_id,
-            "latch_folder": str(latch_folder(self.path.parents[1])),
-            "estop_files": str(self.path / latch.FOLDER_NAME),
-        }
+    def facts(self, log: Path) -> RunFacts:
+        """What the actuators of the run are told of it."""
+        return RunFacts(
+            log=str(log.absolute()),
+            socket=str(self.socket_path),
+            robot=self.info.robot,
+            domain_id=self.info.domain_id,
+            latch_folder=str(latch_folder(self.path.parents[1])),
+            estop_files=str(self.path / latch.FOLDER_NAME),
+        )
 
     def point_to_log(self, log: Path) -> None:
         """Lets ``log.jsonl`` in this directory point to the log file."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import RunDirectoryError
-from joshua.plan import NodeKind, NodeSpec, Plan, RunReport
+from joshua.plan import NodeKind, NodeSpec, Plan, RunFacts, RunReport
 from joshua.plan.events import Progress, RunEvent, RunStatus
 from joshua.supervisor.event_bus import EventBus, Subscriber
 from joshua.supervisor.fork_server import ForkServer
@@ -102,7 +102,7 @@ class Supervisor:
         self._activated = False
         self._settling = False
         self._defects = 0
-        self._run_context: dict[str, Any] = {}
+        self._run = RunFacts()
 
     def run(self) -> RunReport:
         """Runs the plan to its end; returns what the run was like. Call it once."""
@@ -161,7 +161,7 @@ class Supervisor:
             return False
         self._place = RunPlace(self._reactor, self._logbook, directory, self._requests.handlers())
         closers.append(self._place.close)
-        self._run_context = directory.context(self._logbook.path)
+        self._run = directory.facts(self._logbook.path)
         return True
 
     def _start(self, closers: list[Callable[[], None]]) -> None:
@@ -179,7 +179,7 @@ class Supervisor:
             return
         # The processes come up while this one opens the router; they join it when they are told to start.
         for process in self._processes:
-            process.run_context = self._run_context
+            process.run = self._run
             process.spawn()
         if not self._open_router(closers):
             return

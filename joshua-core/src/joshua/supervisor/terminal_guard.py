@@ -9,7 +9,7 @@ import termios
 from collections.abc import Iterable
 from typing import Any
 
-from joshua.plan import NodeSpec
+from joshua.plan import NodeSpec, SensorFacts
 
 #: The terminal that a process and its children were started from.
 CONTROLLING_TERMINAL = "/dev/tty"
@@ -64,4 +64,4 @@ class TerminalGuard:
 
 
 def _reads_terminal(node: NodeSpec) -> bool:
-    return bool(node.context.get("terminal"))
+    return isinstance(node.facts, SensorFacts) and node.facts.terminal

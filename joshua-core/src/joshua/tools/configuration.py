@@ -83,10 +83,12 @@ def open_driver(spec: NodeSpec) -> Actuator:
         TargetError: its plugin does not provide what it says.
     """
     from joshua.devices.actuator import Actuator
+    from joshua.devices.context import ActuatorContext
     from joshua.node.implementation import load_implementation
+    from joshua.plan import ActuatorFacts
 
     implementation, settings = load_implementation(spec, Actuator)
-    driver: Actuator = implementation(settings, spec.context)
+    driver: Actuator = implementation(settings, ActuatorContext(spec.facts_as(ActuatorFacts)))
     return driver
 
 

@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 import numpy as np
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import message_class
@@ -48,12 +49,12 @@ class OpenCvCamera(Sensor):
 
     Args:
         settings: of the camera.
-        context: further facts of the plan; not used.
+        context: of the node that drives it.
     """
 
     settings: CameraSettings
 
-    def __init__(self, settings: CameraSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: CameraSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         self.source = CameraSource.of(settings)
         self._thread: CaptureThread | None = None
@@ -98,7 +99,7 @@ class OpenCvCamera(Sensor):
         Raises:
             DeviceError: the camera is missing, busy, not allowed, of another size or silent, or the
                 intrinsics are wrong; the message names the camera and the remedy.
-            StopObeyed: the run ends.
+            Cancelled: the run ends.
         """
         if self.connected:
             raise DeviceError(f"{self.source.label} is open already: disconnect first")
@@ -109,7 +110,9 @@ class OpenCvCamera(Sensor):
                 raise DeviceError(f"{self.source.label} is being closed: make a new camera to open it again")
             self._thread = thread
         try:
-            thread.open(NEXT_FIRST_PICTURE_S if self._opened_before else FIRST_PICTURE_S, self.stopping)
+            thread.open(
+                NEXT_FIRST_PICTURE_S if self._opened_before else FIRST_PICTURE_S, self.context.stopping
+            )
         except BaseException:
             self._thread = None
             raise

@@ -12,7 +12,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.stamps import StampClock
 from joshua.guardian.silence import AwakeClock
 from joshua.node import ros_time
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 
 from joshua_camera.backlog import Backlog
 from joshua_camera.capture import Capture, Grab
@@ -81,8 +81,8 @@ class CaptureThread:
             stopping: asked now and then; where it is true the wait ends.
 
         Raises:
-            DeviceError: there is none in time; the thread is ended then, as with StopObeyed.
-            StopObeyed: the run ends.
+            DeviceError: there is none in time; the thread is ended then, as with Cancelled.
+            Cancelled: the run ends.
         """
         # A thread that still waits inside OpenCV when the interpreter ends would abort the process.
         atexit.register(self.close)
@@ -99,7 +99,7 @@ class CaptureThread:
             return
         self.close()
         if obeys:
-            raise StopObeyed
+            raise Cancelled
         label = self._capture.source.label
         if failure is not None:
             raise failure

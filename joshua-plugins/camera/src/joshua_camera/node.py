@@ -37,7 +37,7 @@ class CameraNode(SensorNode):
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
-        self._testing = bool(context.spec.context.get("testing"))
+        self._testing = context.spec.facts.testing
         self._preview: Preview | None = None
         self._last_picture: Picture | None = None
 

@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from google.protobuf.message import Message
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import BlockSettings, FieldError
 from joshua.schema.data_type_names import TYPE_NAMES
 from pydantic import model_validator
@@ -47,7 +48,7 @@ class CameraSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds what the node publishes."""
         numbers = [publisher.data_type for publisher in getattr(node, "publishers", ())]

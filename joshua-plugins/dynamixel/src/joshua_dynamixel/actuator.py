@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from joshua.devices.context import ActuatorContext
 from joshua_serial.port import SerialPort
 from joshua_servo.arm import ServoArm
 from joshua_servo.feedback import Feedback
@@ -34,7 +35,7 @@ class DynamixelActuator(ServoArm):
     family = X_SERIES
     _bus: Bus
 
-    def __init__(self, settings: DynamixelSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: DynamixelSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         self._models = settings.joint_models
 

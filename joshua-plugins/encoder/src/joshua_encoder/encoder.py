@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
@@ -46,12 +47,12 @@ class SerialEncoder(Sensor):
 
     Args:
         settings: link, protocol, resolution, names.
-        context: further facts of the plan; not used.
+        context: of the node that drives it.
     """
 
     settings: EncoderSettings
 
-    def __init__(self, settings: EncoderSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: EncoderSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         endpoint = Endpoint(settings.port, settings.serial_number, settings.vid_pid, settings.device_root)
         self._port = SerialPort(endpoint, settings.baudrate)
@@ -94,7 +95,7 @@ class SerialEncoder(Sensor):
         Raises:
             DeviceError: port or encoder is missing, busy, not allowed, silent, at another line speed or
                 address, or speaks another protocol; the message names port and remedy.
-            StopObeyed: the run ends.
+            Cancelled: the run ends.
         """
         if self.connected:
             raise DeviceError(f"{self._port} is open already: disconnect first")
@@ -104,7 +105,7 @@ class SerialEncoder(Sensor):
         try:
             kind = Amt21Source if settings.protocol == AMT21 else LineSource
             source = kind(self._port, settings)
-            with self._port.obeying(self.stopping):
+            with self._port.obeying(self.context.stopping):
                 source.start()
         except BaseException:
             self._port.close()

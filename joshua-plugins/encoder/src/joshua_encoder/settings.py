@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import FieldError, FromField
 from joshua_serial.settings import SerialSettings
 from pydantic import model_validator
@@ -50,7 +51,7 @@ class EncoderSettings(SerialSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds the usual address and names, and the rate."""
         result = super().si_values(values, node, context)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
@@ -63,12 +64,12 @@ class SerialLidar(Sensor):
 
     Args:
         settings: link, window, ranges and model.
-        context: further facts of the plan; not used.
+        context: of the node that drives it.
     """
 
     settings: LidarSettings
 
-    def __init__(self, settings: LidarSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: LidarSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         endpoint = Endpoint(settings.port, settings.serial_number, settings.vid_pid, settings.device_root)
         self._port = SerialPort(endpoint, settings.baudrate)
@@ -125,14 +126,14 @@ class SerialLidar(Sensor):
         Raises:
             DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed,
                 or does not turn; the message names port and remedy. The motor is off then.
-            StopObeyed: the run ends; the motor is off then, too.
+            Cancelled: the run ends; the motor is off then, too.
         """
         if self.connected:
             raise DeviceError(f"{self._port} is open already: disconnect first")
         self._port.baudrate = self.settings.baudrate
         self._port.open()
         try:
-            with self._port.obeying(self.stopping):
+            with self._port.obeying(self.context.stopping):
                 self._start()
                 self._await_first_scan()
         except BaseException:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
-from joshua.devices.stamps import StampClock
+from joshua.devices.context import ActuatorContext
 from joshua.mock.motion import FileMotion, Motion, SineMotion
 
 from joshua_mujoco_sim.model_file import ModelError
@@ -34,12 +34,12 @@ class SimActuator(Actuator):
 
     Args:
         settings: which actuators.
-        context: the plan's facts; ``simulation`` holds the settings of the simulation.
+        context: of its node, whose facts hold the settings of the simulation.
     """
 
     settings: SimActuatorSettings
 
-    def __init__(self, settings: SimActuatorSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: SimActuatorSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         joints = settings.frames()
         self._names = tuple(joint.name for joint in joints)
@@ -57,7 +57,7 @@ class SimActuator(Actuator):
         self._goal: FloatArray | None = None
         self._motion: Motion | None = None
         self._motion_start_s = 0.0
-        self._stamps = StampClock()
+        self._stamps = self.context.clock
         self._unhook: Any = None
 
     @property
@@ -79,7 +79,7 @@ class SimActuator(Actuator):
         """Joins the simulation of this process, without torque. Raises DeviceError."""
         if self.connected:
             raise DeviceError("SimActuator.connect: the device is open already")
-        simulation = self.plan_context.get("simulation")
+        simulation = self.context.facts.simulation
         if not simulation:
             raise DeviceError("SimActuator.connect: the file has no simulation block: add one")
         motion = self._make_motion()
@@ -201,7 +201,7 @@ class SimActuator(Actuator):
 
     def calibration_target(self) -> SimCalibrationTarget:
         """What a calibration works on: the joints that turn between stops, and a hand that moves them."""
-        simulation = self.plan_context.get("simulation")
+        simulation = self.context.facts.simulation
         if not simulation or not any(joint["by_hand"] for joint in self.settings.joint_ranges):
             return super().calibration_target()  # type: ignore[no-any-return]
         from joshua_mujoco_sim.calibration_target import SimCalibrationTarget

@@ -7,9 +7,9 @@ import threading
 from typing import Any
 
 import numpy as np
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
-from joshua.devices.stamps import StampClock
 from joshua.messages import message_class
 from joshua.messages.make import header, image
 from PIL import Image
@@ -37,12 +37,12 @@ class SimCamera(Sensor):
 
     Args:
         settings: camera, size and rate.
-        context: the plan's facts; ``simulation`` holds the settings of the simulation.
+        context: of its node, whose facts hold the settings of the simulation.
     """
 
     settings: SimCameraSettings
 
-    def __init__(self, settings: SimCameraSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: SimCameraSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         self._world: World | None = None
         self._thread: threading.Thread | None = None
@@ -58,7 +58,7 @@ class SimCamera(Sensor):
         self._next_s = 0.0
         self._frame = 0
         self._last_time_s = 0.0
-        self._stamps = StampClock()
+        self._stamps = self.context.clock
         self._unhook: Any = None
 
     @property
@@ -75,7 +75,7 @@ class SimCamera(Sensor):
         """Joins the simulation of this process. Raises DeviceError."""
         if self.connected:
             raise DeviceError("SimCamera.connect: the device is open already")
-        simulation = self.plan_context.get("simulation")
+        simulation = self.context.facts.simulation
         if not simulation:
             raise DeviceError("SimCamera.connect: the file has no simulation block: add one")
         try:

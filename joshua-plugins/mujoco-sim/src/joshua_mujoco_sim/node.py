@@ -12,7 +12,7 @@ from joshua.devices.errors import DeviceError
 from joshua.features.episodes import EpisodeError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
-from joshua.plan import TopicSpec
+from joshua.plan import ServiceFacts, TopicSpec
 from joshua.plugins.targets import TargetError
 
 from joshua_mujoco_sim.clock import ClockPublisher
@@ -82,7 +82,7 @@ class SimulatorNode(NodeBehaviour):
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
         self._clock = ClockPublisher(world, self.context)
-        if path := spec.context.get("physics_socket"):
+        if path := spec.facts_as(ServiceFacts).physics_socket:
             self._coupling = CouplingServer(world, Path(path), self.context.log)
         try:
             self._files = [RenderFile(world, render) for render in settings.renders]

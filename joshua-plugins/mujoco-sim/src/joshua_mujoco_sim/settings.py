@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
 from joshua.devices.calibration import ArmCalibration
+from joshua.plan.joints import JointRange
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
 from pydantic import Field, model_validator
 
@@ -87,28 +89,28 @@ class SimulationSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds the folder of the configuration, and the data set that is replayed or made."""
         result = super().si_values(values, node, context)
-        result |= {"folder": context.get("folder", ""), "examining": True}
-        result["launching"] = context.get("launch", False)
+        result |= {"folder": context.folder, "examining": True}
+        result["launching"] = context.launch
         folder = Path(result["folder"])
         result["renders"] = [
             render | {"output": str(folder / os.path.expanduser(render["output"]))}  # noqa: PTH111 (below)
             for render in result.get("renders", ())
         ]
-        path, stored = result["trajectory_path"], context.get("data_store", {})
+        path, stored = result["trajectory_path"], context.data_store
         if made := result.get("generate"):
-            known = {name: stored.get(name, "") for name in ("task", "robot_type", "writer")}
-            result["generate"] = made | known | {"folder": stored.get("path", "")}
+            known = {"task": stored.task, "robot_type": stored.robot_type, "writer": stored.writer}
+            result["generate"] = made | known | {"folder": stored.path}
         if result.get("seed") is not None and result.get("variation") is None:
             result["variation"] = variation_defaults()
         if path:
             # an unknown user stays as written
             result["trajectory_path"] = str(folder / os.path.expanduser(path))  # noqa: PTH111
         elif result["mode"] == "PASSIVE":
-            result |= {"trajectory_path": stored.get("path", ""), "episodes": stored.get("episodes", ())}
+            result |= {"trajectory_path": stored.path, "episodes": stored.episodes}
         return result
 
     @model_validator(mode="after")
@@ -220,14 +222,13 @@ class SimActuatorSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Takes all actuators where none is named, and adds their joints and their calibration."""
         result = super().si_values(values, node, context)
-        if context.get("calibration"):
-            known = ArmCalibration.model_fields
-            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
-        simulation = context.get("simulation")
+        if context.calibration is not None:
+            result["calibration"] = ArmCalibration.values_of(context.calibration)
+        simulation = context.simulation
         if not simulation:
             return result
         facts = facts_of(simulation)
@@ -288,11 +289,9 @@ class SimActuatorSettings(BlockSettings):
         """The joints about their zeros, known without a connection."""
         return frames(self.joint_ranges, self.calibration)
 
-    def joints(self) -> list[dict[str, Any]]:
-        """Names and limits of the joints, for the plan."""
-        return [
-            {key: getattr(frame, key) for key in ("name", "min_rad", "max_rad")} for frame in self.frames()
-        ]
+    def joints(self) -> tuple[JointRange, ...]:
+        """The joints, known without a connection."""
+        return tuple(JointRange(frame.name, frame.min_rad, frame.max_rad) for frame in self.frames())
 
 
 class SimCameraSettings(BlockSettings):
@@ -307,13 +306,13 @@ class SimCameraSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds the cameras that the model has."""
         result = super().si_values(values, node, context)
-        if simulation := context.get("simulation"):
+        if simulation := context.simulation:
             result["cameras"] = facts_of(simulation).cameras
-            result["launching"] = context.get("launch", False)
+            result["launching"] = context.launch
         return result
 
     @model_validator(mode="after")

@@ -15,7 +15,7 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 
 from joshua_serial.errors import (
     PortBusy,
@@ -107,7 +107,7 @@ class SerialPort:
 
     @contextlib.contextmanager
     def obeying(self, stopping: Callable[[], bool]) -> Iterator[None]:
-        """Lets a search for a device end early: ``receive`` raises StopObeyed once ``stopping`` is true."""
+        """Lets a search for a device end early: ``receive`` raises Cancelled once ``stopping`` is true."""
         self._stopping = stopping
         try:
             yield
@@ -154,10 +154,10 @@ class SerialPort:
     def receive(self, size: int, deadline_s: float) -> bytes:
         """Waits for ``size`` bytes, until a time of the monotonic clock; returns what came, perhaps less.
 
-        Raises PortDisconnected; StopObeyed inside ``obeying``.
+        Raises PortDisconnected; Cancelled inside ``obeying``.
         """
         if self._stopping is not None and self._stopping():
-            raise StopObeyed
+            raise Cancelled
         self._set_minimum(size if size <= _LARGEST_MINIMUM else 1)
         data = b""
         while len(data) < size:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
-from google.protobuf.message import Message
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
 from pydantic import model_validator
 from typing_extensions import Self
@@ -29,16 +27,6 @@ class SerialSettings(BlockSettings):
     def called(cls) -> str:
         """What the device is called in messages, such as "a laser scanner"."""
         raise NotImplementedError(f"{cls.__name__} has no name for messages: override called")
-
-    @classmethod
-    def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
-    ) -> dict[str, Any]:
-        """Adds the place of emulated devices from the plan's context."""
-        result = super().si_values(values, node, context)
-        if context.get("device_root"):
-            result["device_root"] = context["device_root"]
-        return result
 
     @model_validator(mode="after")
     def _names_a_port(self) -> Self:

@@ -6,10 +6,11 @@ import threading
 import time
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
+from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_serial.port import SerialPort
@@ -38,21 +39,20 @@ class ServoArm(Actuator):
 
     Args:
         settings: the arm.
-        context: of the plan. ``allow_uncalibrated`` lets an arm without calibration be energised, in radians
-            about the middle of its range; ``dry_run`` does everything with torque off; ``remembered``, the
-            safe-stop request of the driver before in the same run, tells the adapter.
+        context: of its node. ``allow_uncalibrated`` lets an arm without calibration be energised, in radians
+            about the middle of its range; what is remembered tells the adapter.
     """
 
     settings: ServoSettings
     #: The family of the servos.
     family: ClassVar[ServoFamily]
 
-    def __init__(self, settings: ServoSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: ServoSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         self._ids = settings.motor_ids
         self._map = JointMap(settings)
         self._watch = HealthWatch(settings.joint_names, [HealthLimits()] * len(self._ids), self.family.status)
-        adapter = self.plan_context.get("remembered", {})  # of the driver before, which had found it
+        adapter = self.context.remembered  # of the driver before, which had found it
         self._port = SerialPort(
             Endpoint(
                 settings.port,
@@ -147,7 +147,7 @@ class ServoArm(Actuator):
         if self.connected:
             raise DeviceError(f"{type(self).__name__}.connect: the device is open already")
         with self._lock:
-            open_unguarded(self._port, self.stopping)
+            open_unguarded(self._port, self.context.stopping)
             try:
                 try:
                     self.check()
@@ -339,7 +339,7 @@ class ServoArm(Actuator):
 
     @property
     def _dry_run(self) -> bool:
-        return bool(self.plan_context.get("dry_run"))
+        return self.context.facts.dry_run
 
     def _follow_identity(self) -> None:
         """From now on looks for this very adapter, whatever name it has."""
@@ -350,7 +350,7 @@ class ServoArm(Actuator):
             )
 
     def _require_calibration(self) -> None:
-        if self.settings.calibration is None and not self.plan_context.get("allow_uncalibrated"):
+        if self.settings.calibration is None and not self.context.facts.allow_uncalibrated:
             raise NotCalibrated(
                 f"{self._port}: the arm is not calibrated, so its joints are not energised. Run a "
                 "MODE_CALIBRATION configuration (joshua presets names calibrate_so_arm100), or pass "
@@ -363,7 +363,7 @@ class ServoArm(Actuator):
             return
         self._tripped = reason
         self._enabled = False
-        self.letting_go()
+        self.context.before_torque_off()
         try:
             self._torque.switch_off()
         except DeviceDisconnected as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 from joshua_serial.errors import PortBusy, PortGuarded
 from joshua_serial.port import SerialPort
 
@@ -16,7 +16,7 @@ PATIENCE_S = 15.0
 
 
 def open_unguarded(port: SerialPort, stopping: Callable[[], bool]) -> None:
-    """Opens a port as soon as no guardian is at work on it. Raises what opening raises, and StopObeyed."""
+    """Opens a port as soon as no guardian is at work on it. Raises what opening raises, and Cancelled."""
     deadline_s = time.monotonic() + PATIENCE_S
     was_guarded = False
     while True:
@@ -27,7 +27,7 @@ def open_unguarded(port: SerialPort, stopping: Callable[[], bool]) -> None:
             if not was_guarded:
                 raise
             if stopping():
-                raise StopObeyed from None
+                raise Cancelled from None
             if time.monotonic() > deadline_s:
                 raise
             time.sleep(POLL_S)

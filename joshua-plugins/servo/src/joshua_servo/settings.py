@@ -9,6 +9,8 @@ from typing import Annotated, Any, ClassVar
 from google.protobuf.message import Message
 from joshua.devices.calibration import ArmCalibration
 from joshua.devices.units import TICKS_PER_TURN, ticks_to_rad
+from joshua.plan.joints import JointRange
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import FieldError, FromField
 from joshua_serial.settings import SerialSettings
 from pydantic import Field, model_validator
@@ -40,13 +42,12 @@ class ServoSettings(SerialSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the calibration from the plan's context."""
+        """Adds the calibration of the arm."""
         result = super().si_values(values, node, context)
-        if context.get("calibration"):
-            known = ArmCalibration.model_fields
-            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
+        if context.calibration is not None:
+            result["calibration"] = ArmCalibration.values_of(context.calibration)
         return result
 
     @classmethod
@@ -146,8 +147,8 @@ class ServoSettings(SerialSettings):
             ranges.append((low, high))
         return ranges
 
-    def joints(self) -> list[dict[str, Any]]:
-        """Names and limits in radians of all joints, for the plan."""
+    def joints(self) -> tuple[JointRange, ...]:
+        """All joints, known without a connection."""
         joints = []
         for servo_id, name, (low, high) in zip(
             self.motor_ids, self.joint_names, self.ranges_ticks(), strict=True
@@ -155,5 +156,5 @@ class ServoSettings(SerialSettings):
             ends = [ticks_to_rad(tick, zero_ticks=self.zero_ticks) for tick in (low, high)]
             if self.inverted(servo_id):
                 ends = [-ends[1], -ends[0]]
-            joints.append({"name": name, "min_rad": ends[0], "max_rad": ends[1]})
-        return joints
+            joints.append(JointRange(name, ends[0], ends[1]))
+        return tuple(joints)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
+from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceError
 
@@ -35,16 +36,16 @@ class SpikeActuator(Actuator):
 
     Args:
         settings: of the hub.
-        context: of the plan. ``allow_uncalibrated`` lets motors without calibration be energised, in radians
-            about their marks; ``dry_run`` does everything without torque; ``safe_state``.
+        context: of its node. ``allow_uncalibrated`` lets motors without calibration be energised, in radians
+            about their marks.
     """
 
     settings: SpikeSettings
 
-    def __init__(self, settings: SpikeSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: SpikeSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         self._map = JointMap(settings)
-        self._hub = HubClient(settings, hold=self.plan_context.get("safe_state", "HOLD") == "HOLD")
+        self._hub = HubClient(settings, hold=self.context.facts.safe_state == "HOLD")
         self._lock = threading.RLock()
         self._enabled = False
         self._tripped = False
@@ -93,7 +94,7 @@ class SpikeActuator(Actuator):
         if self.connected:
             raise DeviceError("SpikeActuator.connect: the device is open already")
         with self._lock:
-            self._hub.open(self.stopping)
+            self._hub.open(self.context.stopping)
             try:
                 state = self._hub.next_state()
             except BaseException:
@@ -134,7 +135,7 @@ class SpikeActuator(Actuator):
             DeviceDisconnected: the hub does not obey.
         """
         self.require_connected("enable")
-        if self.settings.calibration is None and not self.plan_context.get("allow_uncalibrated"):
+        if self.settings.calibration is None and not self.context.facts.allow_uncalibrated:
             raise NotCalibrated(
                 f"{self._hub}: the motors are not calibrated, so they are not energised. Run a "
                 "MODE_CALIBRATION configuration (joshua presets names calibrate_spike), or pass "
@@ -247,7 +248,7 @@ class SpikeActuator(Actuator):
 
     @property
     def _dry_run(self) -> bool:
-        return bool(self.plan_context.get("dry_run"))
+        return self.context.facts.dry_run
 
     def _trip_text(self) -> str:
         return (

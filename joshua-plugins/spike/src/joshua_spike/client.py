@@ -71,7 +71,7 @@ class HubClient:
         return str(self._session.link) if self._session is not None else f"hub {self._settings.device_name!r}"
 
     def open(self, stopping: Callable[[], bool] = lambda: False) -> None:
-        """Finds the hub, starts its program, checks its motors. Raises DeviceError, StopObeyed."""
+        """Finds the hub, starts its program, checks its motors. Raises DeviceError, Cancelled."""
         settings = self._settings
         program = load_program()
         thread = LoopThread(f"hub {settings.device_name}")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from joshua.node.errors import StopObeyed
+from joshua.node.errors import Cancelled
 
 T = TypeVar("T")
 
@@ -39,7 +39,7 @@ class LoopThread:
         """Waits for a coroutine; raises what it raises, TimeoutError when it takes longer.
 
         Args:
-            stopping: asked now and then; where it is true the wait ends with StopObeyed.
+            stopping: asked now and then; where it is true the wait ends with Cancelled.
         """
         if self._loop is None:
             coroutine.close()
@@ -57,7 +57,7 @@ class LoopThread:
                     continue
                 future.cancel()
                 if left_s > 0:
-                    raise StopObeyed("asked to stop") from error
+                    raise Cancelled("asked to stop") from error
                 raise TimeoutError(f"no answer within {timeout_s:g} s") from error
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:

@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 from google.protobuf.message import Message
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
+from joshua.plan import JointRange
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import BlockSettings, FieldError, FromField
 from pydantic import Field, model_validator
 from typing_extensions import Self
@@ -43,15 +45,14 @@ class SpikeSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the calibration from the plan's context; an empty service means Pybricks' own."""
+        """Adds the calibration of the motors; an empty service means Pybricks' own."""
         result = super().si_values(values, node, context)
         if not result.get("service_uuid"):
             result["service_uuid"] = SERVICE
-        if context.get("calibration"):
-            known = ArmCalibration.model_fields
-            result["calibration"] = {k: v for k, v in context["calibration"].items() if k in known}
+        if context.calibration is not None:
+            result["calibration"] = ArmCalibration.values_of(context.calibration)
         return result
 
     @model_validator(mode="after")
@@ -117,13 +118,10 @@ class SpikeSettings(BlockSettings):
         motors = [(port, self.motor(port)) for port in self.port_names]
         return tuple(motor.joint_name if motor else f"joint_{port.lower()}" for port, motor in motors)
 
-    def joints(self) -> list[dict[str, Any]]:
-        """Names and limits in radians of all joints, for the plan."""
-        rows = []
-        for port, name in zip(self.port_names, self.joint_names, strict=True):
-            low, high = self.range_rad(port)
-            rows.append({"name": name, "min_rad": low, "max_rad": high})
-        return rows
+    def joints(self) -> tuple[JointRange, ...]:
+        """The joints, known without a connection."""
+        named = zip(self.port_names, self.joint_names, strict=True)
+        return tuple(JointRange(name, *self.range_rad(port)) for port, name in named)
 
     def range_rad(self, port: str) -> tuple[float, float]:
         """Range of a joint: the calibrated one, else half a turn to both sides of the motor's mark."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+
+from joshua.plan import JointRange
 
 from joshua_teleop_input.gate import Gate
 from joshua_teleop_input.jog import Jog
@@ -116,10 +118,6 @@ class Drive:
         }
 
 
-def limits_of(joints: Sequence[Mapping[str, float | str]]) -> dict[str, tuple[float, float]]:
-    """Least and greatest angle by joint, from the plan's facts about them."""
-    return {
-        str(joint["name"]): (float(joint["min_rad"]), float(joint["max_rad"]))
-        for joint in joints
-        if "min_rad" in joint and "max_rad" in joint
-    }
+def limits_of(joints: Sequence[JointRange]) -> dict[str, tuple[float, float]]:
+    """Least and greatest angle by joint."""
+    return {joint.name: (joint.min_rad, joint.max_rad) for joint in joints}

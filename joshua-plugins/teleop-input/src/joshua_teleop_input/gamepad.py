@@ -6,6 +6,7 @@ import time
 from collections import deque
 from typing import Any, Protocol
 
+from joshua.devices.context import SensorContext
 from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.stamps import StampClock
 from joshua.messages import message_class
@@ -44,7 +45,7 @@ class Gamepad(Sensor):
         note: what a user should know of how the device is read; "" for nothing.
     """
 
-    def __init__(self, settings: GamepadSettings, context: dict[str, Any] | None = None) -> None:
+    def __init__(self, settings: GamepadSettings, context: SensorContext | None = None) -> None:
         super().__init__(settings, context)
         self.note = ""
         self._pad: Pad | None = None

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 
+from joshua.devices.context import SensorContext
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading
 from joshua.node.behaviour import MessagePublisher, NodeContext
 from joshua.node.implementation import load_implementation
+from joshua.plan import SensorFacts
 
 from joshua_teleop_input.gamepad import JOY, Gamepad
 from joshua_teleop_input.gate import Gate
@@ -53,7 +55,7 @@ class GamepadNode(InputNode):
         """Opens the device and declares topics. Raises DeviceError, TargetError."""
         implementation, settings = load_implementation(self.context.spec, Gamepad)
         assert isinstance(settings, GamepadSettings)
-        self._gamepad = implementation(settings, dict(self.context.spec.context))
+        self._gamepad = implementation(settings, SensorContext(self.context.spec.facts_as(SensorFacts)))
 
         def shape(value: float) -> float:
             return with_expo(without_dead_zone(value, settings.dead_zone), settings.expo)

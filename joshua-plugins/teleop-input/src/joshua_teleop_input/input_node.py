@@ -13,6 +13,7 @@ from joshua.devices.errors import DeviceError
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
 from joshua.node.rates import RateMeter
+from joshua.plan import SensorFacts
 from joshua.textproto.nearest import nearest_first
 
 from joshua_teleop_input.drive import Drive, limits_of
@@ -59,8 +60,8 @@ class InputNode(NodeBehaviour):
     def set_up(self, settings: InputSettings, gate: Gate, shape: Callable[[float], float]) -> None:
         """Declares topics and prepares the drive. Raises DeviceError."""
         spec = self.context.spec
-        known = [joint for joint in spec.context.get("joints", ()) if joint.get("name")]
-        self._refuse_unknown_joints(settings, [str(joint["name"]) for joint in known])
+        known = spec.facts_as(SensorFacts).joints
+        self._refuse_unknown_joints(settings, [joint.name for joint in known])
         topics = [topic for topic in spec.publishers if topic.type_name == JOINT_STATE]
         rate_hz = max((topic.rate_hz for topic in topics), default=_IDLE_RATE_HZ)
         joints = [control.joint for control in settings.controls] if topics else []

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from google.protobuf.message import Message
+from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import BlockSettings, FieldError, FieldErrors
 from joshua.schema.data_type_names import TYPE_NAMES
 from joshua.textproto.nearest import nearest_first
@@ -60,11 +61,11 @@ class InputSettings(BlockSettings):
 
     @classmethod
     def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: Mapping[str, Any]
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
         """Adds what the node publishes and hears, and the joints that it reaches."""
         return super().si_values(values, node, context) | {
-            "joints": tuple(joint["name"] for joint in context.get("joints", ())),
+            "joints": tuple(joint.name for joint in context.joints),
             "drives": JOINT_STATE in _types(getattr(node, "publishers", ())),
             "hears_state": JOINT_STATE in _types(getattr(node, "subscriptions", ())),
         }

@@ -17,7 +17,7 @@ class StopsLate(NodeBehaviour):
         self.context.create_timer(0.01, lambda: None, name="tick")
 
     def deactivate(self) -> None:
-        while not Path(self.context.spec.context["gate"]).exists():
+        while not Path(self.context.spec.settings["gate"]).exists():
             time.sleep(0.01)
 
 
@@ -26,7 +26,7 @@ class Faulty(NodeBehaviour):
 
     @property
     def wish(self) -> str:
-        return Path(self.context.spec.context["wish"]).read_text()
+        return Path(self.context.spec.settings["wish"]).read_text()
 
     def configure(self) -> None:
         self.context.create_timer(0.01, lambda: None, name="tick")

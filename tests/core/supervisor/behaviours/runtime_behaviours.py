@@ -19,14 +19,14 @@ class Quiet(NodeBehaviour):
     """Does nothing but turn its loop; notes each step in a file where one is named."""
 
     def note(self, step: str) -> None:
-        path = self.context.spec.context.get("notes")
+        path = self.context.spec.settings.get("notes")
         if path:
             with Path(path).open("a") as file:
                 file.write(f"{self.context.spec.name} {step}\n")
 
     def configure(self) -> None:
         self.note("configure")
-        if self.context.spec.context.get("restarted"):
+        if self.context.spec.facts.restarted:
             self.note("restarted")
 
     def activate(self) -> None:
@@ -113,11 +113,11 @@ class OwnTopic(Quiet):
 
 
 class FailsIn(Quiet):
-    """Raises in the step that its context names."""
+    """Raises in the step that its settings name."""
 
     def note(self, step: str) -> None:
         super().note(step)
-        if self.context.spec.context.get("fails_in") == step:
+        if self.context.spec.settings.get("fails_in") == step:
             raise RuntimeError(f"broken in {step}")
 
 
@@ -162,9 +162,9 @@ class InTimer(Quiet):
             self.note("acted")
 
     def wanted(self) -> bool:
-        """Only before the first restart, where the context says so."""
+        """Only before the first restart, where the settings say so."""
         spec = self.context.spec
-        return not (spec.context.get("once") and spec.context.get("restarted"))
+        return not (spec.settings.get("once") and spec.facts.restarted)
 
     def act(self) -> None:
         raise NotImplementedError
@@ -180,7 +180,7 @@ class ComesBackSlowly(Raises):
 
     def configure(self) -> None:
         super().configure()
-        while self.context.spec.context.get("restarted") and not self.context.stopping:
+        while self.context.spec.facts.restarted and not self.context.stopping:
             time.sleep(0.01)
 
 
@@ -247,7 +247,7 @@ class SeesGraph(Quiet):
         from joshua.plan import QosProfile, TransportSpec
         from joshua.transport import open_transport
 
-        spec = TransportSpec.model_validate(self.context.spec.context["transport"])
+        spec = TransportSpec.model_validate(self.context.spec.settings["transport"])
         self.transport = open_transport(spec)
         self.lines: list[str] = []
         self.nodes: set[str] = set()
@@ -328,14 +328,14 @@ class IgnoresEverything(InTimer):
 
 
 class Reader(Quiet):
-    """Has a reader thread; by its context that one fails or hangs."""
+    """Has a reader thread; by its settings that one fails or hangs."""
 
     def configure(self) -> None:
         super().configure()
         self.context.spawn_thread(self.read, name="reader", hang_after_s=0.5)
 
     def read(self) -> None:
-        what = self.context.spec.context.get("reader", "")
+        what = self.context.spec.settings.get("reader", "")
         while not self.context.stopping:
             if what == "fails":
                 raise DeviceError("the camera at /dev/video9 is gone: plug it in again")

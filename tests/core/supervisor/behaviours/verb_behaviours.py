@@ -30,7 +30,7 @@ class Waver(NodeBehaviour):
         self.context.create_timer(0.01, lambda: None, name="tick")
 
     def note(self, text: str) -> None:
-        with Path(self.context.spec.context["notes"]).open("a") as notes:
+        with Path(self.context.spec.settings["notes"]).open("a") as notes:
             notes.write(f"{text}\n")
 
     @verb(moves=True)
@@ -46,14 +46,14 @@ class Waver(NodeBehaviour):
         """Takes until a file is there."""
         import threading
 
-        while not Path(self.context.spec.context["gate"]).exists():
+        while not Path(self.context.spec.settings["gate"]).exists():
             time.sleep(0.01)
         return Waved(0, threading.current_thread().name)
 
     @verb(moves=False)
     def doze(self) -> str:
         """Takes until a file is there, on the node's thread."""
-        while not Path(self.context.spec.context["gate"]).exists():
+        while not Path(self.context.spec.settings["gate"]).exists():
             time.sleep(0.01)
         return "awake"
 

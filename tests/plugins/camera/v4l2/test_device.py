@@ -98,7 +98,7 @@ def test_settings_that_are_not_kept_fail_a_test_run(devices: EmulatedDevices) ->
         name="camera", kind=NodeKind.SENSOR, behaviour="joshua_camera.node:CameraNode",
         implementation="joshua_camera.camera:OpenCvCamera",
         settings_type="joshua_camera.settings:CameraSettings",
-        settings=camera(device_id=0).settings.model_dump(mode="json"), context={"testing": True},
+        settings=camera(device_id=0).settings.model_dump(mode="json"), facts={"testing": True},
     ))
     node = CameraNode(context)
     node.configure()

@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
-from joshua.devices.stamps import StampClock
 from joshua.node.verbs import RefusedError, verb
 
 from acme_gripper.settings import GripperSettings
@@ -39,19 +38,20 @@ class Gripper(Actuator):
     @property
     def limits(self) -> JointLimits:
         """From closed to open."""
-        opening_rad = self.settings.joints()[0]["max_rad"]
+        opening_rad = self.settings.joints()[0].max_rad
         return JointLimits(np.zeros(1), np.array([opening_rad]), np.array([self.settings.speed_rad_s]))
 
     def connect(self) -> None:
         """Opens the gripper's link."""
-        self._stamps = StampClock()
         self.connected, self._moved_s = True, time.monotonic()
 
     def read(self) -> JointReading:
         """Reads position, speed and effort."""
         self.require_connected("read")
         direction, speed = np.sign([self._move()]), self.settings.speed_rad_s
-        return JointReading(self._stamps.now_ns(), np.array([self._position]), direction * speed, direction)
+        return JointReading(
+            self.context.clock.now_ns(), np.array([self._position]), direction * speed, direction
+        )
 
     def enable(self) -> None:
         """Gives torque, with the goal where the finger is."""

@@ -1,8 +1,8 @@
 """The settings of the gripper: the fields of its block, and the rule that spans two of them."""
 
 import math
-from typing import Any
 
+from joshua.plan import JointRange
 from joshua.plugins.settings import BlockSettings, FieldError
 from pydantic import model_validator
 
@@ -21,7 +21,7 @@ class GripperSettings(BlockSettings):
             raise FieldError("stroke_m", "the fingers are too short to open that wide", allowed=allowed)
         return self
 
-    def joints(self) -> list[dict[str, Any]]:
+    def joints(self) -> tuple[JointRange, ...]:
         """The joint and its limits: from closed to the angle at which the tips are one stroke apart."""
         opening_rad = math.asin(self.stroke_m / 2 / self.finger_length_m)
-        return [{"name": "gripper", "min_rad": 0.0, "max_rad": opening_rad}]
+        return (JointRange("gripper", 0.0, opening_rad),)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.exit_codes import ExitCode
 from joshua.devices.actuator import Actuator
+from joshua.devices.context import ActuatorContext
 from joshua.devices.errors import DeviceBusy, DeviceError
 from joshua.node.implementation import load_implementation
-from joshua.plan import NodeKind
+from joshua.plan import ActuatorFacts, NodeKind
 from joshua.plugins.targets import TargetError
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def check_actuator(spec: NodeSpec, further: Sequence[NodeCheck] = ()) -> Iterato
     except TargetError as error:
         yield Finding(Level.ERROR, NAME, spec.full_name, str(error), code=ExitCode.NOT_INSTALLED)
         return
-    actuator: Actuator = implementation(settings, dict(spec.context))
+    actuator: Actuator = implementation(settings, ActuatorContext(spec.facts_as(ActuatorFacts)))
     try:
         actuator.connect()
         actuator.read()
@@ -77,7 +78,7 @@ def _busy(spec: NodeSpec, error: DeviceBusy) -> Finding:
 
 def _diagnosed(spec: NodeSpec, actuator: Any) -> Iterator[Finding]:
     """Rows of the driver's diagnostics that are not in order."""
-    for row in actuator.diagnostics() if hasattr(actuator, "diagnostics") else ():
+    for row in actuator.diagnostics():
         if row.level < WARN:
             continue
         values = [f"{row.values[name]} {unit}" for name, unit in _SHOWN if name in row.values]
@@ -108,7 +109,7 @@ def _advice(spec: NodeSpec, settings: Any) -> Iterator[Finding]:
 
 def _summary(actuator: Any) -> str:
     names = ", ".join(actuator.joint_names)
-    rows = actuator.diagnostics() if hasattr(actuator, "diagnostics") else ()
+    rows = actuator.diagnostics()
     joints = [row for row in rows if "temperature_c" in row.values]
     if not joints:
         return f"answers: {names}"

@@ -41,12 +41,15 @@ def _release(spec: NodeSpec, latch: str) -> EstopReport:
 
 def _act(spec: NodeSpec) -> dict[str, Any]:
     from joshua.devices.actuator import Actuator
+    from joshua.devices.context import ActuatorContext
     from joshua.guardian.main import load_action
     from joshua.node.implementation import load_implementation
+    from joshua.plan import ActuatorFacts
 
+    facts = spec.facts_as(ActuatorFacts)
     implementation, settings = load_implementation(spec, Actuator)
-    actuator: Actuator = implementation(settings, dict(spec.context))
-    action = spec.context.get("estop_action")
+    actuator: Actuator = implementation(settings, ActuatorContext(facts))
+    action = facts.estop_action
     if action:
         request = json.loads(actuator.safe_stop_request("RELEASE", timeout_s=TIMEOUT_S).to_json())
         return dict(load_action(action)(request))

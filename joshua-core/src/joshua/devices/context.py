@@ -1,0 +1,52 @@
+"""What a driver is given beside its settings."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from joshua.devices.stamps import StampClock
+from joshua.node.errors import Cancelled
+from joshua.plan.facts import ActuatorFacts, NodeFacts, SensorFacts
+
+FactsT = TypeVar("FactsT", bound=NodeFacts)
+
+
+def _never() -> bool:
+    return False
+
+
+def _nothing() -> None:
+    return None
+
+
+@dataclass(frozen=True)
+class DeviceContext(Generic[FactsT]):
+    """The surroundings of a driver; what is left out is that of a driver outside a run.
+
+    Attributes:
+        facts: what the plan says of the device.
+        log: the node's logger.
+        clock: acquisition stamps, simulated time where the node follows that.
+        stopping: whether the run is to end; a ``connect`` that takes long asks it, and raises ``Cancelled``.
+        before_torque_off: called before a protection takes the torque off, which may last for cycles.
+        remembered: the safe-stop request of the driver before in the same run; empty where there was none.
+    """
+
+    facts: FactsT
+    log: logging.Logger = field(default_factory=lambda: logging.getLogger("joshua.device"))
+    clock: StampClock = field(default_factory=StampClock)
+    stopping: Callable[[], bool] = _never
+    before_torque_off: Callable[[], None] = _nothing
+    remembered: Mapping[str, Any] = field(default_factory=dict)
+
+    def raise_if_stopping(self) -> None:
+        """Raises Cancelled where the run is to end."""
+        if self.stopping():
+            raise Cancelled("asked to stop")
+
+
+ActuatorContext = DeviceContext[ActuatorFacts]
+SensorContext = DeviceContext[SensorFacts]

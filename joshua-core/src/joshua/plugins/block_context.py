@@ -1,0 +1,49 @@
+"""What decides the settings of a block beside the block itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from joshua.plan.joints import JointRange
+
+if TYPE_CHECKING:
+    from joshua.schema.calibration_pb2 import ArmCalibration
+
+
+@dataclass(frozen=True)
+class DataStoreContext:
+    """The data set that a simulator replays or makes.
+
+    Attributes:
+        writer: import string of the ``EpisodeWriter``; "" where none is installed.
+        path: of its folder; format: such as ``FORMAT_HUGGINGFACE``.
+        episodes: to replay, () for all.
+    """
+
+    writer: str = ""
+    task: str = ""
+    robot_type: str = ""
+    path: str = ""
+    episodes: tuple[int, ...] = ()
+    format: str = ""
+
+
+@dataclass(frozen=True)
+class BlockContext:
+    """What the rest of the file says to a block.
+
+    Attributes:
+        calibration: of the node's device; None where it has none.
+        joints: that a sensor's commands reach; () where not all of them are known.
+        simulation: settings of the simulation that a device is part of; None for any other.
+        folder: at which relative paths of a service start; data_store: beside a simulator.
+        launch: nodes are about to be started.
+    """
+
+    calibration: ArmCalibration | None = None
+    joints: tuple[JointRange, ...] = ()
+    simulation: dict[str, Any] | None = None
+    folder: str = ""
+    data_store: DataStoreContext = DataStoreContext()
+    launch: bool = False
