@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from reference.api import api_page
 from reference.changelog import changelog_page
 from reference.command_line import command_line_page
 from reference.configuration import configuration_page
@@ -24,6 +25,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "diagnostics.md": diagnostics_page,
     "command-line.md": command_line_page,
     "presets.md": presets_page,
+    "api.md": api_page,
     "changelog.md": changelog_page,
 }
 

@@ -35,6 +35,8 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "testing": ("cli",),
     # What editors, dashboards, scripts and the commands of plugins use.
     "tools": ("cli",),
+    # Public names, imported at their first use.
+    "api": ("cli",),
     # The entry point of the core's own plugin: data that points at devices and models by name.
     "builtin_plugin": ("plugins",),
     # What `python -m joshua` runs.

@@ -34,7 +34,7 @@ columns. Fields are added in later versions, never renamed or removed.
 | `related` | list of objects | further places: `label` and the five fields of a place |
 """
 
-GROUPS = (
+SECTIONS = (
     ("Reading the file", GROUPS["reading"]),
     ("Fields and blocks", GROUPS["fields"]),
     ("Nodes, topics and devices together", GROUPS["graph"]),
@@ -47,7 +47,7 @@ def diagnostics_page() -> str:
     """Makes the page."""
     examples = example_messages()
     lines = [HEAD]
-    for title, codes in GROUPS:
+    for title, codes in SECTIONS:
         rows = [
             (
                 f'<code id="{name}">{name}</code>',

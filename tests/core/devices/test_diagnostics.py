@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
-from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus, diagnostic_array
+from joshua.devices.diagnostics import DiagnosticStatus, diagnostic_array
 from joshua.messages import decode, encode
 from joshua.mock.settings import MockMotorSettings
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
@@ -39,8 +39,8 @@ def actuator() -> tuple[RecordingContext, ActuatorNode]:
 
 def test_rows_survive_the_wire_and_bear_the_name_of_their_node() -> None:
     rows = [
-        DiagnosticStatus(OK, "", "in order", "usb:1"),
-        DiagnosticStatus(WARN, "pan", "hot", "usb:1 id 1", {"temperature_c": "61"}),
+        DiagnosticStatus(DiagnosticStatus.OK, "", "in order", "usb:1"),
+        DiagnosticStatus(DiagnosticStatus.WARN, "pan", "hot", "usb:1 id 1", {"temperature_c": "61"}),
     ]
     message = decode("diagnostic_msgs/msg/DiagnosticArray", encode(diagnostic_array("/left/arm", rows)))
     assert [status.name for status in message.status] == ["left/arm", "left/arm: pan"]
@@ -70,7 +70,7 @@ def test_an_actuator_reports_itself_and_its_joints_once_a_second() -> None:
 
 def test_rows_of_a_driver_take_the_place_of_the_general_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     context, node = actuator()
-    rows = [DiagnosticStatus(WARN, "bus", "2 replies lost", "usb:1")]
+    rows = [DiagnosticStatus(DiagnosticStatus.WARN, "bus", "2 replies lost", "usb:1")]
     monkeypatch.setattr(node._actuator, "diagnostics", lambda: rows)
     context.tick("control")
     context.tick("diagnostics")

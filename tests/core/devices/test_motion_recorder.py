@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from joshua.devices.actuator import JointReading
 from joshua.devices.actuator_test import MOST_SAMPLES, MOST_VALUES, MotionRecorder
-from joshua.devices.diagnostics import OK, DiagnosticStatus
+from joshua.devices.diagnostics import DiagnosticStatus
 
 PERIOD_S = 0.02
 
@@ -44,7 +44,9 @@ def test_load_and_temperature_are_rows_of_the_table() -> None:
     recorder = record(0.05)
     assert ("load", True, "0.25 at most") in recorder.results()
     for celsius in (27, 31):
-        row = DiagnosticStatus(OK, "pan", "in order", "x", {"temperature_c": str(celsius), "load": "+0.1"})
+        row = DiagnosticStatus(
+            DiagnosticStatus.OK, "pan", "in order", "x", {"temperature_c": str(celsius), "load": "+0.1"}
+        )
         recorder.diagnosed([row])
     assert recorder.results() == [
         ("lag", True, "50 ms behind the goal"),

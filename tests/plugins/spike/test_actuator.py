@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.messages import decode, encode
 from joshua_emulator.spike.process import EmulatedHub
 from joshua_spike import client, session
@@ -263,7 +263,7 @@ def test_the_battery_and_the_link_are_in_the_diagnostics(
     def look() -> bool:
         """Whether all is well; a line that came late on a busy machine is one that was lost."""
         rows.update({row.name: row for row in actuator.diagnostics()})
-        return {row.level for row in rows.values()} == {OK}
+        return {row.level for row in rows.values()} == {DiagnosticStatus.OK}
 
     wait_until(look)
     assert set(rows) == {"joint_a", "joint_b", "battery", "link"}
@@ -272,7 +272,7 @@ def test_the_battery_and_the_link_are_in_the_diagnostics(
     hub.fault("battery", 6500)
     wait_until(lambda: actuator.read() is not None and "6.50" in str(actuator.diagnostics()))
     low = next(row for row in actuator.diagnostics() if row.name == "battery")
-    assert (low.level, low.message) == (WARN, "low: charge the hub soon")
+    assert (low.level, low.message) == (DiagnosticStatus.WARN, "low: charge the hub soon")
     message = actuator.further_message(BATTERY_STATE, "hub")
     assert message.__msgtype__ == BATTERY_STATE
     assert (message.voltage, message.percentage, message.present) == (6.5, 0.0, True)

@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 import pytest
-from joshua.devices.diagnostics import ERROR, OK, WARN
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua_servo.counters import BusCounters
 from joshua_servo.diagnostics import bus_row, joint_rows
 from joshua_servo.feedback import Feedback
@@ -56,20 +56,20 @@ def test_rows_tell_levels_and_values() -> None:
     hot, overloaded = GOOD._replace(temperature_c=65), GOOD._replace(status=StatusBit.OVERLOAD)
     motion = (np.array([0.5, -0.25]), np.array([0.0, 1.5]))
     rows = joint_rows(["pan", "lift"], [1, 2], [hot, overloaded], motion, watch(), "usb:SN1")
-    assert [row.level for row in rows] == [WARN, ERROR]
+    assert [row.level for row in rows] == [DiagnosticStatus.WARN, DiagnosticStatus.ERROR]
     assert [row.message for row in rows] == ["hot: 65 °C of at most 70 °C", "overloaded"]
     assert rows[1].hardware_id == "usb:SN1 id 2"
     assert rows[0].values["temperature_c"] == "65"
     assert [row.values["position_rad"] for row in rows] == ["0.5000", "-0.2500"]
     assert rows[1].values["velocity_rad_s"] == "1.500"
-    assert joint_rows(["pan"], [1], [GOOD], motion, watch(), "")[0].level == OK
+    assert joint_rows(["pan"], [1], [GOOD], motion, watch(), "")[0].level == DiagnosticStatus.OK
 
 
 def test_the_bus_row_counts_what_was_lost_since_the_last() -> None:
     counters = BusCounters(requests=10, lost={3: 2, 1: 1})
     row = bus_row(counters, 1, "usb:SN1")
     assert (row.level, row.message) == (
-        WARN, "2 replies lost since the last report, most of id 3: check its cable",
+        DiagnosticStatus.WARN, "2 replies lost since the last report, most of id 3: check its cable",
     )  # fmt: skip
-    assert bus_row(counters, 3, "").level == OK
+    assert bus_row(counters, 3, "").level == DiagnosticStatus.OK
     assert row.values["lost_replies"] == "3"

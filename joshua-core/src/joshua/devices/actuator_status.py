@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from joshua.devices.actuator import Actuator, JointReading
-from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
+from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.guardian.silence import AwakeClock
 from joshua.plan import NodeSpec
 
@@ -93,7 +93,11 @@ class ActuatorStatus:
         if missed and not self.fault:
             message = f"{self.doing}; {missed} readings did not come since the last report"
         return DiagnosticStatus(
-            ERROR if self.fault else WARN if missed else OK,
+            DiagnosticStatus.ERROR
+            if self.fault
+            else DiagnosticStatus.WARN
+            if missed
+            else DiagnosticStatus.OK,
             "",
             message,
             hardware_id,
@@ -106,7 +110,7 @@ class ActuatorStatus:
             return []
         return [
             DiagnosticStatus(
-                OK,
+                DiagnosticStatus.OK,
                 name,
                 "in order",
                 hardware_id,

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from joshua.messages.make import header
 from joshua.messages.typestore import message_class
 from joshua.node import ros_time
 from joshua.node.behaviour import NodeContext
 from joshua.plan import TopicSpec
-
-OK, WARN, ERROR, STALE = range(4)
 
 #: Where ROS 2 tools look for the state of every device of a graph.
 TOPIC = TopicSpec(name="/diagnostics", type_name="diagnostic_msgs/msg/DiagnosticArray", rate_hz=1.0)
@@ -23,10 +21,16 @@ class DiagnosticStatus:
     """One row; the fields are those of ``diagnostic_msgs/msg/DiagnosticStatus``.
 
     Attributes:
+        level: ``OK``, ``WARN``, ``ERROR`` or ``STALE``.
         name: part of the device, such as a joint; "" for the whole of it.
         message: one sentence for a person; hardware_id: identity of the device.
         values: what was measured, the unit in the name: ``temperature_c``.
     """
+
+    OK: ClassVar[int] = 0
+    WARN: ClassVar[int] = 1
+    ERROR: ClassVar[int] = 2
+    STALE: ClassVar[int] = 3
 
     level: int
     name: str

@@ -6,7 +6,7 @@ import threading
 import time
 
 from joshua.devices.context import SensorContext
-from joshua.devices.diagnostics import ERROR, OK, STALE, DiagnosticsPublisher, DiagnosticStatus
+from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
@@ -46,7 +46,7 @@ class SensorNode(NodeBehaviour):
         self._repeated = 0
         self._reconnections = 0
         self._implausible: list[str] = []
-        self._trouble: tuple[int, str] = (OK, "")
+        self._trouble: tuple[int, str] = (DiagnosticStatus.OK, "")
         self._diagnostics: DiagnosticsPublisher | None = None
 
     def configure(self) -> None:
@@ -137,11 +137,11 @@ class SensorNode(NodeBehaviour):
             if reading is not None:
                 if silent:
                     self.context.log.info("the sensor delivers again")
-                quiet_since, silent, self._trouble = time.monotonic(), False, (OK, "")
+                quiet_since, silent, self._trouble = time.monotonic(), False, (DiagnosticStatus.OK, "")
                 self._take(sensor, reading)
             elif not silent and time.monotonic() - quiet_since > SILENCE_S:
                 silent = True
-                self._trouble = (STALE, "delivers nothing: check its cable and power")
+                self._trouble = (DiagnosticStatus.STALE, "delivers nothing: check its cable and power")
                 self.context.log.warning(
                     "the sensor has delivered nothing for %g s: check its cable and power", SILENCE_S
                 )
@@ -172,7 +172,7 @@ class SensorNode(NodeBehaviour):
     def _reconnect(self, sensor: Sensor, reason: DeviceDisconnected) -> None:
         """Closes and opens the device until that works or the node stops; waits longer each time."""
         self._reconnections += 1
-        self._trouble = (ERROR, f"connection lost: {reason}")
+        self._trouble = (DiagnosticStatus.ERROR, f"connection lost: {reason}")
         self._last = None  # the device may count from 0 again
         wait_s = RECONNECT_FIRST_S
         self.context.log.warning("connection lost: %s; trying again until it is back", reason)
@@ -188,7 +188,7 @@ class SensorNode(NodeBehaviour):
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
                 self.context.log.warning("not back yet: %s; next attempt in %g s", error, wait_s)
             else:
-                self._trouble = (OK, "")
+                self._trouble = (DiagnosticStatus.OK, "")
                 self.context.log.info("the connection is back")
                 return
 

@@ -5,10 +5,10 @@ Names are loaded at first use: features are derived and compared without numpy.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from joshua.plan.feature import ACTION, IMAGES, STATE, Feature
+from joshua.plan.lazy import lazy_names
 
 if TYPE_CHECKING:
     from joshua.features.aligner import Alignment, FeatureCounts, TimeAligner
@@ -43,10 +43,7 @@ _LATER = {
     "frame": ("FeatureError", "Frame", "checked"),
     "joint_units": ("CalibratedJoint", "JointUnits", "Unit"),
 }
-_MODULE_OF = {name: f"{__name__}.{module}" for module, names in _LATER.items() for name in names}
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+__getattr__, __dir__ = lazy_names(
+    __name__, {f"{__name__}.{module}": names for module, names in _LATER.items()}
+)

@@ -5,10 +5,10 @@ The plan itself is loaded at first use: a file is checked without it, and it nee
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from joshua.plan.diagnostic import Diagnostic, Position, Related, Severity
+from joshua.plan.lazy import lazy_names
 from joshua.plan.qos import QosProfile
 
 if TYPE_CHECKING:
@@ -85,10 +85,5 @@ _LATER = {
         "TopicReport",
     ),
 }
-_MODULE_OF = {name: module for module, names in _LATER.items() for name in names}
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+__getattr__, __dir__ = lazy_names(__name__, _LATER)

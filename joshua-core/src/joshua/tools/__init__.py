@@ -9,10 +9,15 @@ a plugin takes its options, its exit codes and its stand-ins from here.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from joshua.plan.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from joshua.cli.doctor.finding import Finding as Finding
+    from joshua.cli.doctor.finding import Level as Level
+    from joshua.cli.doctor.host import Host as Host
+    from joshua.cli.doctor.permissions import may_open as may_open
     from joshua.cli.emulation import start_rig as start_rig
     from joshua.cli.exit_codes import ExitCode as ExitCode
     from joshua.cli.options import FAULT_ALONE as FAULT_ALONE
@@ -22,11 +27,19 @@ if TYPE_CHECKING:
     from joshua.cli.report import exit_code_of as exit_code_of
     from joshua.cli.report import request_of as request_of
     from joshua.cli.report import show_findings as show_findings
+    from joshua.cli.running_nodes import node_that_holds as node_that_holds
     from joshua.cli.simulation import start_simulation as start_simulation
+    from joshua.config import LoadedConfig as LoadedConfig
+    from joshua.config import load as load
     from joshua.config.calibration_paths import journal_path as journal_path
+    from joshua.config.checks.device_table import calibratable_blocks as calibratable_blocks
+    from joshua.config.checks.device_table import device_block as device_block
+    from joshua.config.diagnostics import render_text as render_text
+    from joshua.config.format_file import replace_file as replace_file
     from joshua.ipc.client import CallError as CallError
     from joshua.ipc.client import RunInfo as RunInfo
     from joshua.ipc.client import RunningSystem as RunningSystem
+    from joshua.ipc.client import is_named as is_named
     from joshua.plan import Diagnostic as Diagnostic
     from joshua.plan import NodeKind as NodeKind
     from joshua.plan import NodeSpec as NodeSpec
@@ -41,9 +54,12 @@ if TYPE_CHECKING:
     from joshua.plan.events import RunStatus as RunStatus
     from joshua.plan.events import StartTable as StartTable
     from joshua.plan.events import event_record as event_record
+    from joshua.plan.installing import install as install
     from joshua.planner.calibration_place import FileRefused as FileRefused
     from joshua.planner.calibration_place import calibration_place as calibration_place
     from joshua.planner.calibration_place import kept_calibrations as kept_calibrations
+    from joshua.planner.devices import Wanted as Wanted
+    from joshua.planner.devices import wanted_nodes as wanted_nodes
     from joshua.planner.emulation import EmulatedRig as EmulatedRig
     from joshua.planner.pipeline import Checked as Checked
     from joshua.planner.pipeline import Examination as Examination
@@ -51,7 +67,20 @@ if TYPE_CHECKING:
     from joshua.planner.pipeline import finish as finish
     from joshua.planner.request import Purpose as Purpose
     from joshua.planner.request import Request as Request
+    from joshua.plugins import Registry as Registry
+    from joshua.plugins import load_registry as load_registry
     from joshua.plugins.targets import TargetError as TargetError
+    from joshua.plugins.targets import load_target as load_target
+    from joshua.supervisor.log_files import log_directory as log_directory
+    from joshua.supervisor.tables import clean as clean
+    from joshua.supervisor.tables import columns as columns
+    from joshua.textproto.lexer import tokenize as tokenize
+    from joshua.textproto.nearest import nearest_first as nearest_first
+    from joshua.textproto.parser import Parser as Parser
+    from joshua.textproto.positions import Entry as Entry
+    from joshua.textproto.positions import Positions as Positions
+    from joshua.textproto.problems import Problems as Problems
+    from joshua.textproto.source import Source as Source
     from joshua.tools.configuration import check as check
     from joshua.tools.configuration import explain as explain
     from joshua.tools.configuration import open_driver as open_driver
@@ -68,23 +97,30 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.planner.calibration_place": ("calibration_place", "kept_calibrations", "FileRefused"),
         "joshua.config.calibration_paths": ("journal_path",),
         "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan"),
-        "joshua.plugins.targets": ("TargetError",),
+        "joshua.plugins.targets": ("TargetError", "load_target"),
+        "joshua.config": ("LoadedConfig", "load"),
+        "joshua.config.diagnostics": ("render_text",),
+        "joshua.config.checks.device_table": ("calibratable_blocks", "device_block"),
+        "joshua.planner.devices": ("Wanted", "wanted_nodes"),
+        "joshua.plugins": ("Registry", "load_registry"),
+        "joshua.plan.installing": ("install",),
+        "joshua.textproto.nearest": ("nearest_first",),
     },
     "A running system": {
-        "joshua.ipc.client": ("RunningSystem", "RunInfo", "CallError"),
+        "joshua.ipc.client": ("RunningSystem", "RunInfo", "CallError", "is_named"),
         "joshua.plan.events": (
-            *(
-                "Event",
-                "RunStatus",
-                "NodeStatus",
-                "RunEvent",
-                "Progress",
-                "LogEntry",
-                "StartTable",
-                "NodeRow",
-            ),
-            *("Gap", "event_record"),
+            "Event",
+            "RunStatus",
+            "NodeStatus",
+            "RunEvent",
+            "Progress",
+            "LogEntry",
+            "StartTable",
+            "NodeRow",
+            "Gap",
+            "event_record",
         ),
+        "joshua.supervisor.log_files": ("log_directory",),
     },
     "Programs that take nodes": {
         "joshua.tools.foreground": ("ForegroundJob", "JobRefusedError"),
@@ -96,20 +132,25 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.cli.emulation": ("start_rig",),
         "joshua.cli.simulation": ("start_simulation",),
         "joshua.planner.emulation": ("EmulatedRig",),
+        "joshua.supervisor.tables": ("clean", "columns"),
+        "joshua.cli.running_nodes": ("node_that_holds",),
+    },
+    "Configuration text": {
+        "joshua.textproto.source": ("Source",),
+        "joshua.textproto.lexer": ("tokenize",),
+        "joshua.textproto.parser": ("Parser",),
+        "joshua.textproto.problems": ("Problems",),
+        "joshua.textproto.positions": ("Positions", "Entry"),
+        "joshua.config.format_file": ("replace_file",),
+    },
+    "Checks of `joshua doctor`": {
+        "joshua.cli.doctor.finding": ("Finding", "Level"),
+        "joshua.cli.doctor.host": ("Host",),
+        "joshua.cli.doctor.permissions": ("may_open",),
     },
 }
 """The names by the heading that the reference lists them under, and the module that each stands in."""
 
-_MODULE_OF = {
-    name: module for modules in SECTIONS.values() for module, names in modules.items() for name in names
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_MODULE_OF)
+__getattr__, __dir__ = lazy_names(
+    __name__, {module: names for modules in SECTIONS.values() for module, names in modules.items()}
+)

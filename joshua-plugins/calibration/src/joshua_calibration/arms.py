@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.errors import DeviceError
+from joshua.api import ArmCalibration, DeviceError
 from joshua.tools import (
     Checked,
     ExitCode,

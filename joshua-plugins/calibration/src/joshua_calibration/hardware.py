@@ -7,7 +7,7 @@ import threading
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 from joshua.tools import (
     Checked,
     ExitCode,
@@ -27,7 +27,7 @@ from joshua_calibration.transaction import Recovery
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.plugins.emulator import Coupling
+    from joshua.api import Coupling
     from joshua.tools import EmulatedRig
 
 

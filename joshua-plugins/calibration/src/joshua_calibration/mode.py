@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.config.checks import Context
-from joshua.config.checks.device_table import calibratable_blocks, device_block
-from joshua.modes.queries import lacks
-from joshua.modes.services import SIMULATION
-from joshua.modes.spec import ModeSpec
-from joshua.plan import Diagnostic
+from joshua.api import SIMULATION, Context, ModeSpec, lacks
+from joshua.tools import Diagnostic, calibratable_blocks, device_block
 
 
 def check(context: Context) -> Iterator[Diagnostic]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins import ModeOffer, hookimpl
+from joshua.api import ModeOffer, hookimpl
 
 
 @hookimpl

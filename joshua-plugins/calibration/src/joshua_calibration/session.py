@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.errors import DeviceError, DeviceSilent
+from joshua.api import ArmCalibration, DeviceError, DeviceSilent
 
 from joshua_calibration import transaction
 from joshua_calibration.arm_file import ArmFile

@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.units import TICKS_PER_TURN
+from joshua.api import TICKS_PER_TURN, ArmCalibration
 
 #: Moves joints as a calibration asks a person to, see ``DeviceEmulator.guide``.
 Hand = Callable[[int | None, float], bool]

@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from enum import Enum
 
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.errors import DeviceError
+from joshua.api import ArmCalibration, DeviceError
 from joshua.tools import FileRefused
 
 from joshua_calibration.arm_file import ArmFile

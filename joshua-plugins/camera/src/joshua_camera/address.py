@@ -13,7 +13,7 @@ import threading
 import time
 from urllib.parse import unquote, urlsplit
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 
 from joshua_camera.source import CameraSource
 from joshua_camera.source_text import scheme

@@ -7,9 +7,7 @@ import time
 from typing import Any
 
 import numpy as np
-from joshua.devices.context import SensorContext
-from joshua.devices.errors import DeviceError
-from joshua.devices.sensor import Reading, Sensor
+from joshua.api import DeviceError, Reading, Sensor, SensorContext
 from joshua.messages import message_class
 from joshua.messages.make import header, image
 

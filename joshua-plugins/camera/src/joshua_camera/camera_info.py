@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 from joshua.messages import message_class
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 

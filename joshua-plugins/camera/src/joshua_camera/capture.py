@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 
 from joshua_camera.jpeg import inspect_jpeg
 from joshua_camera.opencv import load_opencv

@@ -8,11 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.stamps import StampClock
-from joshua.guardian.silence import AwakeClock
-from joshua.node import ros_time
-from joshua.node.errors import Cancelled
+from joshua.api import AwakeClock, Cancelled, DeviceDisconnected, DeviceError, StampClock, ros_time
 
 from joshua_camera.backlog import Backlog
 from joshua_camera.capture import Capture, Grab

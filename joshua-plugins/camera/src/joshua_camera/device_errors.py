@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 
 from joshua_camera.devices import holders, list_devices
 

@@ -6,9 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from joshua.cli.doctor.finding import Finding, Level
-from joshua.cli.doctor.host import Host
-from joshua.cli.doctor.permissions import may_open
+from joshua.tools import Finding, Host, Level, may_open
 
 NAME = "USB"
 HIGH_SPEED_MBIT_S = 480

@@ -7,11 +7,8 @@ import re
 import time
 from pathlib import Path
 
-from joshua.devices.sensor import Reading
-from joshua.devices.sensor_node import SensorNode
-from joshua.guardian.silence import witness
-from joshua.node.behaviour import NodeContext
-from joshua.supervisor.log_files import log_directory
+from joshua.api import NodeContext, Reading, SensorNode, witness
+from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
 
 from joshua_camera.camera import OpenCvCamera

@@ -8,9 +8,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from google.protobuf.message import Message
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import BlockSettings, FieldError
-from joshua.schema.data_type_names import TYPE_NAMES
+from joshua.api import TYPE_NAMES, BlockContext, BlockSettings, FieldError
 from pydantic import model_validator
 
 from joshua_camera.source_text import SourceKind, scheme, source_kind

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 
 from joshua_camera import v4l2
 from joshua_camera.camera import OpenCvCamera

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins import EpisodeWriterSpec, PluginSpec, hookimpl
+from joshua.api import EpisodeWriterSpec, PluginSpec, hookimpl
 
 
 @hookimpl

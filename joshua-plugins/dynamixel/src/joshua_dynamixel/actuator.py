@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from joshua.devices.context import ActuatorContext
+from joshua.api import ActuatorContext
 from joshua_serial.port import SerialPort
 from joshua_servo.arm import ServoArm
 from joshua_servo.feedback import Feedback

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from joshua.plugins.settings import FieldError
+from joshua.api import FieldError
 from joshua_servo.settings import ServoSettings
 from pydantic import Field, model_validator
 from typing_extensions import Self

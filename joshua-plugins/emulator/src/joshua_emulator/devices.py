@@ -6,15 +6,15 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from google.protobuf.message import Message
-from joshua.plugins.emulator import (
+from joshua.api import (
     DeviceEmulator,
     EmulatedDevice,
     EmulationError,
     FaultRefusedError,
     PhysicsCamera,
     PhysicsLink,
+    calibration_pb2,
 )
-from joshua.schema.calibration_pb2 import ArmCalibration, MotorCalibration
 
 from joshua_emulator.camera.process import EmulatedCamera
 from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess, FaultRefused
@@ -120,13 +120,13 @@ class ServoBusEmulator(ProcessEmulator):
         """Path of the pseudo-terminal."""
         return str(self._process.port)
 
-    def calibration(self) -> ArmCalibration | None:
+    def calibration(self) -> calibration_pb2.ArmCalibration | None:
         """What the servos' EEPROM holds."""
         if len(self.device.block.motor_ids) != 6:  # type: ignore[attr-defined]
             return None
         values = self._process.calibration()
-        motors = [MotorCalibration(**motor) for motor in values.pop("motors")]
-        return ArmCalibration(motors=motors, **values)
+        motors = [calibration_pb2.MotorCalibration(**motor) for motor in values.pop("motors")]
+        return calibration_pb2.ArmCalibration(motors=motors, **values)
 
     def guide(self, joint: int | None, seconds: float) -> bool:
         """Moves the joints as a person would."""
@@ -197,13 +197,13 @@ class HubEmulator(ProcessEmulator):
         self._process.guide(joint, seconds)
         return True
 
-    def calibration(self) -> ArmCalibration:
+    def calibration(self) -> calibration_pb2.ArmCalibration:
         """Zero where each shaft stood at first, and a quarter of a turn to both sides."""
         motors = []
         for port, motor in self._process.state()["motors"].items():
             raw = round(motor["absolute_deg"] % 360 * 4096 / 360) % 4096
             motors.append(
-                MotorCalibration(
+                calibration_pb2.MotorCalibration(
                     id="ABCDEF".index(port) + 1,
                     joint_name=f"joint_{port.lower()}",
                     homing_offset=max(raw - 2048, -2047),
@@ -211,4 +211,4 @@ class HubEmulator(ProcessEmulator):
                     range_max=3072,
                 )
             )
-        return ArmCalibration(motors=motors)
+        return calibration_pb2.ArmCalibration(motors=motors)

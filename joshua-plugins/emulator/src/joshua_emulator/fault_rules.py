@@ -117,7 +117,7 @@ def _check_value(kind: str, rule: FaultRule, request: Mapping[str, Any]) -> None
 
 def _check_setting(kind: str, name: str, value: Any, settings: Mapping[str, Number | Text]) -> None:
     if name not in settings:
-        from joshua.textproto.nearest import nearest_first  # costs time that only an error is worth
+        from joshua.tools import nearest_first
 
         allowed = ", ".join(nearest_first(name, settings))
         raise ControlError(f"{kind} has no setting {name!r}; allowed: {allowed}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins import EmulatorSpec, PluginSpec, hookimpl
+from joshua.api import EmulatorSpec, PluginSpec, hookimpl
 
 
 @hookimpl

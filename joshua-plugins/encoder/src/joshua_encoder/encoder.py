@@ -8,10 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from joshua.devices.context import SensorContext
-from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
-from joshua.devices.errors import DeviceError
-from joshua.devices.sensor import Reading, Sensor
+from joshua.api import DeviceError, DiagnosticStatus, Reading, Sensor, SensorContext
 from joshua.messages.make import joint_state
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
@@ -155,7 +152,7 @@ class SerialEncoder(Sensor):
         values = {"counts": str(self._sequence), "damaged": str(source.damaged)}
         joints = [
             DiagnosticStatus(
-                OK,
+                DiagnosticStatus.OK,
                 name,
                 "in order",
                 protocol,
@@ -167,7 +164,12 @@ class SerialEncoder(Sensor):
             )
             for name, tracker in zip(self.settings.joint_names, self._trackers, strict=True)
         ]
-        return (DiagnosticStatus(WARN if poor else OK, "link", message, protocol, values), *joints)
+        return (
+            DiagnosticStatus(
+                DiagnosticStatus.WARN if poor else DiagnosticStatus.OK, "link", message, protocol, values
+            ),
+            *joints,
+        )
 
     def disconnect(self) -> None:
         """Closes the port; a second call does nothing."""

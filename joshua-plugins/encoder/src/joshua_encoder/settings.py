@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import FieldError, FromField
+from joshua.api import BlockContext, FieldError, FromField
 from joshua_serial.settings import SerialSettings
 from pydantic import model_validator
 from typing_extensions import Self

@@ -6,9 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.stamps import StampClock
-from joshua.guardian.silence import AwakeClock, witness
+from joshua.api import AwakeClock, DeviceDisconnected, DeviceError, StampClock, witness
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 
-from joshua.devices.errors import DeviceError
-from joshua.guardian.silence import AwakeClock, witness
+from joshua.api import AwakeClock, DeviceError, witness
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 

@@ -9,12 +9,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from joshua.devices.context import SensorContext
-from joshua.devices.diagnostics import OK, WARN, DiagnosticStatus
-from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.sensor import Reading, Sensor
-from joshua.devices.stamps import StampClock
-from joshua.guardian.silence import AwakeClock
+from joshua.api import (
+    AwakeClock,
+    DeviceDisconnected,
+    DeviceError,
+    DiagnosticStatus,
+    Reading,
+    Sensor,
+    SensorContext,
+    StampClock,
+)
 from joshua.messages import message_class
 from joshua.messages.make import header
 from joshua_serial.port import BITS_PER_BYTE, SerialPort
@@ -203,7 +207,15 @@ class SerialLidar(Sensor):
             "packets": str(figures.packets),
             "damaged": str(figures.damaged),
         }
-        return (DiagnosticStatus(WARN if damaged else OK, "scanner", message, self.facts, values),)
+        return (
+            DiagnosticStatus(
+                DiagnosticStatus.WARN if damaged else DiagnosticStatus.OK,
+                "scanner",
+                message,
+                self.facts,
+                values,
+            ),
+        )
 
     def disconnect(self) -> None:
         """Stops the motor and closes the port; a second call does nothing."""

@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 from joshua_serial.port import SerialPort
 
 from joshua_lidar import requests

@@ -13,8 +13,7 @@ import sys
 import time
 from typing import Any
 
-from joshua.devices.errors import DeviceError
-from joshua.guardian.silence import AwakeClock
+from joshua.api import AwakeClock, DeviceError
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 

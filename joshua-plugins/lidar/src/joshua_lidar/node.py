@@ -6,10 +6,8 @@ import os
 import re
 import time
 
-from joshua.devices.sensor import Reading
-from joshua.devices.sensor_node import SensorNode
-from joshua.node.behaviour import NodeContext
-from joshua.supervisor.log_files import log_directory
+from joshua.api import NodeContext, Reading, SensorNode
+from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
 
 from joshua_lidar.assembly import Scan

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from joshua.plugins.settings import FieldError, FromField
+from joshua.api import FieldError, FromField
 from joshua_serial.settings import SerialSettings
 from pydantic import model_validator
 from typing_extensions import Self

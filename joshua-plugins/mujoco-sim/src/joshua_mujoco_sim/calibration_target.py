@@ -13,9 +13,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.errors import DeviceError
-from joshua.devices.units import TICKS_PER_TURN
+from joshua.api import TICKS_PER_TURN, ArmCalibration, DeviceError
 from joshua_calibration.hand import hand_paths
 from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
 from joshua_calibration.target import Hand as HandMoves

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from joshua.api import NodeContext, TopicSpec, ros_time
 from joshua.messages import message_class
-from joshua.node import ros_time
-from joshua.node.behaviour import NodeContext
-from joshua.plan import TopicSpec
 
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.world import World

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import Annotated
 
 import mujoco
-from joshua.node.verbs import RefusedError, verb
+from joshua.api import RefusedError, verb
 from pydantic import Field
 
 from joshua_mujoco_sim.world import World

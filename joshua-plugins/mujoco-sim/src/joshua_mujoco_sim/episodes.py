@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from joshua.features import ACTION, STATE, Feature, FeatureSet, Frame, camera_key
 from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
-from joshua.plugins.targets import load_target
+from joshua.tools import load_target
 
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError

@@ -8,8 +8,7 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from joshua.node.behaviour import NodeContext
-from joshua.plan import TopicSpec
+from joshua.api import NodeContext, TopicSpec
 
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.settings_parts import TopicMapping

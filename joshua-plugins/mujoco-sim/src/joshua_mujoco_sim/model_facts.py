@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.plugins.settings import FieldError
+from joshua.api import FieldError
 from pydantic import BaseModel, ConfigDict
 
 if TYPE_CHECKING:

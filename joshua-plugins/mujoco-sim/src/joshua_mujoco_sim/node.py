@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError, MessagePublisher, NodeContext, ServiceFacts, Simulator, TopicSpec
 from joshua.features.episodes import EpisodeError
 from joshua.messages.make import joint_state
-from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
-from joshua.plan import ServiceFacts, TopicSpec
-from joshua.plugins.targets import TargetError
+from joshua.tools import TargetError
 
 from joshua_mujoco_sim.clock import ClockPublisher
 from joshua_mujoco_sim.controls import Controls
@@ -42,7 +40,7 @@ WATCH_PERIOD_S = 0.5
 REPLAY_PERIOD_S = 1 / 60
 
 
-class SimulatorNode(NodeBehaviour):
+class SimulatorNode(Simulator):
     """Runs the physics of a file for as long as the node lives.
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from joshua.plugins import ActuatorSpec, EnvironmentSpec, PluginSpec, SensorSpec, SimulatorSpec, hookimpl
-from joshua.plugins.specs import Environment
+from joshua.api import (
+    ActuatorSpec,
+    Environment,
+    EnvironmentSpec,
+    PluginSpec,
+    SensorSpec,
+    SimulatorSpec,
+    hookimpl,
+)
 
 #: As data: naming them imports neither Gymnasium nor MuJoCo.
 ENVIRONMENTS = (

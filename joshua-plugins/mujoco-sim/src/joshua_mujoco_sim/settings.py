@@ -12,10 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
-from joshua.devices.calibration import ArmCalibration
-from joshua.plan.joints import JointRange
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.api import ArmCalibration, BlockContext, BlockSettings, FieldError, FromField, JointRange
 from pydantic import Field, model_validator
 
 from joshua_mujoco_sim.calibration import IDENTITY, Frame, frames, misfits

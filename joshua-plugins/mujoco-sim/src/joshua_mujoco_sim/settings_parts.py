@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from joshua.api import FieldError
 from joshua.features import camera_key
-from joshua.plugins.settings import FieldError
 from pydantic import BaseModel, ConfigDict
 
 if TYPE_CHECKING:
@@ -176,10 +176,9 @@ def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> No
 
 def variation_defaults() -> dict[str, float]:
     """How far a seed varies a scene where the file does not say."""
-    from joshua.plugins.block_values import default_values
-    from joshua.schema.simulation_pb2 import SceneVariation
+    from joshua.api import default_values, simulation_pb2
 
-    return default_values(SceneVariation.DESCRIPTOR)
+    return default_values(simulation_pb2.SceneVariation.DESCRIPTOR)
 
 
 def variation(seed: int | None, amounts: Mapping[str, float]) -> Variation | None:

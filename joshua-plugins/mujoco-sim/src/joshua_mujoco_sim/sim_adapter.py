@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
-from joshua.plugins.block_values import block_values
-from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapterError
-from joshua.schema import config_pb2 as pb
-from joshua.schema import data_type_pb2 as types
-from joshua.schema import simulation_pb2 as sim
+from joshua.api import CoupledArm, CoupledCamera, RealDevice, SimAdapterError, block_values
+from joshua.api import config_pb2 as pb
+from joshua.api import data_type_pb2 as types
+from joshua.api import simulation_pb2 as sim
 
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
 from joshua_mujoco_sim.physics import Physics

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.devices.errors import DeviceBusy, DeviceDisconnected, DeviceError
+from joshua.api import DeviceBusy, DeviceDisconnected, DeviceError
 
 
 class PortNotFound(DeviceError):

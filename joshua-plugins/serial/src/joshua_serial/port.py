@@ -15,7 +15,7 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 
-from joshua.node.errors import Cancelled
+from joshua.api import Cancelled
 
 from joshua_serial.errors import (
     PortBusy,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.api import BlockSettings, FieldError, FromField
 from pydantic import model_validator
 from typing_extensions import Self
 

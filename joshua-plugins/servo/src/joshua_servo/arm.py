@@ -1,4 +1,7 @@
-"""The actuator of a servo bus: an arm of servos, in radians."""
+"""The actuator of a servo bus: an arm of servos, in radians.
+
+Why one file: one class, the life of an arm from its connection to its safe stop.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,16 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
-from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
-from joshua.devices.context import ActuatorContext
-from joshua.devices.diagnostics import DiagnosticStatus
-from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.api import (
+    Actuator,
+    ActuatorContext,
+    DeviceDisconnected,
+    DeviceError,
+    DiagnosticStatus,
+    FloatArray,
+    JointLimits,
+    JointReading,
+)
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 from joshua_serial.found_motor import FoundMotor as FoundMotor
 from joshua_serial.port import SerialPort
 

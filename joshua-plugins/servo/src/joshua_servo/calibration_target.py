@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import ClassVar
 
-from joshua.devices.errors import DeviceError
-from joshua.devices.units import TICKS_PER_TURN
+from joshua.api import TICKS_PER_TURN, DeviceError
 from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor, arm_motors
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua.devices.actuator import FloatArray
-from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
+from joshua.api import DiagnosticStatus, FloatArray
 
 from joshua_servo.counters import BusCounters
 from joshua_servo.feedback import Feedback
@@ -31,7 +30,11 @@ def joint_rows(
         fault = reading.status & ~watch.status.voltage
         rows.append(
             DiagnosticStatus(
-                ERROR if fault else WARN if warning else OK,
+                DiagnosticStatus.ERROR
+                if fault
+                else DiagnosticStatus.WARN
+                if warning
+                else DiagnosticStatus.OK,
                 name,
                 warning or "in order",
                 f"{hardware_id} id {servo_id}",
@@ -63,7 +66,7 @@ def bus_row(counters: BusCounters, lost_before: int, hardware_id: str) -> Diagno
             f"{lost - lost_before} replies lost since the last report, most of id {worst}: check its cable"
         )
     return DiagnosticStatus(
-        WARN if lost > lost_before else OK,
+        DiagnosticStatus.WARN if lost > lost_before else DiagnosticStatus.OK,
         "bus",
         message,
         hardware_id,

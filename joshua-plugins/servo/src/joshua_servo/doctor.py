@@ -6,8 +6,7 @@ import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
-from joshua.cli.doctor.finding import Finding, Level
-from joshua.cli.doctor.host import Host
+from joshua.tools import Finding, Host, Level
 from joshua_serial.ports.bus_plugins import installed_bus_tools
 from joshua_serial.ports.survey import Families, PortSurvey, chosen_ports, survey
 from joshua_serial.ports.text import remarks

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.devices.errors import DeviceError, DeviceSilent
-from joshua.devices.errors import SafetyTripped as SafetyTripped
+from joshua.api import DeviceError, DeviceSilent
+from joshua.api import SafetyTripped as SafetyTripped
 
 
 class NoReply(DeviceSilent):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from joshua.node.errors import Cancelled
+from joshua.api import Cancelled
 from joshua_serial.errors import PortBusy, PortGuarded
 from joshua_serial.port import SerialPort
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from joshua.devices.actuator import FloatArray, JointLimits
-from joshua.devices.units import TICKS_PER_TURN
+from joshua.api import TICKS_PER_TURN, FloatArray, JointLimits
 
 from joshua_servo.settings import ServoSettings
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 from joshua_serial.errors import PortDisconnected
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.guardian.silence import witness
+from joshua.api import DeviceDisconnected, DeviceError, witness
 from joshua_serial.errors import PortDisconnected, PortUnusable
 
 from joshua_servo.bus import REPLY_MARGIN_S, ServoBus

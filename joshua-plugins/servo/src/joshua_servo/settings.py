@@ -7,11 +7,15 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 from google.protobuf.message import Message
-from joshua.devices.calibration import ArmCalibration
-from joshua.devices.units import TICKS_PER_TURN, ticks_to_rad
-from joshua.plan.joints import JointRange
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import FieldError, FromField
+from joshua.api import (
+    TICKS_PER_TURN,
+    ArmCalibration,
+    BlockContext,
+    FieldError,
+    FromField,
+    JointRange,
+    ticks_to_rad,
+)
 from joshua_serial.settings import SerialSettings
 from pydantic import Field, model_validator
 from typing_extensions import Self

@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from joshua.devices.stamps import StampClock
+from joshua.api import StampClock
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import NoReply

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 
-from joshua.devices.errors import DeviceDisconnected
+from joshua.api import DeviceDisconnected
 from joshua.testing import resources
 from joshua.testing.conformance import Checklist, name_of, refuses, require
 

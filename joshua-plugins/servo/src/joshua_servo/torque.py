@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import NoReply

@@ -9,10 +9,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from joshua.devices.actuator import Actuator, FloatArray, JointLimits, JointReading
-from joshua.devices.context import ActuatorContext
-from joshua.devices.diagnostics import DiagnosticStatus
-from joshua.devices.errors import DeviceError
+from joshua.api import (
+    Actuator,
+    ActuatorContext,
+    DeviceError,
+    DiagnosticStatus,
+    FloatArray,
+    JointLimits,
+    JointReading,
+)
 
 from joshua_spike.client import DEAD_MAN_S, HubClient
 from joshua_spike.diagnostics import BATTERY_STATE, battery_message, battery_row, joint_rows, link_row

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from joshua.devices.errors import DeviceError
-from joshua.guardian.silence import AwakeClock
+from joshua.api import AwakeClock, DeviceError
 
 from joshua_spike.errors import HubUnreachable, LinkLost
 from joshua_spike.hub.program import load_program

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from joshua.devices.actuator import JointReading
-from joshua.devices.diagnostics import ERROR, OK, WARN, DiagnosticStatus
+from joshua.api import DiagnosticStatus, JointReading
 from joshua.messages import message_class
 from joshua.messages.make import header
 
@@ -29,7 +28,7 @@ def joint_rows(
     torque = "holding" if state.holding else "on" if state.energised else "off"
     return [
         DiagnosticStatus(
-            OK,
+            DiagnosticStatus.OK,
             name,
             "in order",
             f"{hardware_id} port {port}",
@@ -47,13 +46,13 @@ def joint_rows(
 
 def battery_row(state: HubState, status: Status, hardware_id: str) -> DiagnosticStatus:
     """The battery, by its voltage and by what the firmware says of it."""
-    level, message = OK, "in order"
+    level, message = DiagnosticStatus.OK, "in order"
     if status & (Status.BATTERY_CRITICAL | Status.SHUTDOWN):
-        level, message = ERROR, "the hub switches itself off: charge it"
+        level, message = DiagnosticStatus.ERROR, "the hub switches itself off: charge it"
     elif status & Status.BATTERY_HIGH_CURRENT:
-        level, message = WARN, "a high current flows: see what blocks a motor"
+        level, message = DiagnosticStatus.WARN, "a high current flows: see what blocks a motor"
     elif status & Status.BATTERY_LOW or state.battery_mv < LOW_MV:
-        level, message = WARN, "low: charge the hub soon"
+        level, message = DiagnosticStatus.WARN, "low: charge the hub soon"
     percent = _charge(state) * 100
     values = {"voltage_v": f"{state.battery_mv / 1000:.2f}", "charge_estimate_percent": f"{percent:.0f}"}
     return DiagnosticStatus(level, "battery", message, hardware_id, values)
@@ -92,7 +91,7 @@ def link_row(counters: Counters, before: Counters, state: HubState, hardware_id:
     worse = counters.lost > before.lost or counters.corrupt > before.corrupt
     message = "lines were lost or broken since the last report: come nearer" if worse else "in order"
     return DiagnosticStatus(
-        WARN if worse else OK,
+        DiagnosticStatus.WARN if worse else DiagnosticStatus.OK,
         "link",
         message,
         hardware_id,

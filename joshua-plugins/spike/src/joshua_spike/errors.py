@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.devices import errors
-from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.api import DeviceDisconnected, DeviceError
+from joshua.api import SafetyTripped as _SafetyTripped
 
 
 class AdapterUnusable(DeviceError):
@@ -42,5 +42,5 @@ class NotEnabled(DeviceError):
     """A goal was written while the motors have no torque."""
 
 
-class SafetyTripped(errors.SafetyTripped):
+class SafetyTripped(_SafetyTripped):
     """The hub's dead man's switch has stopped the motors; they stay so until they are enabled again."""

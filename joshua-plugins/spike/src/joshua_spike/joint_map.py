@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from joshua.devices.actuator import FloatArray, JointLimits
+from joshua.api import FloatArray, JointLimits
 
 from joshua_spike.settings import MIDDLE_TICK, TICKS_PER_TURN, SpikeSettings
 

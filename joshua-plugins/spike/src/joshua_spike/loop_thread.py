@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from joshua.node.errors import Cancelled
+from joshua.api import Cancelled
 
 T = TypeVar("T")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins import ActuatorSpec, PluginSpec, hookimpl
+from joshua.api import ActuatorSpec, PluginSpec, hookimpl
 
 
 @hookimpl

@@ -8,10 +8,15 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
-from joshua.devices.calibration import ArmCalibration, MotorCalibration
-from joshua.plan import JointRange
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.api import (
+    ArmCalibration,
+    BlockContext,
+    BlockSettings,
+    FieldError,
+    FromField,
+    JointRange,
+    MotorCalibration,
+)
 from pydantic import Field, model_validator
 from typing_extensions import Self
 

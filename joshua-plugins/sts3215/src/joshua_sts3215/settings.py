@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from joshua.plugins.settings import FromField
+from joshua.api import FromField
 from joshua_servo.settings import ServoSettings
 
 from joshua_sts3215.registers import BAUDRATES, MAX_SPEED_TICKS_S, MODEL_NAMES, MODEL_NUMBER

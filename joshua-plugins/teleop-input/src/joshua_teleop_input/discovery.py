@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from joshua.devices.errors import DeviceDisconnected
-from joshua.textproto.nearest import nearest_first
+from joshua.api import DeviceDisconnected
+from joshua.tools import nearest_first
 
 from joshua_teleop_input.codes import AXES, BUTTONS
 from joshua_teleop_input.errors import InputDeviceError, NoGamepadError

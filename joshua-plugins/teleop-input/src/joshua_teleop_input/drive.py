@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from joshua.plan import JointRange
+from joshua.api import JointRange
 
 from joshua_teleop_input.gate import Gate
 from joshua_teleop_input.jog import Jog

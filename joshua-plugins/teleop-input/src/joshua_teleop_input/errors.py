@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
 
 
 class InputDeviceError(DeviceError):

@@ -6,12 +6,10 @@ import time
 from collections import deque
 from typing import Any, Protocol
 
-from joshua.devices.context import SensorContext
-from joshua.devices.sensor import Reading, Sensor
-from joshua.devices.stamps import StampClock
+from joshua.api import Reading, Sensor, SensorContext, StampClock
 from joshua.messages import message_class
 from joshua.messages.make import header
-from joshua.textproto.nearest import nearest_first
+from joshua.tools import nearest_first
 
 from joshua_teleop_input.discovery import DEVICE_FOLDER, open_gamepad
 from joshua_teleop_input.errors import InputDeviceError, NoGamepadError

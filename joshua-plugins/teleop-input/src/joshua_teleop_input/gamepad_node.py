@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import time
 
-from joshua.devices.context import SensorContext
-from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.devices.sensor import Reading
-from joshua.node.behaviour import MessagePublisher, NodeContext
-from joshua.node.implementation import load_implementation
-from joshua.plan import SensorFacts
+from joshua.api import (
+    DeviceDisconnected,
+    DeviceError,
+    MessagePublisher,
+    NodeContext,
+    Reading,
+    SensorContext,
+    SensorFacts,
+    load_implementation,
+)
 
 from joshua_teleop_input.gamepad import JOY, Gamepad
 from joshua_teleop_input.gate import Gate

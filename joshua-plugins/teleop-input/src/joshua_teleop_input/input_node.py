@@ -8,13 +8,18 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from joshua.devices.diagnostics import ERROR, OK, DiagnosticsPublisher, DiagnosticStatus
-from joshua.devices.errors import DeviceError
+from joshua.api import (
+    DeviceError,
+    DiagnosticsPublisher,
+    DiagnosticStatus,
+    MessagePublisher,
+    NodeBehaviour,
+    NodeContext,
+    RateMeter,
+    SensorFacts,
+)
 from joshua.messages.make import joint_state
-from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
-from joshua.node.rates import RateMeter
-from joshua.plan import SensorFacts
-from joshua.textproto.nearest import nearest_first
+from joshua.tools import nearest_first
 
 from joshua_teleop_input.drive import Drive, limits_of
 from joshua_teleop_input.gate import Gate
@@ -125,7 +130,7 @@ class InputNode(NodeBehaviour):
         """One row: whether the device is there, and whether somebody drives."""
         spec = self.context.spec
         values = {"driving": self.drive.gate.describe(), "commands": str(self._commanded)}
-        level = ERROR if self._trouble else OK
+        level = DiagnosticStatus.ERROR if self._trouble else DiagnosticStatus.OK
         return [
             DiagnosticStatus(level, "", self._trouble or "in order", f"{spec.plugin} {spec.block}", values)
         ]

@@ -9,7 +9,7 @@ import os
 import select
 import struct
 
-from joshua.devices.errors import DeviceDisconnected
+from joshua.api import DeviceDisconnected
 
 from joshua_teleop_input.codes import EV_ABS, EV_KEY
 from joshua_teleop_input.errors import InputDeviceError

@@ -13,7 +13,7 @@ import signal
 import termios
 from typing import Any
 
-from joshua.devices.errors import DeviceDisconnected
+from joshua.api import DeviceDisconnected
 
 from joshua_teleop_input.errors import InputDeviceError
 

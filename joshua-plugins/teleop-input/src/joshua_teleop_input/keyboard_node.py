@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 
-from joshua.devices.errors import DeviceDisconnected
+from joshua.api import DeviceDisconnected, MessagePublisher, NodeContext
 from joshua.messages import message_class
 from joshua.messages.make import header
-from joshua.node.behaviour import MessagePublisher, NodeContext
-from joshua.plugins.targets import load_target
+from joshua.tools import load_target
 
 from joshua_teleop_input.gate import Gate
 from joshua_teleop_input.help_text import keyboard_help

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins import PluginSpec, SensorSpec, hookimpl
+from joshua.api import PluginSpec, SensorSpec, hookimpl
 
 _TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/msg/Joy")
 

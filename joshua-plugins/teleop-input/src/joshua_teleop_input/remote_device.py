@@ -14,8 +14,7 @@ import select
 import socket
 from typing import Any
 
-from joshua.devices.errors import DeviceDisconnected
-from joshua.guardian.silence import AwakeClock
+from joshua.api import AwakeClock, DeviceDisconnected
 
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.events import AxisRange, Capabilities, EventDecoder, InputEvent

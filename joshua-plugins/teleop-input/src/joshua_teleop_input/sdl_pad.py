@@ -12,8 +12,8 @@ import queue
 import threading
 from typing import Any
 
-from joshua.devices.errors import DeviceDisconnected
-from joshua.textproto.nearest import nearest_first
+from joshua.api import DeviceDisconnected
+from joshua.tools import nearest_first
 
 from joshua_teleop_input.errors import InputDeviceError, NoGamepadError
 from joshua_teleop_input.layout import BUTTON_NAMES, STICKS, TRIGGERS

@@ -6,10 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from google.protobuf.message import Message
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import BlockSettings, FieldError, FieldErrors
-from joshua.schema.data_type_names import TYPE_NAMES
-from joshua.textproto.nearest import nearest_first
+from joshua.api import TYPE_NAMES, BlockContext, BlockSettings, FieldError, FieldErrors
+from joshua.tools import nearest_first
 from pydantic import BaseModel, ConfigDict, model_validator
 from typing_extensions import Self
 

@@ -9,7 +9,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from joshua.devices.errors import DeviceDisconnected
+from joshua.api import DeviceDisconnected
 
 from joshua_teleop_input.codes import EV_ABS, EV_KEY, EV_SYN, SYN_DROPPED, SYN_REPORT
 from joshua_teleop_input.discovery import EventDevice

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
-from joshua.node.verbs import RefusedError, verb
+from joshua.api import Actuator, DeviceError, FloatArray, JointLimits, JointReading, RefusedError, verb
 
 from acme_gripper.settings import GripperSettings
 

@@ -1,6 +1,6 @@
 """What the plugin provides, as data: neither the driver nor its libraries are imported here."""
 
-from joshua.plugins import ActuatorSpec, PluginSpec, hookimpl
+from joshua.api import ActuatorSpec, PluginSpec, hookimpl
 
 
 @hookimpl

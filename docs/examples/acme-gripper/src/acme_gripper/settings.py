@@ -2,8 +2,7 @@
 
 import math
 
-from joshua.plan import JointRange
-from joshua.plugins.settings import BlockSettings, FieldError
+from joshua.api import BlockSettings, FieldError, JointRange
 from pydantic import model_validator
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection
 
-from joshua.devices.calibration import ArmCalibration, MotorCalibration
-from joshua.devices.errors import DeviceError
+from joshua.api import ArmCalibration, DeviceError, MotorCalibration
 from joshua.testing import lifecycle
 from joshua.testing.conformance import Checklist, name_of, refuses, require
 

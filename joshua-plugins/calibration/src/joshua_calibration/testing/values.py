@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from joshua.devices.calibration import LARGEST_OFFSET
-from joshua.devices.errors import DeviceError
-from joshua.devices.units import TICKS_PER_TURN
+from joshua.api import LARGEST_OFFSET, TICKS_PER_TURN, DeviceError
 from joshua.testing import lifecycle
 from joshua.testing.conformance import ViolationError, require
 

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the list. Exit code 0; 4 where there is no camera, or where none of them gave a picture."""
-    from joshua.cli.exit_codes import ExitCode
+    from joshua.tools import ExitCode
 
     from joshua_camera.survey import survey
 

@@ -48,7 +48,7 @@ def _list(as_json: bool) -> int:
 
 
 def _show(name: str, as_json: bool) -> int:
-    from joshua.cli.exit_codes import ExitCode
+    from joshua.tools import ExitCode
 
     from joshua_mujoco_sim.model_file import ModelError, load_model
     from joshua_mujoco_sim.summary import summarise

@@ -6,7 +6,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
+from joshua.tools import ExitCode
 
 if TYPE_CHECKING:
     import argparse

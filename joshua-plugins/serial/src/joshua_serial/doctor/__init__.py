@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from joshua.cli.doctor.finding import Finding, Level
-from joshua.cli.exit_codes import ExitCode
+from joshua.tools import ExitCode, Finding, Level
 
 from joshua_serial.doctor import brltty, latency_timer, modem_manager, permissions, usb
 
@@ -14,8 +13,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
-    from joshua.cli.doctor.host import Host
-    from joshua.plan import NodeSpec
+    from joshua.tools import Host, NodeSpec
 
 CHECKS = (permissions.check, latency_timer.check, brltty.check, modem_manager.check, usb.check)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.cli.doctor.finding import Finding, Level
-from joshua.cli.doctor.host import Host
+from joshua.tools import Finding, Host, Level
 
 from joshua_serial.usb_ports import list_ports
 

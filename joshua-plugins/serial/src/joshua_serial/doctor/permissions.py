@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.cli.doctor.finding import Finding, Level
-from joshua.cli.doctor.host import Host
-from joshua.cli.doctor.permissions import NAME, may_open
+from joshua.tools import Finding, Host, Level, may_open
 
 from joshua_serial.usb_ports import list_ports
 
@@ -15,6 +13,6 @@ def check(host: Host) -> Iterator[Finding]:
     """Compares owner, group and mode of each port with the user's session."""
     ports = list_ports(str(host.root))
     if not ports:
-        yield Finding(Level.NOTE, NAME, "USB serial ports", "there are none", "plug an adapter in")
+        yield Finding(Level.NOTE, "permissions", "USB serial ports", "there are none", "plug an adapter in")
     for entry in ports:
         yield may_open(host, entry.path)

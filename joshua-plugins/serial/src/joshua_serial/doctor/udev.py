@@ -77,7 +77,7 @@ def install(text: str, path: Path) -> Path:
         NotOurs: another program's file is there.
         OSError: it cannot be written.
     """
-    from joshua.config.format_file import replace_file
+    from joshua.tools import replace_file
 
     target = path / FILE_NAME if path.is_dir() else path
     if target.exists():

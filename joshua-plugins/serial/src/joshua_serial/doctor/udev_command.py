@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
+from joshua.tools import ExitCode
 
 from joshua_serial.doctor.udev import FILE_NAME, NotOurs, install, rules
 from joshua_serial.usb_ports import Endpoint, PortEntry, list_ports, resolve
@@ -16,7 +16,7 @@ from joshua_serial.usb_ports import Endpoint, PortEntry, list_ports, resolve
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.cli.doctor.host import Host
+    from joshua.tools import Host
 
 NEXT = "sudo udevadm control --reload && sudo udevadm trigger"
 
@@ -53,8 +53,7 @@ def _names(arguments: argparse.Namespace, host: Host, ports: Sequence[PortEntry]
     """The nodes of the configuration by the path of their adapter."""
     if not arguments.config:
         return {}
-    from joshua.config import load
-    from joshua.plugins import load_registry
+    from joshua.tools import load, load_registry
 
     from joshua_serial.ports.write_command import node_ports
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from joshua.plugins import ActuatorSpec, load_registry
-from joshua.plugins.targets import TargetError, load_target
+from joshua.api import ActuatorSpec
+from joshua.tools import TargetError, load_registry, load_target
 
 if TYPE_CHECKING:
-    from joshua.plugins import Registry
+    from joshua.tools import Registry
 
 
 def installed_bus_tools(registry: Registry | None = None) -> dict[str, type[Any]]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from joshua.cli.running_nodes import node_that_holds
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
+from joshua.tools import node_that_holds
 
 from joshua_serial.errors import PortBusy
 from joshua_serial.found_motor import FoundMotor

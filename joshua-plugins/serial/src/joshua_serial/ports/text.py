@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from joshua.supervisor.tables import clean
+from joshua.tools import clean
 
 from joshua_serial.found_motor import FoundMotor
 from joshua_serial.ports.survey import Families, PortSurvey

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from joshua.textproto.lexer import tokenize
-from joshua.textproto.parser import Parser
-from joshua.textproto.problems import Problems
-from joshua.textproto.source import Source
+from joshua.tools import Parser, Problems, Source, tokenize
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from joshua.textproto.positions import Entry, Positions
+    from joshua.tools import Entry, Positions
 
 
 class EditError(Exception):

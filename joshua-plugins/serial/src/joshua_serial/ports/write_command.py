@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.config.format_file import replace_file
+from joshua.tools import ExitCode, replace_file
 
 from joshua_serial.ports.identity import Ambiguous, NodePort, adapter_of, lasting_name
 from joshua_serial.ports.text_edit import Edit, EditError, apply_edits, set_strings
@@ -18,7 +17,7 @@ from joshua_serial.usb_ports import PortEntry, list_ports
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.config import LoadedConfig
+    from joshua.tools import LoadedConfig
 
 
 class Refused(Exception):
@@ -43,7 +42,7 @@ def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root
 
 def node_ports(loaded: LoadedConfig) -> Iterator[NodePort]:
     """The nodes of a file that have a serial link."""
-    from joshua.planner.devices import wanted_nodes
+    from joshua.tools import wanted_nodes
 
     for want in wanted_nodes(loaded.config, devices=True, models=False):
         comm: Any = getattr(want.block, "comm", None)
@@ -79,9 +78,7 @@ def _write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_roo
 
 
 def _load(path: str) -> LoadedConfig:
-    from joshua.config import load
-    from joshua.config.diagnostics import render_text
-    from joshua.plugins import load_registry
+    from joshua.tools import load, load_registry, render_text
 
     loaded = load(path, message_types=load_registry().message_modules())
     if loaded.diagnostics:

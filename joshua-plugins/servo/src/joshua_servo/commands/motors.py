@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the subcommands."""
     import argparse
 
-    from joshua.cli.options import positive_seconds
+    from joshua.tools import positive_seconds
 
     from joshua_servo.motors.target import parse_ids
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Protocol
 
-from joshua.supervisor.tables import clean
+from joshua.tools import clean
 
 POLL_S = 0.2
 

@@ -6,8 +6,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.supervisor.tables import clean, columns
+from joshua.tools import ExitCode, clean, columns
 from joshua_serial.ports.bus_plugins import installed_bus_tools, short_name
 from joshua_serial.ports.survey import Families, PortSurvey, chosen_ports, survey
 from joshua_serial.ports.text import NOTHING, as_json, remarks

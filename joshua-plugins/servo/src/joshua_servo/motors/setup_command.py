@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.devices.errors import DeviceError
+from joshua.api import DeviceError
+from joshua.tools import ExitCode
 from joshua_serial.port import SerialPort
 from joshua_serial.ports.bus_plugins import installed_bus_tools
 

@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from joshua.plan.installing import install
+from joshua.tools import install
 from joshua_serial.ports.bus_plugins import short_name
 from joshua_serial.usb_ports import Endpoint
 
 from joshua_servo.motors.setup_procedure import WantedMotor
 
 if TYPE_CHECKING:
-    from joshua.planner.devices import Wanted
+    from joshua.tools import Wanted
 
     from joshua_servo.bus_tools import BusTools
 
@@ -124,10 +124,7 @@ def _from_file(arguments: argparse.Namespace, families: Mapping[str, type[BusToo
 
 
 def _buses(path: str, families: Mapping[str, type[BusTools]]) -> list[Wanted]:
-    from joshua.config import load
-    from joshua.config.diagnostics import render_text
-    from joshua.planner.devices import wanted_nodes
-    from joshua.plugins import load_registry
+    from joshua.tools import load, load_registry, render_text, wanted_nodes
 
     loaded = load(path, message_types=load_registry().message_modules())
     if loaded.diagnostics:
@@ -156,7 +153,7 @@ def _chosen(arguments: argparse.Namespace, wanted: Mapping[str, Wanted]) -> Want
 
 def _joint_names(path: str, node: str) -> dict[int, str]:
     """Names of the joints by id, where the file holds a calibration of the node."""
-    from joshua.config import load
+    from joshua.tools import load
 
     arms = load(path).config.calibration.arms
     return {motor.id: motor.joint_name for arm in arms if arm.node_name == node for motor in arm.motors}

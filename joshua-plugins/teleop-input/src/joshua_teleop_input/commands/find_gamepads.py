@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the list or what is pressed. Exit code 0; 4 where there is no gamepad."""
-    from joshua.cli.exit_codes import ExitCode
+    from joshua.tools import ExitCode
 
     if arguments.watch is not None:
         return _watch(arguments.watch, arguments.duration)
@@ -94,8 +94,8 @@ def _as_json(device: Found) -> dict[str, Any]:
 
 def _watch(wanted: str, duration_s: float | None) -> int:
     """Shows presses, by our name and by the kernel's."""
-    from joshua.cli.exit_codes import ExitCode
-    from joshua.devices.errors import DeviceError
+    from joshua.api import DeviceError
+    from joshua.tools import ExitCode
 
     from joshua_teleop_input.discovery import open_gamepad
 

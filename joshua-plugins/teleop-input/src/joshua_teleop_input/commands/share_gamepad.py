@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Shares a gamepad until Ctrl-C. Exit code 0; 4 where there is none or the socket cannot be made."""
-    from joshua.cli.exit_codes import ExitCode
+    from joshua.tools import ExitCode
 
     from joshua_teleop_input.discovery import open_gamepad
     from joshua_teleop_input.errors import InputDeviceError
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _share(share: GamepadShare, wanted: str, end_s: float) -> None:
     """Shares the gamepad until it is lost, then waits a moment."""
-    from joshua.devices.errors import DeviceError
+    from joshua.api import DeviceError
 
     from joshua_teleop_input.discovery import open_gamepad
 

@@ -1,0 +1,29 @@
+"""Names of a module that are imported at their first use."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+
+def lazy_names(
+    package: str, names: Mapping[str, Iterable[str]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Makes ``__getattr__`` and ``__dir__`` of a module.
+
+    Args:
+        package: ``__name__`` of the module; names: by the module that they stand in, a submodule's own too.
+    """
+    module_of = {name: module for module, listed in names.items() for name in listed}
+
+    def get(name: str) -> Any:
+        if name not in module_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        module = importlib.import_module(module_of[name])
+        value = getattr(module, name, None) or importlib.import_module(f"{module_of[name]}.{name}")
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return get, lambda: sorted({*vars(sys.modules[package]), *module_of})
