@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from joshua.textproto.brackets import indentation_must_guide
-from joshua.textproto.lexer import END, SIGN
+from joshua.textproto.lexer import END, NAME, SIGN
 from joshua.textproto.limits import MAX_DEPTH
 from joshua.textproto.problems import Span
 from joshua.textproto.syntax import Block
@@ -18,6 +17,9 @@ if TYPE_CHECKING:
     from joshua.textproto.syntax import Field
 
 _CLOSER = {"{": "}", "<": ">"}
+_PARTNER = {"}": "{", ">": "<", "]": "["}
+# Below this share of indented lines the layout of a file says nothing about its blocks.
+_LAID_OUT = 0.5
 
 
 class _Open(NamedTuple):
@@ -42,7 +44,7 @@ class BlockParser(ValueParser):
     def __init__(self, source: Source, tokens: Tokens, problems: Problems) -> None:
         super().__init__(source, tokens, problems)
         self._open: list[_Open] = []
-        self._guided = indentation_must_guide(source, tokens)
+        self._guided = _indentation_must_guide(source, tokens)
         self._too_deep = False
 
     def fields(self) -> list[Field]:
@@ -160,3 +162,38 @@ class BlockParser(ValueParser):
             remedy=f"Add '{block.closer}' where {block.name} ends.",
             related=[(Span(self.source, before, before + 1), f"{where} comes before it is closed")],
         )
+
+
+def _indentation_must_guide(source: Source, tokens: Tokens) -> bool:
+    """Tells whether braces do not match while the file is indented well enough to find the faulty ones."""
+    return not _braces_match(tokens) and _is_laid_out(source, tokens)
+
+
+def _braces_match(tokens: Tokens) -> bool:
+    open_signs: list[str] = []
+    for kind, text in zip(tokens.kinds, tokens.texts, strict=True):
+        if kind != SIGN:
+            continue
+        if text in "{<[":
+            open_signs.append(text)
+        elif text in _PARTNER and (not open_signs or open_signs.pop() != _PARTNER[text]):
+            return False
+    return not open_signs
+
+
+def _is_laid_out(source: Source, tokens: Tokens) -> bool:
+    """Counts the lines inside blocks that stand further right than the line of the outermost open block."""
+    indented = lines = 0
+    openers: list[int] = []
+    last_line = 0
+    for kind, start, text in zip(tokens.kinds, tokens.starts, tokens.texts, strict=True):
+        line = source.line(start)
+        if kind == NAME and line != last_line and openers:
+            lines += 1
+            indented += source.column(start) > openers[0]
+        last_line = line
+        if kind == SIGN and text in "{<":
+            openers.append(source.indentation(start))
+        elif kind == SIGN and text in "}>" and openers:
+            openers.pop()
+    return lines > 0 and indented >= _LAID_OUT * lines

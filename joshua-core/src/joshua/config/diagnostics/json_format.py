@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from joshua.config.diagnostics.order import in_order
+from joshua.config.diagnostics.text_format import in_order
 from joshua.plan import Diagnostic, Position
 
 
