@@ -29,7 +29,7 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "mock": ("devices",),
     "models": ("node", "features"),
     "modes": ("config", "plugins"),
-    "planner": ("modes", "config", "plugins", "features", "transport", "ipc"),
+    "planner": ("modes", "config", "plugins", "features", "transport"),
     "supervisor": ("plan", "transport", "ipc", "guardian", "config"),
     "cli": ("planner", "supervisor", "mock", "models"),
     "testing": ("cli",),

@@ -62,7 +62,6 @@ def test_a_misspelt_option_of_a_command(
             ("--dry-run", "doctor"),
             "--dry-run before doctor has no effect there: joshua doctor takes none",
         ),
-        (("--sim", "plan", "--config", "x"), "--sim before plan has no effect there"),
     ],
 )
 def test_an_option_of_a_run_before_a_command_is_refused(

@@ -10,7 +10,7 @@ from typing import NoReturn
 import pytest
 from joshua.ipc import run_bases
 from joshua.ipc.run_bases import state_home
-from joshua.planner.emulation import state_folder
+from joshua.planner.calibration_place import state_folder
 from joshua.supervisor.log_files import log_directory
 
 
@@ -37,7 +37,7 @@ def test_a_user_without_a_home_has_it_beside_the_running_systems(homeless: Path)
     base = homeless / f"joshua-{os.getuid()}"
     assert log_directory(os.environ) == base / "state/log"
     assert base.stat().st_mode & 0o777 == 0o700, "the run takes it for its own only so"
-    assert state_folder("arm 1") == base / "state/emulated/arm_1"
+    assert state_folder(state_home(os.environ), "arm 1") == base / "state/emulated/arm_1"
     assert log_directory({"XDG_STATE_HOME": "/s"}) == Path("/s/joshua/log")
 
 

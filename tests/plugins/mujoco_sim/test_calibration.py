@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua.cli.simulation import take_calibrations
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua.devices.context import ActuatorContext
 from joshua.devices.errors import DeviceError
 from joshua.plan import ActuatorFacts
-from joshua.planner.calibration_place import calibration_place
+from joshua.planner.amend import take_calibrations
 from joshua.planner.pipeline import check_file
 from joshua.planner.request import Request
 from joshua.plugins.block_context import BlockContext
 from joshua.testing import check_actuator
 from joshua.testing.domain import reserved_domain
+from joshua.tools import calibration_place
 from joshua_calibration.arm_file import ArmFile
 from joshua_calibration.testing import check_calibration_target
 from joshua_mujoco_sim.actuator import SimActuator
@@ -292,7 +292,7 @@ def test_a_simulated_arm_of_the_file_keeps_its_calibration_until_sim_has_one(
         arm = ArmCalibration(motors=(motor,), calibrated_at=stamp)
         ArmFile(file).prepare("arm", arm).commit()
         checked = check_file(Request(str(path)))
-        take_calibrations(checked, ())
+        take_calibrations(checked.loaded, (), calibration_place(False, simulate=True)(str(path), "sim-test"))
         (taken,) = checked.loaded.config.calibration.arms
         return str(taken.calibrated_at)
 

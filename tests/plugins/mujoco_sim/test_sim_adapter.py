@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 from google.protobuf import text_format
-from joshua.planner.simulated import NoSimulatorError, SimAdapterError, simulate
+from joshua.config import LoadedConfig
+from joshua.planner.amend import NoSimulatorError, Simulated, real_devices, simulate
 from joshua.plugins import load_registry
-from joshua.plugins.sim_adapter import CoupledCamera
+from joshua.plugins.sim_adapter import CoupledCamera, SimAdapterError
 from joshua.schema import config_pb2 as pb
 from joshua.testing.domain import reserved_domain
+from joshua.textproto.positions import Positions
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 
@@ -25,10 +27,22 @@ def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
 
 
+def loaded(preset: str, more: str = "") -> LoadedConfig:
+    text = (CONFIGS / preset).read_text() + more
+    return LoadedConfig(preset, text_format.Parse(text, pb.Config()), Positions())
+
+
+def result(preset: str, more: str = "") -> Simulated:
+    """The simulated file; the one that was given stays as it is."""
+    given = loaded(preset, more)
+    before = given.config.SerializeToString(deterministic=True)
+    found = simulate(given, load_registry())
+    assert given.config.SerializeToString(deterministic=True) == before
+    return found
+
+
 def simulated(preset: str, more: str = "") -> pb.Config:
-    config = text_format.Parse((CONFIGS / preset).read_text() + more, pb.Config())
-    simulate(config, load_registry())
-    return config
+    return result(preset, more).loaded.config
 
 
 def test_follower_is_the_arm_of_the_scene_and_the_leader_stands_beside_it() -> None:
@@ -50,30 +64,52 @@ def test_cameras_go_by_the_words_of_their_name() -> None:
 
 
 def test_emulated_cameras_keep_their_driver_and_see_the_scene() -> None:
-    text = (CONFIGS / "teleop_so_arm100_camera.pbtxt").read_text()
-    config = text_format.Parse(text, pb.Config())
-    found = simulate(config, load_registry(), emulated=True)
+    given = loaded("teleop_so_arm100_camera.pbtxt")
+    found = simulate(given, load_registry(), emulated=True)
     assert found.names == ("follower_arm", "camera_top", "camera_wrist")
     assert found.coupled["camera_wrist"] == CoupledCamera("wrist")
-    assert config.robot.perceptions == text_format.Parse(text, pb.Config()).robot.perceptions
+    assert found.loaded.config.robot.perceptions == given.config.robot.perceptions
 
 
-def test_hub_becomes_an_arm_without_a_battery() -> None:
-    hub = simulated("test_spike_ble.pbtxt").robot.actions[0]
-    assert list(hub.sim_config.actuators) == ["shoulder_pan", "shoulder_lift"]
+HUB = """<mujoco><worldbody>
+<body><geom size="1"/><joint name="joint_a"/><joint name="joint_b"/></body></worldbody>
+<actuator><position name="joint_a" joint="joint_a" ctrlrange="-1 1"/>
+<position name="joint_b" joint="joint_b" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def test_hub_that_the_model_has_is_simulated_without_a_battery(tmp_path: Path) -> None:
+    (tmp_path / "hub.xml").write_text(HUB)
+    hub = simulated(
+        "test_spike_ble.pbtxt", f'simulation {{ mode: OFFSCREEN model_path: "{tmp_path}/hub.xml" }}'
+    ).robot.actions[0]
+    assert list(hub.sim_config.actuators) == ["joint_a", "joint_b"]
     assert [topic.topic_name for topic in hub.node.publishers] == ["/spike/joint_states"]
 
 
+def test_actuators_that_the_model_has_not_are_refused() -> None:
+    with pytest.raises(SimAdapterError, match="no actuators for spike_hub, whose joints are joint_a"):
+        simulated("test_spike_ble.pbtxt")
+
+
+def test_devices_that_stay_real_are_named() -> None:
+    given = loaded("teleop_so_arm100.pbtxt")
+    lidar = given.config.robot.perceptions.add(perception_type=pb.PERCEPTION_LIDAR)
+    lidar.node.node_name = "lidar_front"
+    lidar.lidar_config.SetInParent()
+    (finding,) = real_devices(simulate(given, load_registry()))
+    assert finding.found == "lidar_front"
+    assert real_devices(result("teleop_so_arm100.pbtxt")) == []
+
+
 def test_actuator_of_unknown_joints_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("joshua.planner.simulated.joints_of", lambda *_: [])
+    monkeypatch.setattr("joshua.planner.amend.joints_of", lambda *_: [])
     with pytest.raises(SimAdapterError, match="spike_hub: its block does not say which joints it has"):
         simulated("test_spike_ble.pbtxt")
 
 
 def test_device_whose_emulator_is_no_part_of_the_physics_is_not_called_simulated() -> None:
-    config = text_format.Parse((CONFIGS / "test_spike_ble.pbtxt").read_text(), pb.Config())
     with pytest.raises(SimAdapterError, match="whose emulator can be part of the simulation"):
-        simulate(config, load_registry(), emulated=True)
+        simulate(loaded("test_spike_ble.pbtxt"), load_registry(), emulated=True)
 
 
 def test_two_pairs_are_four_arms() -> None:
@@ -108,9 +144,8 @@ def test_file_without_real_devices_has_nothing_to_replace() -> None:
 
 
 def test_missing_simulator_is_named() -> None:
-    config = text_format.Parse((CONFIGS / "teleop_so_arm100.pbtxt").read_text(), pb.Config())
     with pytest.raises(NoSimulatorError, match="pip install joshua-mujoco-sim"):
-        simulate(config, load_registry(blocked=("joshua-mujoco-sim",)))
+        simulate(loaded("teleop_so_arm100.pbtxt"), load_registry(blocked=("joshua-mujoco-sim",)))
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:

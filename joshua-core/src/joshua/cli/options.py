@@ -8,9 +8,9 @@ import math
 FAULT_ALONE = "--fault breaks an emulated device, never a real one: add --emulate, or leave it out"
 
 #: Options of a run that no command sees where they stand before its name.
-RUN_ONLY = ("--validate-only", "--emulate", "--sim", "--fault", "--open")
+RUN_ONLY = ("--validate-only", "--fault", "--open")
 #: Those that `joshua plan` shows the effect of.
-RUN_OR_PLAN = ("--duration", "--allow-uncalibrated", "--dry-run")
+RUN_OR_PLAN = ("--duration", "--allow-uncalibrated", "--dry-run", "--emulate", "--sim")
 
 
 def positive_seconds(text: str) -> float:
@@ -61,6 +61,25 @@ def add_config_options(parser: argparse.ArgumentParser, *, suppress: bool = True
     )
 
 
+def add_stand_in_options(
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup, *, suppress: bool = True
+) -> None:
+    """Adds the options that put something in place of devices; ``suppress`` as for ``add_config_options``."""
+    default = argparse.SUPPRESS if suppress else False
+    parser.add_argument(
+        "--emulate",
+        action="store_true",
+        default=default,
+        help="replace every device by an emulator; no hardware is opened",
+    )
+    parser.add_argument(
+        "--sim",
+        action="store_true",
+        default=default,
+        help="replace actuators and cameras by the simulation; none of these is opened",
+    )
+
+
 def add_fault_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Adds the option that brings about faults of emulated devices."""
     parser.add_argument(
@@ -81,12 +100,7 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--duration", metavar="SECONDS", type=positive_seconds, help="end in good order after this time"
     )
-    group.add_argument(
-        "--emulate", action="store_true", help="replace every device by an emulator; no hardware is opened"
-    )
-    group.add_argument(
-        "--sim", action="store_true", help="replace actuators and cameras by the simulation; none is opened"
-    )
+    add_stand_in_options(group, suppress=False)
     add_fault_option(group)
     group.add_argument("--open", action="store_true", help="open the page of a calibration in the browser")
     group.add_argument(

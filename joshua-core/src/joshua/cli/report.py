@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -14,10 +15,24 @@ if TYPE_CHECKING:
     from joshua.planner.request import Purpose, Request
 
 
+#: Errors that an installation cures.
+_INSTALLABLE = ("plugin-missing", "extra-missing", "emulator-missing")
+
+
+def state_home_of(*, emulate: bool = False, simulate: bool = False) -> str:
+    """The folder of what stand-ins of devices keep; "" where there are none."""
+    if not (emulate or simulate):
+        return ""
+    from joshua.ipc.run_bases import state_home
+
+    return str(state_home(os.environ))
+
+
 def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
     """Turns the options of a command line into the request that ``examine`` takes."""
     from joshua.planner.request import Request
 
+    emulate, simulate = getattr(arguments, "emulate", False), getattr(arguments, "sim", False)
     return Request(
         path=arguments.config,
         overrides=tuple(arguments.overrides),
@@ -27,8 +42,9 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
         duration_s=getattr(arguments, "duration", None),
         allow_uncalibrated=getattr(arguments, "allow_uncalibrated", False),
         dry_run=getattr(arguments, "dry_run", False),
-        emulate=getattr(arguments, "emulate", False),
-        simulate=getattr(arguments, "sim", False),
+        emulate=emulate,
+        simulate=simulate,
+        state_home=state_home_of(emulate=emulate, simulate=simulate),
     )
 
 
@@ -47,6 +63,8 @@ def exit_code_of(examination: Examination) -> ExitCode:
     """Names the exit code of an examination: a missing plugin counts only when nothing else is wrong."""
     if not examination.errors:
         return ExitCode.OK
-    if all(item.code in ("plugin-missing", "extra-missing") for item in examination.errors):
+    if all(
+        item.code in ("plugin-missing", "extra-missing", "emulator-missing") for item in examination.errors
+    ):
         return ExitCode.NOT_INSTALLED
     return ExitCode.INVALID

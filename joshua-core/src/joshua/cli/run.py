@@ -17,8 +17,8 @@ from joshua.cli.options import FAULT_ALONE
 if TYPE_CHECKING:
     import argparse
 
+    from joshua.cli.emulation import EmulatedRig
     from joshua.plan import Plan, RunReport
-    from joshua.planner.emulation import EmulatedRig
     from joshua.planner.pipeline import Checked, Examination
     from joshua.plugins.emulator import Coupling
     from joshua.supervisor.fork_server import ForkServer
@@ -45,18 +45,12 @@ def run(arguments: argparse.Namespace) -> int:
         checked = check(arguments)
         if arguments.open and not runs_itself(checked) and not checked.examination.errors:
             return without_effect("--open shows the page of a calibration, and this file's mode is another")
-        links: dict[str, Coupling] = {}
-        if arguments.sim and not checked.examination.errors:
-            simulated = simulate(checked, arguments, stack)
-            if isinstance(simulated, int):
-                return simulated
-            checked, links = simulated
         rig = None
-        if arguments.emulate and not checked.examination.errors:
-            started = emulate(checked, arguments, stack, links)
-            if isinstance(started, int):
-                return started
-            rig = started
+        if not checked.examination.errors:
+            prepared = stand_ins(checked, arguments, stack)
+            if isinstance(prepared, int):
+                return prepared
+            checked, rig = prepared
         if program := runs_itself(checked):
             return run_mode(program, checked, arguments, rig)
         examination = finish(checked)
@@ -104,22 +98,23 @@ def check(arguments: argparse.Namespace) -> Checked:
     return check_file(request_of(arguments, Purpose.LAUNCH))
 
 
-def emulate(
-    checked: Checked, arguments: argparse.Namespace, stack: ExitStack, physics: dict[str, Coupling]
-) -> EmulatedRig | int:
-    """Puts emulators in place of the devices; returns an exit code where that is refused."""
+def stand_ins(
+    checked: Checked, arguments: argparse.Namespace, stack: ExitStack
+) -> tuple[Checked, EmulatedRig | None] | int:
+    """Starts what ``--sim`` and ``--emulate`` put in place of devices; an exit code where that is refused."""
+    links: dict[str, Coupling] = {}
+    if arguments.sim:
+        from joshua.cli.simulation import start_simulation
+
+        simulated = start_simulation(checked, stack)
+        if isinstance(simulated, int):
+            return simulated
+        checked, links = simulated
+    if not arguments.emulate:
+        return checked, None
     from joshua.cli.emulation import start_rig
 
-    return start_rig(checked, arguments, stack, physics)
-
-
-def simulate(
-    checked: Checked, arguments: argparse.Namespace, stack: ExitStack
-) -> tuple[Checked, dict[str, Coupling]] | int:
-    """Puts the simulation in place of actuators and cameras; returns an exit code where that is refused."""
-    from joshua.cli.simulation import start_simulation
-
-    return start_simulation(checked, stack, emulated=arguments.emulate)
+    return start_rig(checked, arguments, stack, links)
 
 
 def runs_itself(checked: Checked) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.config.calibration_paths import calibration_path, journal_path
-from joshua.config.graph import node_entries
 from joshua.plan import Diagnostic, Severity
 from joshua.schema import config_pb2 as pb
 
@@ -23,11 +22,27 @@ class FileRefused(Exception):
     """A calibration file cannot be read or written; the message says why and what to do."""
 
 
-def calibration_place(emulate: bool, simulate: bool = False) -> Place:
-    """The rule that names the calibration file: beside the configuration, or with the arms that stand in."""
-    if emulate:
-        return _emulated
-    return _simulated if simulate else calibration_path
+def calibration_place(state_home: str | os.PathLike[str], *, emulate: bool, simulate: bool = False) -> Place:
+    """The rule that names the calibration file: beside the configuration, or with the arms that stand in.
+
+    Args:
+        state_home: folder of what this user's programs keep.
+    """
+    if not (emulate or simulate):
+        return calibration_path
+    kind = "emulated" if emulate else "simulated"
+
+    def kept(config_path: str, robot_id: str) -> str:
+        del config_path  # a real arm's file stands there
+        return calibration_path(str(state_folder(state_home, robot_id, kind) / "robot.pbtxt"), robot_id)
+
+    return kept
+
+
+def state_folder(state_home: str | os.PathLike[str], robot_id: str, kind: str = "emulated") -> Path:
+    """Where emulated or simulated devices of one robot keep what they remember, such as their EEPROM."""
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot_id).strip(".") or "robot"
+    return Path(state_home) / kind / safe
 
 
 def kept_calibrations(path: str | os.PathLike[str]) -> dict[str, ArmCalibration]:
@@ -44,16 +59,18 @@ def kept_calibrations(path: str | os.PathLike[str]) -> dict[str, ArmCalibration]
     return {arm.node_name: arm for arm in reversed(loaded.config.calibration.arms)}
 
 
-def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Diagnostic]:
+def interrupted_calibrations(
+    loaded: LoadedConfig, *, emulate: bool, state_home: str = ""
+) -> list[Diagnostic]:
     """Arms whose servos and file may disagree; they are not to be driven. A calibration run recovers them.
 
     Simulated arms keep nothing that could disagree, and are not asked for.
     """
     config = loaded.config
-    path = calibration_place(emulate)(loaded.path, config.general.id)
+    path = calibration_place(state_home, emulate=emulate)(loaded.path, config.general.id)
     if not path or config.general.mode == pb.MODE_CALIBRATION:
         return []
-    names = [e.node.node_name for e in node_entries(config) if isinstance(e.owner, pb.SingleAction)]
+    names = [entry.node.node_name for entry in loaded.graph.actuators]
     return [
         Diagnostic(
             "calibration-interrupted",
@@ -68,19 +85,3 @@ def interrupted_calibrations(loaded: LoadedConfig, *, emulate: bool) -> list[Dia
         for name in names
         if name and Path(journal_path(path, name)).exists()
     ]
-
-
-def _emulated(config_path: str, robot_id: str) -> str:
-    del config_path  # a real arm's file stands there
-    return _kept(robot_id, "emulated")
-
-
-def _simulated(config_path: str, robot_id: str) -> str:
-    del config_path  # as above
-    return _kept(robot_id, "simulated")
-
-
-def _kept(robot_id: str, kind: str) -> str:
-    from joshua.planner.emulation import state_folder
-
-    return calibration_path(str(state_folder(robot_id, kind) / "robot.pbtxt"), robot_id)

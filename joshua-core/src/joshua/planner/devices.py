@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from joshua.config.graph import node_entries
-from joshua.plan.graph import NodeEntry
+from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.schema import calibration_pb2
@@ -39,23 +38,18 @@ class Wanted:
         return self.block is not None and block_rule(self.block.DESCRIPTOR).simulated
 
 
-def wanted_nodes(config: pb.Config, *, devices: bool, models: bool) -> list[Wanted]:
+def wanted_nodes(graph: RobotGraph, *, devices: bool, models: bool) -> list[Wanted]:
     """Lists the nodes that a mode starts, in the order of the file."""
-    wanted = []
-    for entry in node_entries(config):
-        is_model = isinstance(entry.owner, pb.SingleModel)
-        if models if is_model else devices:
-            wanted.append(_wanted(entry))
-    return wanted
+    return [_wanted(entry) for entry in graph.entries if (models if entry.is_model else devices)]
 
 
 def _wanted(entry: NodeEntry) -> Wanted:
     owner = entry.owner
-    if isinstance(owner, pb.SingleAction):
+    if entry.is_actuator:
         name = owner.WhichOneof("actuator_config") or ""
         enum_value = _value_name(pb.ActionType, owner.action_type)
         kind: type[NodePluginSpec] = ActuatorSpec
-    elif isinstance(owner, pb.SinglePerception):
+    elif entry.is_sensor:
         name = owner.WhichOneof("device_config") or ""
         enum_value = _value_name(pb.PerceptionType, owner.perception_type)
         kind = SensorSpec

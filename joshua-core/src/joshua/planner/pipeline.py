@@ -12,6 +12,7 @@ from joshua.planner.request import Purpose, Request
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
     from joshua.plan import Plan
+    from joshua.planner.amend import Simulated
     from joshua.plugins import Registry
 
 
@@ -36,12 +37,18 @@ class Examination:
 
 @dataclass(frozen=True)
 class Checked:
-    """A configuration whose text has been read and checked, on its way to a plan."""
+    """A configuration whose text has been read and checked, on its way to a plan.
+
+    Attributes:
+        loaded: with simulated devices where ``--sim`` asks for them.
+        simulated: what the simulation stands for; None where it was not asked for or is refused.
+    """
 
     request: Request
     registry: Registry
     loaded: LoadedConfig
     diagnostics: Sequence[Diagnostic]
+    simulated: Simulated | None = None
 
     @property
     def examination(self) -> Examination:
@@ -50,12 +57,21 @@ class Checked:
 
 
 def examine(request: Request) -> Examination:
-    """Loads, checks and plans a configuration; reports every problem at once and never raises for one."""
-    return finish(check_file(request))
+    """Loads, checks and plans a configuration; reports every problem at once and never raises for one.
+
+    Emulated devices have ``emulated`` for an endpoint: nothing is started.
+    """
+    checked = check_file(request)
+    if request.emulate and not checked.examination.errors:
+        from joshua.planner.amend import emulate, unstarted_emulators
+
+        emulators = unstarted_emulators(checked.loaded, checked.registry)
+        checked = replace(checked, loaded=emulate(checked.loaded, emulators, started=False))
+    return finish(checked)
 
 
 def check_file(request: Request) -> Checked:
-    """Loads a configuration and checks everything that its text decides."""
+    """Loads a configuration, checks everything that its text decides, and puts in what stands for devices."""
     from joshua.config import check, load
     from joshua.config.checks.paths import check_paths
     from joshua.modes import check_mode
@@ -63,19 +79,49 @@ def check_file(request: Request) -> Checked:
     from joshua.plugins import load_registry
 
     registry = load_registry(blocked=tuple(request.blocked_plugins))
+    home = request.state_home
     loaded = load(
         request.path,
         overrides=request.overrides,
         message_types=registry.message_modules(),
-        calibration=calibration_place(request.emulate),
+        calibration=calibration_place(home, emulate=request.emulate),
     )
-    diagnostics = [*loaded.diagnostics, *check(loaded), *check_mode(loaded, registry, launch=request.launch)]
-    diagnostics += check_paths(
-        loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged
-    )
+    diagnostics = [
+        *loaded.diagnostics,
+        *check(loaded),
+        *check_mode(loaded, registry, launch=request.launch),
+        *check_paths(loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged),
+    ]
     if request.launch and (request.emulate or not request.simulate):
-        diagnostics += interrupted_calibrations(loaded, emulate=request.emulate)
-    return Checked(request, registry, loaded, diagnostics)
+        diagnostics += interrupted_calibrations(loaded, emulate=request.emulate, state_home=home)
+    checked = Checked(request, registry, loaded, diagnostics)
+    if checked.examination.errors or not (request.simulate or request.emulate):
+        return checked
+    return _with_stand_ins(checked)
+
+
+def _with_stand_ins(checked: Checked) -> Checked:
+    """Does what ``--sim`` asks for, and finds devices that nothing emulates; refusals become findings."""
+    from joshua.planner import amend
+    from joshua.planner.calibration_place import calibration_place
+    from joshua.plugins.sim_adapter import SimAdapterError
+
+    request, registry, loaded = checked.request, checked.registry, checked.loaded
+    found = list(checked.diagnostics)
+    simulated = None
+    if request.simulate:
+        place = calibration_place(request.state_home, emulate=False, simulate=True)
+        path = place(loaded.path, loaded.config.general.id) if request.state_home else ""
+        try:
+            simulated = amend.simulate(loaded, registry, emulated=request.emulate, calibrations=path)
+        except SimAdapterError as error:
+            found.append(amend.refusal(error))
+        else:
+            loaded = simulated.loaded
+            found += amend.real_devices(simulated)
+    if request.emulate:
+        found += amend.without_emulator(loaded, registry)
+    return replace(checked, loaded=loaded, diagnostics=found, simulated=simulated)
 
 
 def finish(checked: Checked) -> Examination:

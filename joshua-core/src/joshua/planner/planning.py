@@ -57,7 +57,7 @@ class Planning:
         config, mode = self._config, self._mode
         self._services = resolve_services(config, self._registry, mode, self._findings, self._request)
         self._graph = graph_services(self._services, self._graph, config)
-        wanted = wanted_nodes(config, devices=mode.devices, models=mode.models)
+        wanted = wanted_nodes(self._graph, devices=mode.devices, models=mode.models)
         self._nodes = self._resolver.resolve(wanted, physics_of(self._services))
         self._refuse_shared_terminal()
         self._check_command_line([want.entry.node.host for want in wanted])

@@ -33,6 +33,7 @@ class Request:
         emulate: emulators stand for the devices, with calibrations of their own.
         simulate: the simulation stands for actuators and cameras, likewise; with ``emulate`` it moves the
             joints of emulated ones.
+        state_home: folder of what this user's programs keep, where the calibrations of stand-ins are.
         physics_socket: where the simulation answers emulated buses; "" where none is coupled.
     """
 
@@ -46,6 +47,7 @@ class Request:
     dry_run: bool = False
     emulate: bool = False
     simulate: bool = False
+    state_home: str = ""
     physics_socket: str = ""
 
     @property

@@ -90,7 +90,10 @@ class DeviceEmulator(ABC):
 
     @abstractmethod
     def amend(self, block: Message) -> None:
-        """Puts the emulator's endpoint in place of the device's; changes nothing else."""
+        """Puts the emulator's endpoint in place of the device's; changes nothing else.
+
+        Before ``start``, a plan that only shows the endpoint asks for a word in its place: ``emulated``.
+        """
 
     @property
     @abstractmethod

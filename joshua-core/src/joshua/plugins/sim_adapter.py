@@ -21,6 +21,8 @@ class RealDevice:
         block_name: member of the oneof that holds the block.
         joints: names of an actuator's joints where a calibration gives them, else ``joint_<id>``; () for a
             camera.
+        in_chain: its motors follow one another as on a servo bus, so that those of the model stand for them
+            in order, whatever they are called.
     """
 
     node_name: str
@@ -28,6 +30,7 @@ class RealDevice:
     owner: Any
     block_name: str
     joints: tuple[str, ...] = ()
+    in_chain: bool = False
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from joshua.cli.doctor.finding import Level as Level
     from joshua.cli.doctor.host import Host as Host
     from joshua.cli.doctor.permissions import may_open as may_open
+    from joshua.cli.emulation import EmulatedRig as EmulatedRig
     from joshua.cli.emulation import start_rig as start_rig
     from joshua.cli.exit_codes import ExitCode as ExitCode
     from joshua.cli.options import FAULT_ALONE as FAULT_ALONE
@@ -56,11 +57,9 @@ if TYPE_CHECKING:
     from joshua.plan.events import event_record as event_record
     from joshua.plan.installing import install as install
     from joshua.planner.calibration_place import FileRefused as FileRefused
-    from joshua.planner.calibration_place import calibration_place as calibration_place
     from joshua.planner.calibration_place import kept_calibrations as kept_calibrations
     from joshua.planner.devices import Wanted as Wanted
     from joshua.planner.devices import wanted_nodes as wanted_nodes
-    from joshua.planner.emulation import EmulatedRig as EmulatedRig
     from joshua.planner.pipeline import Checked as Checked
     from joshua.planner.pipeline import Examination as Examination
     from joshua.planner.pipeline import check_file as check_file
@@ -81,6 +80,7 @@ if TYPE_CHECKING:
     from joshua.textproto.positions import Positions as Positions
     from joshua.textproto.problems import Problems as Problems
     from joshua.textproto.source import Source as Source
+    from joshua.tools.configuration import calibration_place as calibration_place
     from joshua.tools.configuration import check as check
     from joshua.tools.configuration import explain as explain
     from joshua.tools.configuration import open_driver as open_driver
@@ -91,10 +91,17 @@ if TYPE_CHECKING:
 
 SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "Configurations": {
-        "joshua.tools.configuration": ("check", "plan", "explain", "spans", "open_driver"),
+        "joshua.tools.configuration": (
+            "check",
+            "plan",
+            "explain",
+            "spans",
+            "open_driver",
+            "calibration_place",
+        ),
         "joshua.planner.request": ("Request", "Purpose"),
         "joshua.planner.pipeline": ("Examination", "Checked", "check_file", "finish"),
-        "joshua.planner.calibration_place": ("calibration_place", "kept_calibrations", "FileRefused"),
+        "joshua.planner.calibration_place": ("kept_calibrations", "FileRefused"),
         "joshua.config.calibration_paths": ("journal_path",),
         "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan"),
         "joshua.plugins.targets": ("TargetError", "load_target"),
@@ -129,9 +136,8 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.cli.exit_codes": ("ExitCode",),
         "joshua.cli.options": ("FAULT_ALONE", "add_config_options", "add_fault_option", "positive_seconds"),
         "joshua.cli.report": ("request_of", "show_findings", "exit_code_of"),
-        "joshua.cli.emulation": ("start_rig",),
+        "joshua.cli.emulation": ("start_rig", "EmulatedRig"),
         "joshua.cli.simulation": ("start_simulation",),
-        "joshua.planner.emulation": ("EmulatedRig",),
         "joshua.supervisor.tables": ("clean", "columns"),
         "joshua.cli.running_nodes": ("node_that_holds",),
     },

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable
 
     from joshua.devices.actuator import Actuator
     from joshua.plan import NodeSpec
@@ -76,6 +77,20 @@ def spans(text: str, field_path: str) -> list[tuple[int, int]]:
     return [(value.start, value.end) for value in values]
 
 
+def calibration_place(emulate: bool, simulate: bool = False) -> Callable[[str, str], str]:
+    """The rule that names the calibration file for a configuration's path and its robot's id.
+
+    Args:
+        emulate: emulated arms are calibrated, simulate: simulated ones: both are kept for this user.
+    """
+    import os
+
+    from joshua.ipc.run_bases import state_home
+    from joshua.planner import calibration_place as places
+
+    return places.calibration_place(state_home(os.environ), emulate=emulate, simulate=simulate)
+
+
 def open_driver(spec: NodeSpec) -> Actuator:
     """The driver of an actuator in a plan, not connected to its device.
 
@@ -95,7 +110,10 @@ def open_driver(spec: NodeSpec) -> Actuator:
 def _examined(path: str | os.PathLike[str], purpose: str, options: dict[str, Any]) -> Examination:
     import os
 
+    from joshua.cli.report import state_home_of
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose, Request
 
+    stand_ins = {name: bool(options.get(name)) for name in ("emulate", "simulate")}
+    options = {"state_home": state_home_of(**stand_ins), **options}
     return examine(Request(os.fspath(path), purpose=Purpose[purpose], **options))

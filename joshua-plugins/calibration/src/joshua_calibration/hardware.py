@@ -44,13 +44,16 @@ def with_arms(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         links: dict[str, Coupling] = {}
         if arguments.sim:
-            simulated = start_simulation(checked, stack, emulated=arguments.emulate)
+            simulated = start_simulation(checked, stack)
             if isinstance(simulated, int):
                 return simulated
             checked, links = simulated
-        rig = start_rig(checked, arguments, stack, links) if arguments.emulate else None
-        if isinstance(rig, int):
-            return rig
+        rig = None
+        if arguments.emulate:
+            started = start_rig(checked, arguments, stack, links)
+            if isinstance(started, int):
+                return started
+            checked, rig = started
         if not (arguments.check or arguments.recover):
             from joshua_calibration.run import run_calibration
 

@@ -28,12 +28,22 @@ if TYPE_CHECKING:
 LEADER_MOTION = "sine"
 
 
+class Unstarted:
+    """The endpoints of a device that is only shown in a plan."""
+
+    port = by_id = adapter = device = "emulated"
+    source = "http://emulated"
+
+    def close(self) -> None:
+        """Nothing runs."""
+
+
 class ProcessEmulator(DeviceEmulator):
     """An emulator that is a process of this distribution."""
 
     def __init__(self, device: EmulatedDevice) -> None:
         super().__init__(device)
-        self._process: Any = None
+        self._process: Any = Unstarted()
 
     def start(self) -> None:
         """Starts the process. Raises EmulationError, FaultRefusedError."""
@@ -59,8 +69,7 @@ class ProcessEmulator(DeviceEmulator):
 
     def close(self) -> None:
         """Ends the process."""
-        if self._process is not None:
-            self._process.close()
+        self._process.close()
 
 
 class ServoBusEmulator(ProcessEmulator):

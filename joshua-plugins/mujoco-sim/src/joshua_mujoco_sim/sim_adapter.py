@@ -104,16 +104,21 @@ def _attach_arm(simulation: Any, device: RealDevice) -> str:
 
 
 def _actuators(device: RealDevice, free: Sequence[str], prefix: str) -> list[str]:
-    """Actuators by the names of the joints where they fit, else in the order of the model."""
+    """Actuators by the names of the joints, else in the order of the model, for a chain of motors or as many.
+
+    Any other device is none that the model has, and some part of an arm would move in its place.
+    """
     named = [f"{prefix}{joint}" for joint in device.joints]
     if all(name in free for name in named):
         return named
-    if len(free) < len(device.joints):
+    count = len(device.joints)
+    if len(free) != count and not (device.in_chain and len(free) > count):
         raise SimAdapterError(
-            f"{device.node_name} has {len(device.joints)} joints, and {len(free)} actuators of the model are "
-            f"free ({', '.join(free) or 'none'}): name another model in simulation.model_path"
+            f"the model has no actuators for {device.node_name}, whose joints are "
+            f"{', '.join(device.joints)}: free are {', '.join(free) or 'none'}; name a model that has them "
+            f"in simulation.model_path, or leave {device.node_name} out of the file"
         )
-    return list(free[: len(device.joints)])
+    return list(free[:count])
 
 
 def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:

@@ -30,18 +30,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Starts the emulators, prints where each is reached, and waits for Ctrl-C."""
     from joshua.cli.emulation import start_rig
-    from joshua.cli.report import exit_code_of, show_findings
+    from joshua.cli.report import exit_code_of, show_findings, state_home_of
     from joshua.planner.pipeline import check_file
     from joshua.planner.request import Request
 
-    checked = check_file(Request(arguments.file, arguments.overrides, emulate=True))
+    checked = check_file(
+        Request(arguments.file, arguments.overrides, emulate=True, state_home=state_home_of(emulate=True))
+    )
     if checked.examination.errors:
         show_findings(checked.examination, arguments.format)
         return exit_code_of(checked.examination)
     with ExitStack() as stack:
-        rig = start_rig(checked, arguments, stack)
-        if isinstance(rig, int):
-            return rig
+        started = start_rig(checked, arguments, stack)
+        if isinstance(started, int):
+            return started
         ended = catch_the_end()  # before anybody is told to ask for it
         sys.stdout.write("stop with Ctrl-C\n")
         sys.stdout.flush()

@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.cli.options import add_config_options
+from joshua.cli.options import add_config_options, add_stand_in_options
 from joshua.cli.report import exit_code_of, request_of, show_findings
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ SUMMARY = "show what a file would start, and start nothing"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of ``joshua plan``."""
     add_config_options(parser)
+    add_stand_in_options(parser.add_argument_group("stand-ins"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -44,7 +44,7 @@ def node_ports(loaded: LoadedConfig) -> Iterator[NodePort]:
     """The nodes of a file that have a serial link."""
     from joshua.tools import wanted_nodes
 
-    for want in wanted_nodes(loaded.config, devices=True, models=False):
+    for want in wanted_nodes(loaded.graph, devices=True, models=False):
         comm: Any = getattr(want.block, "comm", None)
         if comm is not None and comm.HasField("serial"):
             serial = comm.serial

@@ -129,7 +129,7 @@ def _buses(path: str, families: Mapping[str, type[BusTools]]) -> list[Wanted]:
     loaded = load(path, message_types=load_registry().message_modules())
     if loaded.diagnostics:
         raise TargetRefused(render_text(loaded.diagnostics, loaded.sources, color=False).rstrip())
-    found = wanted_nodes(loaded.config, devices=True, models=False)
+    found = wanted_nodes(loaded.graph, devices=True, models=False)
     return [want for want in found if want.block_name in families]
 
 

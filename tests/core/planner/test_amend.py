@@ -1,12 +1,13 @@
-"""Devices that nothing emulates: one finding for all of a kind, with what helps."""
+"""What stands in for devices: shown in a plan without being started, and refused where it cannot."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from joshua.cli.main import main
 from joshua.config import load
-from joshua.planner.emulation import EmulatedRig
+from joshua.planner.amend import without_emulator
 from joshua.plugins import PluginRow, PluginStatus, Registry
 
 FILE = """
@@ -41,10 +42,45 @@ def test_devices_that_nothing_emulates(tmp_path: Path, status: PluginStatus | No
     path.write_text(FILE)
     loaded = load(str(path))
     row = PluginRow("emulator", "joshua-emulator", "1", status) if status else None
-    rig = EmulatedRig(loaded.config, Registry((row,) if row else ()), {})
-    (finding,) = rig.problems(loaded.positions)
+    (finding,) = without_emulator(loaded, Registry((row,) if row else ()))
     assert finding.message.startswith("left, right: no plugin in use emulates sts3215_config, and --emulate")
     assert finding.remedy.startswith(remedy)
     assert finding.position is not None
     assert finding.position.line == 4
     assert [place.label for place in finding.related] == ["right needs it too"]
+
+
+CONFIGS = Path(__file__).resolve().parents[3] / "configs"
+
+
+def joshua(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
+    code = main([*words, "--config", str(CONFIGS / "teleop_so_arm100_camera.pbtxt")])
+    shown = capsys.readouterr()
+    return code, shown.out + shown.err
+
+
+def test_a_plan_shows_emulated_endpoints_and_starts_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("joshua_emulator")
+    code, shown = joshua(capsys, "plan", "--emulate")
+    assert code == 0, shown
+    assert shown.count("setting   port = emulated") == 2
+    assert "/dev/tty" not in shown
+    assert "http://emulated" in shown
+
+
+def test_a_plan_shows_simulated_devices(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("joshua_mujoco_sim")
+    code, shown = joshua(capsys, "plan", "--sim")
+    assert code == 0, shown
+    assert "joshua_mujoco_sim.actuator:SimActuator" in shown
+    assert "joshua_mujoco_sim.camera:SimCamera" in shown
+    assert "sts3215" not in shown
+
+
+def test_validation_takes_both(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("joshua_mujoco_sim")
+    pytest.importorskip("joshua_emulator")
+    assert joshua(capsys, "--validate-only", "--sim", "--emulate")[0] == 0
+    code, shown = joshua(capsys, "--validate-only", "--sim", "--block-plugin", "mujoco-sim")
+    assert code == 2
+    assert "--sim needs a simulator: pip install joshua-mujoco-sim" in " ".join(shown.split())

@@ -1,0 +1,290 @@
+"""``--sim`` and ``--emulate`` as functions from a loaded configuration to a loaded configuration.
+
+They start nothing: a plan with both can be shown on any machine. The emulators' processes and the folder of
+the coupling socket belong to the command that runs the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from joshua.modes import mode_of
+from joshua.plan import Diagnostic, Related, Severity, installing
+from joshua.plan.diagnostic import as_sentence
+from joshua.planner.calibration_place import FileRefused, kept_calibrations
+from joshua.planner.devices import Wanted, joints_of, unpack, wanted_nodes
+from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, PluginStatus, Registry, SimulatorSpec
+from joshua.plugins.block_context import BlockContext
+from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice
+from joshua.plugins.hints import distribution_for, emulator_for
+from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapter, SimAdapterError
+from joshua.plugins.targets import TargetError, load_target
+from joshua.schema import config_pb2 as pb
+from joshua.schema.rules import block_rule
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+
+
+class NoSimulatorError(SimAdapterError):
+    """No simulator is installed."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A configuration whose devices are part of the simulation.
+
+    Attributes:
+        loaded: the configuration; names: nodes whose devices are simulated.
+        coupled: emulated devices whose joints the simulation moves or whose pictures it draws, by node name.
+        real: nodes whose devices stay real.
+    """
+
+    loaded: LoadedConfig
+    names: tuple[str, ...] = ()
+    coupled: Mapping[str, CoupledArm | CoupledCamera] = field(default_factory=dict)
+    real: tuple[str, ...] = ()
+
+
+def simulate(
+    loaded: LoadedConfig, registry: Registry, *, emulated: bool = False, calibrations: str = ""
+) -> Simulated:
+    """Puts simulated devices in place of the real ones.
+
+    Args:
+        emulated: devices are emulated, and the simulation only moves their joints and draws their pictures.
+        calibrations: file of the simulated arms' calibrations; "" for none.
+
+    Raises:
+        SimAdapterError: no simulator is installed, or it cannot stand for a device.
+    """
+    spec = registry.find(SimulatorSpec, "simulation", "OFFSCREEN")
+    if spec is None or not spec.sim_adapter:
+        raise NoSimulatorError(
+            f"--sim needs a simulator: {installing.install(distribution_for('simulation'))}"
+        )
+    loaded = _copy(loaded)
+    config = loaded.config
+    physical = physical_nodes(loaded, registry)
+    chosen = [want for want in physical if _fits(registry, want, emulated=emulated)]
+    if not chosen:
+        raise SimAdapterError(
+            "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
+            + (", and whose emulator can be part of the simulation" if emulated else "")
+        )
+    devices = [_device(config, registry, want) for want in chosen]
+    try:
+        adapter: SimAdapter = load_target(spec.sim_adapter)
+        coupled = adapter(config, devices, emulated)
+    except TargetError as error:
+        raise SimAdapterError(f"the simulator is broken: {error}") from error
+    names = tuple(coupled if emulated else (device.node_name for device in devices))
+    if not emulated:
+        take_calibrations(loaded, names, calibrations)
+    replaced = {want.entry.path for want in chosen}
+    real = () if emulated else tuple(_name(want) for want in physical if want.entry.path not in replaced)
+    return Simulated(replace(loaded), names, coupled, real)  # a copy, whose graph is made anew
+
+
+def physical_nodes(loaded: LoadedConfig, registry: Registry) -> list[Wanted]:
+    """The devices that the mode starts and that are not virtual already."""
+    mode = mode_of(loaded.config, registry)
+    wanted = wanted_nodes(loaded.graph, devices=mode.devices, models=False)
+    return [want for want in wanted if want.block_name and not _is_virtual(registry, want)]
+
+
+def _is_virtual(registry: Registry, want: Wanted) -> bool:
+    spec = registry.find(want.kind, want.block_name, want.enum_value)
+    return isinstance(spec, DeviceSpec) and spec.virtual
+
+
+def _name(want: Wanted) -> str:
+    return want.entry.node.node_name
+
+
+def _copy(loaded: LoadedConfig) -> LoadedConfig:
+    config = pb.Config()
+    config.CopyFrom(loaded.config)
+    return replace(loaded, config=config)
+
+
+def _fits(registry: Registry, want: Wanted, *, emulated: bool) -> bool:
+    """Whether the simulation can stand for a device, or move and show it where it is emulated."""
+    if not (want.kind is ActuatorSpec or _is_camera(want)):
+        return False
+    if not emulated:
+        return True
+    spec = registry.find(EmulatorSpec, want.block_name)
+    try:
+        return spec is not None and bool(load_target(spec.implementation).couples)
+    except TargetError:
+        return False  # named when the emulators start
+
+
+def _is_camera(want: Wanted) -> bool:
+    """Whether a sensor is a real camera; others have no place in the simulation."""
+    rule = None if want.block is None else block_rule(want.block.DESCRIPTOR)
+    return rule is not None and "PERCEPTION_CAMERA" in rule.fits and not rule.virtual
+
+
+def _device(config: pb.Config, registry: Registry, want: Wanted) -> RealDevice:
+    block = want.block_path.rpartition(".")[2]
+    joints = _joint_names(config, registry, want) if want.kind is ActuatorSpec else ()
+    in_chain = want.block is not None and "motor_ids" in want.block.DESCRIPTOR.fields_by_name
+    return RealDevice(_name(want), want.enum_value, want.entry.owner, block, joints, in_chain)
+
+
+def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[str, ...]:
+    calibration = next((arm for arm in config.calibration.arms if arm.node_name == _name(want)), None)
+    spec = registry.find(want.kind, want.block_name, want.enum_value)
+    settings = None
+    if spec is not None and want.block is not None:
+        from joshua.plugins.settings import make_settings  # needs pydantic
+
+        context = BlockContext(calibration)
+        settings, _ = make_settings(spec, want.block, node=want.entry.node, context=context)
+    names = tuple(joint.name for joint in joints_of(settings, want.block, calibration))
+    if not names:
+        raise SimAdapterError(
+            f"{_name(want)}: its block does not say which joints it has, so the simulation cannot stand for "
+            "it: leave it out of the file, or run without --sim"
+        )
+    return names
+
+
+def take_calibrations(loaded: LoadedConfig, names: Iterable[str], path: str) -> None:
+    """Puts the calibrations of simulated arms in place of those of the real ones, which are not theirs.
+
+    An arm that the file itself describes as simulated keeps its own where the file has none for it.
+
+    Args:
+        loaded: a copy, which is changed; names: of the nodes that became part of the simulation.
+        path: of the simulated arms' calibrations; "" for none.
+
+    Raises:
+        SimAdapterError: that file cannot be read.
+    """
+    config, names = loaded.config, set(names)
+    actions = config.robot.actions
+    simulated = [action.node.node_name for action in actions if action.HasField("sim_config")]
+    try:
+        kept = kept_calibrations(path) if path else {}
+    except FileRefused as error:
+        raise SimAdapterError(str(error)) from error
+    found = {name: kept[name] for name in simulated if name in kept}
+    arms = [arm for arm in config.calibration.arms if arm.node_name not in names | found.keys()]
+    arms += found.values()
+    config.ClearField("calibration")
+    if arms:
+        config.calibration.arms.extend(arms)
+
+
+def refusal(error: SimAdapterError) -> Diagnostic:
+    """The finding that the simulation cannot stand for the devices of a file."""
+    missing = isinstance(error, NoSimulatorError)
+    return Diagnostic(
+        "plugin-missing" if missing else "simulation-refused",
+        Severity.ERROR,
+        as_sentence(str(error)),
+        remedy="Install the simulator." if missing else "Change the file, or run without --sim.",
+    )
+
+
+def real_devices(simulated: Simulated) -> list[Diagnostic]:
+    """Names the devices that a simulated run opens all the same."""
+    if not simulated.real:
+        return []
+    names = ", ".join(simulated.real)
+    return [
+        Diagnostic(
+            "devices-stay-real",
+            Severity.NOTE,
+            f"--sim leaves these devices real, and the run opens them: {names}.",
+            found=names,
+            remedy="Leave them out of the file, or add --emulate.",
+        )
+    ]
+
+
+def without_emulator(loaded: LoadedConfig, registry: Registry) -> list[Diagnostic]:
+    """Devices that nothing emulates: one finding for all of one block."""
+    by_block: dict[str, list[Wanted]] = {}
+    for want in physical_nodes(loaded, registry):
+        if registry.find(EmulatorSpec, want.block_name) is None:
+            by_block.setdefault(want.block_name, []).append(want)
+    positions = loaded.positions
+    return [
+        Diagnostic(
+            "emulator-missing",
+            Severity.ERROR,
+            f"{', '.join(map(_name, wants))}: no plugin in use emulates "
+            f"{block}, and --emulate never opens a real device.",
+            positions.name(wants[0].block_path),
+            wants[0].block_path,
+            remedy=_remedy(registry, block),
+            related=tuple(
+                Related(place, f"{_name(want)} needs it too")
+                for want in wants[1:]
+                if (place := positions.name(want.block_path)) is not None
+            ),
+        )
+        for block, wants in by_block.items()
+    ]
+
+
+def _remedy(registry: Registry, block: str) -> str:
+    emulator = emulator_for(block)
+    row = next((row for row in registry.rows() if row.distribution == emulator), None)
+    if row is None and emulator:
+        return f"{installing.install(emulator)}, or leave the device out of the file."
+    if row is not None and row.status is PluginStatus.BLOCKED:
+        return f"Leave --block-plugin {row.name} out, or leave the device out of the file."
+    if row is not None and row.status is not PluginStatus.OK:
+        return f"See what `joshua plugins` says of {emulator}, or leave the device out of the file."
+    return "Leave the device out of the file, or ask its vendor for a plugin with an emulator."
+
+
+def unstarted_emulators(loaded: LoadedConfig, registry: Registry) -> list[DeviceEmulator]:
+    """The emulators of a file's devices, none of them started, for a plan that only shows them."""
+    found: list[DeviceEmulator] = []
+    for want in physical_nodes(loaded, registry):
+        spec = registry.find(EmulatorSpec, want.block_name)
+        if spec is not None:
+            try:
+                emulator_type = load_target(spec.implementation)
+            except TargetError:
+                continue  # named when the emulators start
+            found.append(emulator_type(EmulatedDevice(_name(want), want.enum_value, want.block, Path())))
+    return found
+
+
+def emulate(
+    loaded: LoadedConfig, emulators: Iterable[DeviceEmulator], *, started: bool = True
+) -> LoadedConfig:
+    """Puts the endpoints of emulators, and the calibrations that they bring, in place of the devices'.
+
+    Args:
+        started: whether the emulators run; those that do not only say that the device is emulated.
+    """
+    loaded = _copy(loaded)
+    by_name = {emulator.device.node_name: emulator for emulator in emulators}
+    known = {arm.node_name for arm in loaded.config.calibration.arms}
+    for want in wanted_nodes(loaded.graph, devices=True, models=False):
+        emulator = by_name.get(_name(want))
+        if emulator is None:
+            continue
+        container = getattr(want.entry.owner, want.block_path.rpartition(".")[2])
+        if want.block is container:
+            emulator.amend(container)
+        else:  # an Any block is opened, changed and closed again
+            _, message = unpack(container)
+            emulator.amend(message)
+            container.Pack(message)
+        calibration = emulator.calibration() if started and _name(want) not in known else None
+        if calibration is not None:
+            calibration.node_name = _name(want)
+            loaded.config.calibration.arms.append(calibration)
+    return loaded
