@@ -16,6 +16,7 @@ from joshua.devices.errors import DeviceError
 from joshua.messages.make import joint_state
 from joshua.mock.actuator import MockActuator
 from joshua.mock.settings import MockMotorSettings
+from joshua.node.verbs import verb
 from joshua.schema import config_pb2
 
 
@@ -48,6 +49,12 @@ class StartsThreadInConstructor(MockActuator):
         super().disconnect()
         self.end.set()
         self.thread.join()
+
+
+class HasAVagueVerb(MockActuator):
+    @verb(moves=False)
+    def wave(self, times) -> str:  # type: ignore[no-untyped-def]
+        return f"waved {times}"
 
 
 class SaysConnectedAtOnce(MockActuator):

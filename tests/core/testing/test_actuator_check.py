@@ -19,6 +19,7 @@ from broken_actuators import (
     ClosesOnce,
     DoesNotHold,
     GoesTheOtherWay,
+    HasAVagueVerb,
     IgnoresLimits,
     JumpsAtEnable,
     LeavesAHandle,
@@ -74,6 +75,7 @@ BROKEN: list[tuple[type[Actuator], str, str]] = [
     (OpensInConstructor, "constructor", "the constructor opened 1 file handle (/dev/null)"),
     (StartsThreadInConstructor, "constructor", "the constructor opened 1 thread (poller)"),
     (SaysConnectedAtOnce, "constructor", "connected is true after the constructor"),
+    (HasAVagueVerb, "constructor", "HasAVagueVerb.wave: a verb takes one request at most; annotate it"),
     (
         NamesNeedConnection,
         "description",

@@ -75,7 +75,7 @@ class Calls:
             verbs = verbs_of(providers)
             if call.verb == LIST_VERBS:
                 infos = [item.info().model_dump() for item in verbs.values()]
-                self._answer(call, payload={"verbs": infos})
+                self._send(self._reply(call, payload={"verbs": infos}))
                 return
             verb = verbs.get(call.verb)
             if verb is None:
@@ -102,22 +102,21 @@ class Calls:
                 return job
         return None
 
-    def serve(self, job: Job) -> BaseException | None:
-        """Serves a call and answers it; returns what the node must fail with, None while all is well."""
+    def serve(self, job: Job) -> tuple[CallReply, BaseException | None]:
+        """Serves a call; returns the answer, and what the node must fail with, None while all is well."""
+        call, moves = job.call, job.verb.moves
         try:
-            payload = job.serve()
-            _check_passes(CallReply(id=job.call.id, node=self._name, ok=True, payload=payload))
+            reply = self._reply(call, payload=job.serve(), moves=moves)
         except RefusedError as error:
-            self._refuse(job.call, "refused", str(error), moves=job.verb.moves)
+            return self._refusal(call, "refused", str(error), moves=moves), None
         except Exception as error:
             text = f"{self._name} failed: {self._describe(error)}"
-            self._refuse(job.call, "failed", text, moves=job.verb.moves)
-            if job.verb.moves:  # nobody knows what the device does: it stops
-                return error
-            self._context.log.error("%s: %s", job.call.verb, text, exc_info=True)
-        else:
-            self._answer(job.call, payload=payload, moves=job.verb.moves)
-        return None
+            if not moves:
+                self._context.log.error("%s: %s", call.verb, text, exc_info=True)
+            # where the verb moves, nobody knows what the device does: it stops
+            return self._refusal(call, "failed", text, moves=moves), error if moves else None
+        problem = _unfit(reply)
+        return (self._refusal(call, "failed", f"{self._name}: {problem}") if problem else reply), None
 
     def _place(self, job: Job) -> None:
         if job.verb.runs != "beside":
@@ -135,27 +134,33 @@ class Calls:
 
     def _serve_beside(self, job: Job) -> None:
         try:
-            error = self.serve(job)
+            reply, error = self.serve(job)
         finally:
             self._beside = ""
+        self._send(reply)
         if error is not None:
             self._context.fail_with(error)
 
-    def _answer(self, call: Call, **fields: Any) -> None:
-        self._send(CallReply(id=call.id, node=self._name, **{"ok": True, **fields}))
+    def _reply(self, call: Call, **fields: Any) -> CallReply:
+        return CallReply(id=call.id, node=self._name, **{"ok": True, **fields})
 
-    def _refuse(
+    def _refusal(
         self, call: Call, code: str, text: str, names: tuple[str, ...] = (), *, moves: bool = False
-    ) -> None:
-        self._answer(call, ok=False, code=code, text=printable(text, 2000), allowed=names, moves=moves)
+    ) -> CallReply:
+        text = printable(text, 2000)
+        return self._reply(call, ok=False, code=code, text=text, allowed=names, moves=moves)
+
+    def _refuse(self, call: Call, code: str, text: str, names: tuple[str, ...] = ()) -> None:
+        self._send(self._refusal(call, code, text, names))
 
 
-def _check_passes(reply: CallReply) -> None:
-    """Raises ValueError for what the supervisor could not read, which would end this process."""
+def _unfit(reply: CallReply) -> str:
+    """Why the supervisor could not read a reply, which would end this process; "" where it can."""
     data = encode(reply)
     if len(data) > REPLY_LIMIT_BYTES:
-        raise ValueError(f"its reply has {len(data)} bytes; at most {REPLY_LIMIT_BYTES} are allowed")
+        return f"its reply has {len(data)} bytes; at most {REPLY_LIMIT_BYTES} are allowed"
     try:
         decode_for_supervisor(data)
     except FrameError as error:
-        raise ValueError(f"its reply cannot be sent: {error}") from error
+        return f"its reply cannot be sent: {error}"
+    return ""

@@ -90,7 +90,7 @@ class NodeRuntime:
         self._step: StepName = "import"
         self._rosout: RosoutPublisher | None = None
         self._exit_code = 0
-        self._looping = False
+        self._serves_calls = False
         self.context = RuntimeContext(
             spec, self._log, services.send, lambda: services.adopt_thread(spec.full_name), self._wake.set
         )
@@ -119,7 +119,7 @@ class NodeRuntime:
         """Takes a call from outside; whether it will be answered. Any thread."""
         if self._behaviour is None:
             return False
-        active = self._looping and not self.context.stop_requested
+        active = self._serves_calls and not self.context.stop_requested
         self._calls.take(call, self._behaviour.verb_providers(), active=active)
         return True
 
@@ -166,6 +166,7 @@ class NodeRuntime:
             return
         self._enter("activate")
         self._behaviour.activate()
+        self._serves_calls = True  # from the moment on in which the supervisor may pass one on
         self._enter("active")
         set_timer_slack(TIMER_SLACK_NS)
         if self._spec.kind is NodeKind.ACTUATOR and use_realtime_priority():
@@ -191,7 +192,6 @@ class NodeRuntime:
         totals_ns = round(TOTALS_PERIOD_S * 1e9)
         next_heartbeat_ns = next_totals_ns = time.monotonic_ns()
         timers.start()
-        self._looping = True
         while not context.stop_requested:
             wait_ns = timers.run_due()
             if calls.waiting:
@@ -216,11 +216,12 @@ class NodeRuntime:
         as_activation = job.verb.runs == "activation"
         if as_activation:
             self._enter("activate")
-        error = self._calls.serve(job)
+        reply, error = self._calls.serve(job)
+        if as_activation and error is None:
+            self._enter("active")
+        self._services.send(reply)
         if error is not None:
             raise error
-        if as_activation:
-            self._enter("active")
 
     def _beat(self, now_ns: int) -> None:
         ages = self.context.readers.ages()

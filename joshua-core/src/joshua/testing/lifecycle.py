@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, Protocol, TypeVar
 
 from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.node.verbs import VerbDeclarationError, verbs_of
 from joshua.testing import resources
 from joshua.testing.conformance import ViolationError, refuses, require
 
@@ -86,6 +87,19 @@ def check_constructor(factory: Callable[[], Device], base: type) -> None:
             why="the device is open only between connect and disconnect",
             cause="connected is set in __init__, or is never false",
         )
+        require_verbs(device)
+
+
+def require_verbs(provider: object) -> None:
+    """Every verb of a device or model can be served as it is declared. Raises ViolationError."""
+    try:
+        verbs_of((provider,))
+    except VerbDeclarationError as error:
+        raise ViolationError(
+            str(error),
+            why="who calls a verb is told of its fields and its reply by the annotations",
+            cause="an annotation is missing, or names no dataclass or pydantic model",
+        ) from error
 
 
 def check_connection(factory: Callable[[], Device]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from joshua.models.model import Model, ModelError, Observation
 from joshua.testing import resources
 from joshua.testing.conformance import Checklist, ViolationError, name_of, refuses, require
+from joshua.testing.lifecycle import require_verbs
 
 ModelFactory = Callable[[], Model]
 
@@ -77,6 +78,7 @@ class _ModelClauses:
             why="a file is planned with the object made; weights are loaded in the node's own process",
             cause="work that belongs into load stands in __init__",
         )
+        require_verbs(model)
 
     def order(self) -> None:
         """Act is refused before load and after close."""
