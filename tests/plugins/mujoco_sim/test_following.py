@@ -10,8 +10,7 @@ import pytest
 from joshua.messages.make import joint_state
 from joshua.plan import NodeKind, NodeSpec
 from joshua.testing.recording_context import RecordingContext
-from joshua_mujoco_sim.joint_commands import Commands
-from joshua_mujoco_sim.mirror import Mirror
+from joshua_mujoco_sim.following import Commands, Mirror
 from joshua_mujoco_sim.settings_parts import TopicMapping
 from joshua_mujoco_sim.world import World, WorldSettings
 

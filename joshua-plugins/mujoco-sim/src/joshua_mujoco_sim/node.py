@@ -17,8 +17,7 @@ from joshua_mujoco_sim.clock import ClockPublisher
 from joshua_mujoco_sim.controls import Controls
 from joshua_mujoco_sim.coupling import CouplingServer
 from joshua_mujoco_sim.episodes import EpisodeMaker
-from joshua_mujoco_sim.joint_commands import Commands
-from joshua_mujoco_sim.mirror import Mirror
+from joshua_mujoco_sim.following import Commands, Mirror
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup
 from joshua_mujoco_sim.render_files import RenderFile

@@ -1,8 +1,9 @@
-"""MIRROR: the model follows the topics of a robot, each actuator one joint of a message."""
+"""Joints of the model that follow topics: MIRROR places them where a robot is, INTERACTIVE drives them."""
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from joshua.api import NodeContext, TopicSpec
 
-from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.settings_parts import TopicMapping
 from joshua_mujoco_sim.world import World
 
@@ -20,7 +21,37 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 LAGS_KEPT = 100_000
 
 
-class Mirror:
+class Following(ABC):
+    """Moves some actuators of the model to goals from messages, before each step.
+
+    Args:
+        world: the physics; context: of the node, for subscriptions and the log; actuators: () for all.
+    """
+
+    def __init__(self, world: World, context: NodeContext, actuators: Sequence[str] = ()) -> None:
+        self._world = world
+        self._context = context
+        with world.lock:
+            self._group: ActuatorGroup = world.physics.group(actuators)
+        self._goal = np.full(len(self._group), np.nan)
+        self._warned: set[str] = set()
+        self._unhook = world.before_step(self._move)
+
+    def close(self) -> None:
+        """Lets the model go."""
+        self._unhook()
+
+    @abstractmethod
+    def _move(self, physics: Physics) -> None:
+        """Moves the joints that have a goal (before each step and under the lock)."""
+
+    def _warn(self, topic: str, text: str) -> None:
+        if f"{topic}{text}" not in self._warned:
+            self._warned.add(f"{topic}{text}")
+            self._context.log.warning("%s %s", topic, text)
+
+
+class Mirror(Following):
     """Puts joints of messages into the model.
 
     The joints are placed, not driven: the twin shows where the robot is, whatever the gains of the model.
@@ -32,16 +63,10 @@ class Mirror:
     """
 
     def __init__(self, world: World, mappings: Sequence[TopicMapping], context: NodeContext) -> None:
-        self._world = world
-        self._context = context
         self._mappings = tuple(mappings)
-        with world.lock:
-            self._group = world.physics.group([mapping.mujoco_actuator for mapping in self._mappings])
-        self._goal = np.full(len(self._mappings), np.nan)
         self._arrived_ns = 0
         self._lags_s: list[float] = []
-        self._warned: set[str] = set()
-        self._unhook = world.before_step(self._place)
+        super().__init__(world, context, [mapping.mujoco_actuator for mapping in self._mappings])
 
     def subscribe(self) -> None:
         """Subscribes to each topic once, with the quality of service that the plan gives it."""
@@ -63,10 +88,6 @@ class Mirror:
             f"mirror: {len(lags_ms)} messages, from arrival to state "
             f"p50 {np.percentile(lags_ms, 50):.2f} ms, p99 {np.percentile(lags_ms, 99):.2f} ms"
         )
-
-    def close(self) -> None:
-        """Lets the model go."""
-        self._unhook()
 
     def _handler(self, rows: list[tuple[int, TopicMapping]]) -> Callable[[Any, int], None]:
         def take(message: Any, received_ns: int) -> None:
@@ -99,10 +120,11 @@ class Mirror:
             self._goal = values
             self._arrived_ns = self._arrived_ns or time.monotonic_ns()
             if self._world.paused:
-                self._place(self._world.physics)
+                self._move(self._world.physics)
 
-    def _place(self, physics: Physics) -> None:
-        """Puts the joints where the last messages say, before each step and under the lock."""
+    def _move(self, physics: Physics) -> None:
+        """Puts the joints where the last messages say."""
+        del physics
         known = np.isfinite(self._goal)
         if not known.any():
             return
@@ -114,7 +136,41 @@ class Mirror:
                 self._lags_s.append((time.monotonic_ns() - self._arrived_ns) * 1e-9)
             self._arrived_ns = 0
 
-    def _warn(self, topic: str, text: str) -> None:
-        if f"{topic}{text}" not in self._warned:
-            self._warned.add(f"{topic}{text}")
-            self._context.log.warning("%s %s", topic, text)
+
+class Commands(Following):
+    """Drives all actuators of the model to positions that anybody sends on ``~/joint_commands``."""
+
+    def subscribe(self) -> None:
+        """Subscribes to the topic."""
+        spec = TopicSpec(name="~/joint_commands", type_name=JOINT_STATE)
+        self._context.subscribe(spec, self._take)
+
+    def _take(self, message: Any, received_ns: int) -> None:
+        """Reads a message (transport thread); what is unknown or no number is named and left out."""
+        del received_ns
+        goal = self._goal.copy()
+        for name, value in zip(message.name, message.position, strict=False):
+            if name not in self._group.joints:
+                near = get_close_matches(name, self._group.joints, n=1)
+                nearest = f"did you mean {near[0]}? " if near else ""
+                self._warn(
+                    "~/joint_commands:",
+                    f"no joint {name!r}; {nearest}the model has {', '.join(self._group.joints)}",
+                )
+            elif not np.isfinite(value):
+                self._warn(
+                    "~/joint_commands:", f"{name} is {value}; a position in radians is a finite number"
+                )
+            else:
+                index = self._group.joints.index(name)
+                goal[index] = np.clip(
+                    value, self._group.range_min_rad[index], self._group.range_max_rad[index]
+                )
+        with self._world.lock:
+            self._goal = goal
+
+    def _move(self, physics: Physics) -> None:
+        del physics
+        known = np.isfinite(self._goal)
+        if known.any():
+            self._group.set_command(np.where(known, self._goal, self._group.command))
