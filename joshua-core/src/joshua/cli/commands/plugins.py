@@ -67,6 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
             sys.stderr.write(f"joshua plugins: --block-plugin: no plugin {name!r} is installed\n")
     if arguments.check:
         rows = tuple(map(checked, rows))
+    rows += libraries(rows)
     if getattr(arguments, "format", "text") == "json":
         from joshua.cli.plugin_commands import commands_by_distribution
 
@@ -77,6 +78,17 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write(listing(rows))
     wrong = any(row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT) for row in rows)
     return ExitCode.FAILED if arguments.check and wrong else ExitCode.OK
+
+
+def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
+    """Distributions that bring commands and nothing else."""
+    from importlib import metadata
+
+    from joshua.cli.plugin_commands import commands_by_distribution
+    from joshua.plugins import PluginRow, PluginStatus
+
+    others = commands_by_distribution().keys() - {row.distribution for row in rows} - {"(unknown)"}
+    return tuple(PluginRow(name, name, metadata.version(name), PluginStatus.OK) for name in sorted(others))
 
 
 def checked(row: PluginRow) -> PluginRow:
