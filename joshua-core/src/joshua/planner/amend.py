@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from joshua.config.checks.device_table import device_block
 from joshua.modes import mode_of
 from joshua.plan import Diagnostic, Related, Severity, installing
 from joshua.plan.diagnostic import as_sentence
@@ -169,7 +170,7 @@ def take_calibrations(loaded: LoadedConfig, names: Iterable[str], path: str) -> 
     """
     config, names = loaded.config, set(names)
     actions = config.robot.actions
-    simulated = [action.node.node_name for action in actions if action.HasField("sim_config")]
+    simulated = [action.node.node_name for action in actions if device_block(action)[2].simulated]
     try:
         kept = kept_calibrations(path) if path else {}
     except FileRefused as error:
