@@ -30,24 +30,6 @@ _MODULES = {
     "MODE_SIMULATION": "simulation",
 }
 
-# Findings of the modes that say that a part of the file is absent.
-ABSENT = frozenset(
-    (
-        "mode-lacks-actuator",
-        "mode-lacks-block",
-        "mode-lacks-device",
-        "mode-lacks-field",
-        "mode-lacks-follower",
-        "mode-lacks-leader",
-        "mode-lacks-model",
-        "mode-lacks-publisher",
-        "follower-without-leader",
-        "model-drives-nothing",
-        "model-without-camera",
-        "mapping-unpublished",
-    )
-)
-
 
 def mode_of(config: pb.Config, registry: Registry | None = None) -> ModeSpec:
     """The mode of a file, with what the file's own choices change of it.
@@ -104,9 +86,7 @@ def check_mode(
                 findings.append(_without_plugin(context, registry, reason, launch))
         elif registry is not None:
             findings.append(_without_plugin(context, registry, found, launch))
-    if not context.graph.all_published:
-        findings = [item for item in findings if item.code not in ABSENT]
-    return settle(iter(findings), loaded, absent=ABSENT)
+    return settle(iter(findings), loaded)
 
 
 def _checked(context: Context, spec: ModeSpec) -> Iterator[Diagnostic]:

@@ -126,7 +126,7 @@ def _with_stand_ins(checked: Checked) -> Checked:
 
 def finish(checked: Checked) -> Examination:
     """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
-    from joshua.planner.echoes import one_of_each
+    from joshua.config.checks.taint import one_of_each
     from joshua.planner.planning import Planning
 
     request = checked.request

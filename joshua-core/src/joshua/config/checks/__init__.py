@@ -64,21 +64,20 @@ def check(loaded: LoadedConfig) -> list[Diagnostic]:
     return settle((item for family in families for item in family.check(context)), loaded)
 
 
-def settle(
-    findings: Iterator[Diagnostic], loaded: LoadedConfig, absent: frozenset[str] = frozenset()
-) -> list[Diagnostic]:
-    """Bounds the findings of a family of checks and leaves out what follows from errors of loading.
+def settle(findings: Iterator[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:
+    """Bounds the findings of a family of checks, and leaves out those that read what is not known.
 
     Args:
         findings: as the checks yield them; loaded: what was checked.
-        absent: codes of this family that say that a part of the file is absent.
     """
     taken = at_most(findings)
-    if not any(item.severity is Severity.ERROR for item in loaded.diagnostics):
+    if not taken or (
+        loaded.graph.all_published and not any(item.severity is Severity.ERROR for item in loaded.diagnostics)
+    ):
         return taken
-    from joshua.config.checks.cascades import without_cascades
+    from joshua.config.checks.taint import untainted
 
-    return without_cascades(taken, loaded, absent)
+    return untainted(taken, loaded)
 
 
 def at_most(findings: Iterator[Diagnostic], most: int = MAX_PROBLEMS) -> list[Diagnostic]:

@@ -115,8 +115,6 @@ def _two_publishers(
 
 
 def _unpublished(context: Context) -> Iterator[Diagnostic]:
-    if not context.graph.all_published:
-        return
     # In these modes an actuator without a commander breaks the mode, whose own checks say so.
     by_mode = context.config.general.mode in (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE)
     for item in context.graph.usable:

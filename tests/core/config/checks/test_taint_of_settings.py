@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from joshua.config import load
+from joshua.config.checks.taint import one_of_each
 from joshua.plan import Diagnostic, Severity
-from joshua.planner.echoes import one_of_each
 
 TEXT = """
 robot { actions { spike_motor_config {

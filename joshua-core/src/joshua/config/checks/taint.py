@@ -1,0 +1,279 @@
+"""What could not be read taints what is said about it: a rule whose inputs are tainted is silent.
+
+A block that could not be read is not «missing», a topic is not «unpublished» when the publisher beside it was
+lost to a syntax error, and a plugin's settings model need not repeat what a check has said. Every rule that
+concludes something from what is absent, or from other parts of the file, declares here what it reads.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from joshua.config.checks.device_table import ACTUATOR_BLOCKS, DEVICE_BLOCKS
+from joshua.config.loading import LoadedConfig
+from joshua.plan import Diagnostic, Position, Severity
+from joshua.textproto.positions import Positions, parent
+
+
+class Reads(NamedTuple):
+    """What a rule reads besides the field that it speaks of.
+
+    Attributes:
+        fields: names of fields anywhere in the file; beside: the fields of the same block.
+        topics: the topic of every publisher.
+    """
+
+    fields: frozenset[str] = frozenset()
+    beside: bool = False
+    topics: bool = False
+
+
+# Which nodes, topics and blocks there are.
+_STRUCTURE = frozenset(
+    (
+        "action_type",
+        "actions",
+        "ai",
+        "calibration",
+        "data_type",
+        "include",
+        "model_type",
+        "models",
+        "motor_ids",
+        "node",
+        "node_name",
+        "perception_type",
+        "perceptions",
+        "publishers",
+        "robot",
+        "ros_namespace",
+        "subscriptions",
+        "topic_name",
+        "transport",
+    )
+)
+_QOS = ("qos", "reliability", "durability", "liveliness", "deadline_s", "lease_duration_s", "topic_name")
+
+READS: dict[str, Reads] = {
+    "qos-incompatible": Reads(frozenset(_QOS)),
+    "field-unused": Reads(_STRUCTURE, beside=True),  # what gives a field its effect may be what is lost
+    **dict.fromkeys(
+        ("required-missing", "too-few-entries", "block-missing", "link-missing", "controls-missing"),
+        Reads(beside=True),
+    ),
+    **dict.fromkeys(
+        (
+            "block-unused",
+            "calibration-incomplete",
+            "calibration-unknown-node",
+            "hosts-apart",
+            "sensor-unpublished",
+            "simulation-missing",
+            "tls-missing",
+            "tls-unused",
+            "weights-missing",
+        ),
+        Reads(_STRUCTURE),
+    ),
+    **dict.fromkeys(
+        (
+            "follower-without-leader",
+            "mapping-unpublished",
+            "mode-lacks-actuator",
+            "mode-lacks-block",
+            "mode-lacks-device",
+            "mode-lacks-field",
+            "mode-lacks-follower",
+            "mode-lacks-leader",
+            "mode-lacks-model",
+            "mode-lacks-publisher",
+            "model-drives-nothing",
+            "model-without-camera",
+            "topic-unpublished",
+        ),
+        Reads(_STRUCTURE, topics=True),
+    ),
+}
+
+# Errors of loading that cost the value of one field and nothing around it.
+_LOCAL = frozenset(
+    (
+        "bad-escape",
+        "duplicate-field",
+        "extension-field",
+        "extra-comma",
+        "missing-brace",
+        "missing-colon",
+        "missing-comma",
+        "missing-value",
+        "number-out-of-range",
+        "not-utf8-string",
+        "oneof-conflict",
+        "set-in-two-files",
+        "unclosed-string",
+        "unexpected-text",
+        "unknown-enum-number",
+        "unknown-enum-value",
+        "unknown-field",
+        "unquoted-string",
+        "wrong-type",
+    )
+)
+# Errors whose path is that of a block which was read all the same.
+_IN_BLOCK = frozenset(("extension-field", "missing-brace", "unexpected-text"))
+_CHOICES = (*ACTUATOR_BLOCKS, *DEVICE_BLOCKS, "serial", "ble")
+
+
+class Taint(NamedTuple):
+    """What of a configuration is not known.
+
+    Attributes:
+        paths: fields that were reported; everything at or below them is settled.
+        blocks: blocks of which some field may be lost; everything: whether any block may be damaged.
+        names: of the fields that are lost, and of those that were probably meant.
+        topics: the topic of some publisher is not known.
+    """
+
+    paths: frozenset[str] = frozenset()
+    blocks: frozenset[str] = frozenset()
+    names: frozenset[str] = frozenset()
+    everything: bool = False
+    topics: bool = False
+
+    def silences(self, item: Diagnostic) -> bool:
+        """Whether a finding reads something that is tainted."""
+        if any(part in self.paths for part in _enclosing(item.field_path)):
+            return True
+        reads = READS.get(item.code)
+        if reads is None:
+            return False
+        if self.everything or (reads.topics and self.topics) or self.names & reads.fields:
+            return True
+        # A finding about one absent field has its path, one about several that of their block.
+        own = {item.field_path, item.field_path.rpartition(".")[0]}
+        return reads.beside and bool(own & self.blocks)
+
+    def repeats(self, item: Diagnostic, positions: Positions) -> bool:
+        """Whether a broken rule of a settings model says in other words what an error of the check has said.
+
+        That is an error at its field or inside it. Where its field is not written at all, it is one about the
+        block around it or about a field beside it, such as a misspelt name.
+        """
+        path = item.field_path
+        if path in self.paths or path in self.blocks:
+            return bool(path)
+        block = path
+        while block and not positions.is_set(block):
+            block = parent(block)
+        return block != path and (block in self.paths or block in {parent(known) for known in self.paths})
+
+
+#: A range of the schema may be wider than what the plugin knows of its device: both are worth reading.
+_TOLD_APART = "out-of-range"
+
+#: Files that are not there, and the field whose files come with plugins too, which know the nearest of them.
+_FILES = frozenset(("input-file-missing", "input-file-is-folder"))
+_PACKAGED = "model_path"
+
+
+def one_of_each(
+    known: Sequence[Diagnostic], findings: Sequence[Diagnostic], positions: Positions
+) -> list[Diagnostic]:
+    """Puts the findings of checking and of planning together, without those that say the same.
+
+    Where a model is not there, the plugin's words stand and weigh as the check says.
+
+    Args:
+        known: findings of reading and checking; findings: of planning; positions: what is written.
+    """
+    errors = [item for item in known if item.severity is Severity.ERROR and item.field_path]
+    files = {
+        item.field_path: item for item in known if item.code in _FILES and _leaf(item.field_path) == _PACKAGED
+    }
+    broken = frozenset(item.field_path for item in errors if item.code != _TOLD_APART) - files.keys()
+    taint = Taint(broken, frozenset(around for path in broken for around in _enclosing(path)[1:]))
+    told: set[str] = set()
+    kept = []
+    for item in findings:
+        if item.code != "invalid-setting":
+            kept.append(item)
+        elif item.field_path in files:
+            told.add(item.field_path)
+            missing = files[item.field_path]
+            kept.append(replace(item, code=missing.code, severity=missing.severity))
+        elif not taint.repeats(item, positions):
+            kept.append(item)
+    return [*(item for item in known if not (item.code in _FILES and item.field_path in told)), *kept]
+
+
+def untainted(findings: Iterable[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:
+    """Drops the findings of checks that read what is not known."""
+    errors = [item for item in loaded.diagnostics if item.severity is Severity.ERROR]
+    topics = not loaded.graph.all_published
+    if not errors and not topics:
+        return list(findings)
+    taint = _assess(errors, loaded, topics)
+    return [item for item in findings if not taint.silences(item)]
+
+
+def _assess(errors: Sequence[Diagnostic], loaded: LoadedConfig, topics: bool) -> Taint:
+    paths: set[str] = set()
+    blocks: set[str] = set()
+    names: set[str] = set()
+    everything = any(item.code not in _LOCAL for item in errors)
+    places = [] if everything else _places(loaded)
+    for item in errors:
+        if item.code == "oneof-conflict":
+            # Which of the two is meant is open, so neither is held against the type beside it.
+            owner = item.field_path.rpartition(".")[0]
+            paths.update(f"{owner}.{name}" for name in _CHOICES)
+        if item.code in _IN_BLOCK:
+            blocks.add(item.field_path)
+        if item.field_path and item.code not in _IN_BLOCK:
+            paths.add(item.field_path)
+            blocks.add(_without_index(item.field_path).rpartition(".")[0])
+            names.update({_leaf(item.field_path), *item.allowed[:1]})
+        elif item.position is not None and not everything:
+            nearby = _blocks_near(item.position, places)
+            blocks.update(nearby or [""])
+            names.update(_leaf(path) for path in nearby)
+            names.update(item.found.split())
+    return Taint(frozenset(paths), frozenset(blocks), frozenset(names), everything, topics)
+
+
+def _places(loaded: LoadedConfig) -> list[tuple[str, int, int, str]]:
+    """File, line, column and path of every field that is written, in the order of the files."""
+    found = []
+    for path in loaded.positions.paths():
+        name = loaded.positions.name(path)
+        if name is not None:
+            found.append((name.file, name.line, name.column, path))
+    return sorted(found)
+
+
+def _blocks_near(place: Position, places: list[tuple[str, int, int, str]]) -> list[str]:
+    """The blocks around the field that stands last before a place: one of them holds the place."""
+    index = bisect_right(places, (place.file, place.line, place.column, "\uffff")) - 1
+    if index < 0 or places[index][0] != place.file:
+        return []
+    return _enclosing(places[index][3])
+
+
+def _enclosing(path: str) -> list[str]:
+    """A path and those around it: ``a.b[1].c`` to ``a.b[1].c``, ``a.b[1]``, ``a.b``, ``a``."""
+    found = []
+    while path:
+        found.append(path)
+        path = path[: path.rfind("[")] if path.endswith("]") else path.rpartition(".")[0]
+    return found
+
+
+def _leaf(path: str) -> str:
+    return _without_index(path).rpartition(".")[2]
+
+
+def _without_index(path: str) -> str:
+    return path[: path.rfind("[")] if path.endswith("]") else path
