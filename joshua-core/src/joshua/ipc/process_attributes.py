@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import sys
 from functools import lru_cache
+
+#: Signals that the supervisor answers for its children.
+IGNORED_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 # Numbers of linux/prctl.h.
 PR_SET_PDEATHSIG = 1

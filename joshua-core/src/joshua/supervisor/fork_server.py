@@ -18,15 +18,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
+from joshua.ipc.process_attributes import IGNORED_SIGNALS
 
 if TYPE_CHECKING:
     import subprocess
 
 #: How long the server may take to end after its socket was closed; it kills children before.
 CLOSE_TIMEOUT_S = 2.0
-
-#: Signals that the supervisor answers for all of them.
-IGNORED_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ import traceback
 from typing import Any, NoReturn
 
 from joshua.ipc.frames import EndOfStreamError, FrameSocket
-from joshua.ipc.process_attributes import set_parent_death_signal, set_title
-from joshua.supervisor.fork_server import IGNORED_SIGNALS
+from joshua.ipc.process_attributes import IGNORED_SIGNALS, set_parent_death_signal, set_title
 
 #: What a child runs.
 NODE_PROGRAM = "joshua.node.main"

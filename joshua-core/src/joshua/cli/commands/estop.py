@@ -215,7 +215,7 @@ def _process_ids(systems: list[EstopTarget]) -> set[int]:
 
 
 def _show(title: str, reports: list[EstopReport]) -> bool:
-    from joshua.cli.estop.text import lines
+    from joshua.cli.estop.running import lines
 
     sys.stdout.write(f"e-stop latched: {title}\n")
     if not reports:

@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     return run_graph_command(arguments)
 
 
-def _action(actions: Any, name: str, summary: str, module: str) -> argparse.ArgumentParser:
+def _action(actions: Any, name: str, summary: str, function: str = "") -> argparse.ArgumentParser:
     """A subcommand whose code is imported when it runs."""
     from joshua.cli.graph.session import add_graph_options
 
@@ -35,30 +35,28 @@ def _action(actions: Any, name: str, summary: str, module: str) -> argparse.Argu
     add_graph_options(parser)
 
     def call(arguments: argparse.Namespace) -> int:
-        import importlib
+        from joshua.cli.graph import topics
 
-        return int(importlib.import_module(f"joshua.cli.graph.{module}").run(arguments))
+        return int(getattr(topics, function or name)(arguments))
 
     parser.set_defaults(graph_command=call)
     return parser
 
 
 def _list(actions: Any) -> None:
-    parser = _action(actions, "list", "list the topics", "topic_list")
+    parser = _action(actions, "list", "list the topics", "list_topics")
     parser.add_argument("-t", "--types", action="store_true", help="show the type of each topic")
 
 
 def _info(actions: Any) -> None:
-    parser = _action(
-        actions, "info", "show type, hash, publishers and subscriptions of a topic", "topic_info"
-    )
+    parser = _action(actions, "info", "show type, hash, publishers and subscriptions of a topic")
     parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /leader/joint_states")
 
 
 def _echo(actions: Any) -> None:
     from joshua.cli.options import positive_seconds
 
-    parser = _action(actions, "echo", "print the messages of a topic", "topic_echo")
+    parser = _action(actions, "echo", "print the messages of a topic")
     parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /leader/joint_states")
     parser.add_argument("--type", metavar="TYPE", help="type, where no publisher says it yet")
     parser.add_argument("-n", "--count", metavar="N", type=_positive, help="end after this many messages")
@@ -73,14 +71,14 @@ def _echo(actions: Any) -> None:
 
 
 def _hz(actions: Any) -> None:
-    parser = _action(actions, "hz", "show the rate of a topic, each second", "topic_hz")
+    parser = _action(actions, "hz", "show the rate of a topic, each second")
     parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /camera/image")
     parser.add_argument("--window", metavar="N", type=_positive, default=1000, help="messages that count")
     parser.add_argument("-n", "--count", metavar="N", type=_positive, help="end after this many lines")
 
 
 def _pub(actions: Any) -> None:
-    parser = _action(actions, "pub", "publish a message, once or at a rate", "topic_pub")
+    parser = _action(actions, "pub", "publish a message, once or at a rate")
     parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /follower/command")
     parser.add_argument("type", metavar="TYPE", help="package/msg/Type or a DataType such as JOINT_STATE")
     parser.add_argument(
