@@ -8,9 +8,9 @@ import numpy as np
 
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
 from joshua.devices.context import ActuatorContext
-from joshua.devices.pacing import NS_PER_S
 from joshua.devices.units import rad_to_ticks, ticks_to_rad
 from joshua.mock.motion import FileMotion, Motion, SineMotion
+from joshua.mock.pacing import NS_PER_S
 from joshua.mock.settings import MockMotorSettings
 
 # No-load speed of a small serial bus servo at 12 V.

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from joshua.devices.context import SensorContext
-from joshua.devices.errors import DeviceError
-from joshua.devices.pacing import FreeRunningClock
-from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.sensor import Reading
 from joshua.messages import message_class
 from joshua.messages.make import header, image
+from joshua.mock.pacing import FreeRunningSensor, Tick
 from joshua.mock.pattern import MovingPattern, frame_number
 from joshua.mock.settings import MockCameraSettings
 
@@ -36,7 +34,7 @@ def encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
     )
 
 
-class MockCamera(Sensor):
+class MockCamera(FreeRunningSensor):
     """A virtual camera.
 
     ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files. Its
@@ -49,38 +47,19 @@ class MockCamera(Sensor):
 
     settings: MockCameraSettings
 
-    def __init__(self, settings: MockCameraSettings, context: SensorContext | None = None) -> None:
-        super().__init__(settings, context)
-        self._clock: FreeRunningClock | None = None
-        self._pattern: MovingPattern | None = None
-
     @property
     def data_types(self) -> tuple[str, ...]:
         """Raw and compressed pictures, and the camera's geometry."""
         return (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
 
-    @property
-    def connected(self) -> bool:
-        """Whether the camera runs."""
-        return self._clock is not None
-
-    def connect(self) -> None:
-        """Starts the camera."""
-        if self.connected:
-            raise DeviceError("MockCamera.connect: the device is open already")
+    def start(self) -> float:
+        """Makes the pattern."""
         self._pattern = MovingPattern(self.settings.width, self.settings.height)
-        self._clock = FreeRunningClock(self.settings.fps)
+        return self.settings.fps
 
-    def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next frame; None when none came in time."""
-        self.require_connected("read")
-        clock, pattern = self._clock, self._pattern
-        assert clock is not None
-        assert pattern is not None
-        tick = clock.wait(timeout_s)
-        if tick is None:
-            return None
-        return Reading(tick.stamp_ns, tick.sequence, pattern.draw(tick.sequence))
+    def acquire(self, tick: Tick) -> npt.NDArray[np.uint8]:
+        """The frame with the number of the acquisition."""
+        return self._pattern.draw(tick.sequence)
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
         """Makes an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
@@ -112,7 +91,3 @@ class MockCamera(Sensor):
         """Says when the number in the picture is not the frame's."""
         shown = frame_number(reading.data)
         return "" if shown == reading.sequence else f"frame {reading.sequence} shows the number {shown}"
-
-    def disconnect(self) -> None:
-        """Stops the camera; a second call does nothing."""
-        self._clock = self._pattern = None

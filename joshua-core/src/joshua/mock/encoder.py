@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from joshua.devices.context import SensorContext
-from joshua.devices.errors import DeviceError
-from joshua.devices.pacing import NS_PER_S, FreeRunningClock
-from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.sensor import Reading
 from joshua.devices.units import ticks_to_rad
 from joshua.messages.make import joint_state
+from joshua.mock.pacing import NS_PER_S, FreeRunningSensor, Tick
 from joshua.mock.settings import MockEncoderSettings
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -32,7 +30,7 @@ class EncoderReading:
     velocity_rad_s: float
 
 
-class MockEncoder(Sensor):
+class MockEncoder(FreeRunningSensor):
     """A virtual rotary encoder; ``Reading.data`` is an ``EncoderReading``.
 
     Args:
@@ -42,35 +40,18 @@ class MockEncoder(Sensor):
 
     settings: MockEncoderSettings
 
-    def __init__(self, settings: MockEncoderSettings, context: SensorContext | None = None) -> None:
-        super().__init__(settings, context)
-        self._clock: FreeRunningClock | None = None
-        self._first_ns: int | None = None
-
     @property
     def data_types(self) -> tuple[str, ...]:
         """The state of one joint."""
         return (JOINT_STATE,)
 
-    @property
-    def connected(self) -> bool:
-        """Whether the encoder counts."""
-        return self._clock is not None
-
-    def connect(self) -> None:
+    def start(self) -> float:
         """Starts to count from 0."""
-        if self.connected:
-            raise DeviceError("MockEncoder.connect: the device is open already")
-        self._first_ns = None
-        self._clock = FreeRunningClock(self.settings.sample_rate_hz)
+        self._first_ns: int | None = None
+        return self.settings.sample_rate_hz
 
-    def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next sample; None when none came in time."""
-        self.require_connected("read")
-        assert self._clock is not None
-        tick = self._clock.wait(timeout_s)
-        if tick is None:
-            return None
+    def acquire(self, tick: Tick) -> EncoderReading:
+        """The state of the shaft."""
         if self._first_ns is None:
             self._first_ns = tick.stamp_ns
         settings = self.settings
@@ -78,7 +59,7 @@ class MockEncoder(Sensor):
         turned_rad = speed * (tick.stamp_ns - self._first_ns) / NS_PER_S
         ticks = math.floor(turned_rad * settings.resolution / math.tau)
         position = ticks_to_rad(ticks, ticks_per_turn=settings.resolution, zero_ticks=0)
-        return Reading(tick.stamp_ns, tick.sequence, EncoderReading(ticks, position, speed))
+        return EncoderReading(ticks, position, speed)
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
         """Makes a JointState of one joint."""
@@ -87,7 +68,3 @@ class MockEncoder(Sensor):
         return joint_state(
             ["joint_1"], [data.position_rad], [data.velocity_rad_s], frame_id=frame_id, at_ns=reading.stamp_ns
         )
-
-    def disconnect(self) -> None:
-        """Stops counting; a second call does nothing."""
-        self._clock = None

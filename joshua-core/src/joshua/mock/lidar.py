@@ -7,18 +7,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from joshua.devices.context import SensorContext
-from joshua.devices.errors import DeviceError
-from joshua.devices.pacing import FreeRunningClock
-from joshua.devices.sensor import Reading, Sensor
+from joshua.devices.sensor import Reading
 from joshua.messages import message_class
 from joshua.messages.make import header
+from joshua.mock.pacing import FreeRunningSensor, Tick
 from joshua.mock.settings import MockLidarSettings
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 
 
-class MockLidar(Sensor):
+class MockLidar(FreeRunningSensor):
     """A virtual laser scanner.
 
     ``Reading.data`` holds the ranges in metres, shape (num_beams,), float32, by REP 117: -inf is nearer than
@@ -31,34 +29,19 @@ class MockLidar(Sensor):
 
     settings: MockLidarSettings
 
-    def __init__(self, settings: MockLidarSettings, context: SensorContext | None = None) -> None:
-        super().__init__(settings, context)
-        self._clock: FreeRunningClock | None = None
-
     @property
     def data_types(self) -> tuple[str, ...]:
         """Laser scans."""
         return (LASER_SCAN,)
 
-    @property
-    def connected(self) -> bool:
-        """Whether the scanner turns."""
-        return self._clock is not None
-
-    def connect(self) -> None:
+    def start(self) -> float:
         """Starts to scan."""
-        if self.connected:
-            raise DeviceError("MockLidar.connect: the device is open already")
-        self._clock = FreeRunningClock(self.settings.scan_rate_hz)
+        return self.settings.scan_rate_hz
 
-    def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next scan; None when none came in time."""
-        self.require_connected("read")
-        assert self._clock is not None
-        tick = self._clock.wait(timeout_s)
-        if tick is None:
-            return None
-        return Reading(tick.stamp_ns, tick.sequence, cast_rays(self.settings))
+    def acquire(self, tick: Tick) -> npt.NDArray[np.float32]:
+        """One scan of the room."""
+        del tick  # nothing moves
+        return cast_rays(self.settings)
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
         """Makes a LaserScan; beams of one scan count as simultaneous."""
@@ -83,10 +66,6 @@ class MockLidar(Sensor):
         measured = ranges[np.isfinite(ranges)]
         outside = measured[(measured < low) | (measured > high)]
         return f"{len(outside)} ranges lie outside {low} m to {high} m" if len(outside) else ""
-
-    def disconnect(self) -> None:
-        """Stops the scanner; a second call does nothing."""
-        self._clock = None
 
 
 def cast_rays(settings: MockLidarSettings) -> npt.NDArray[np.float32]:

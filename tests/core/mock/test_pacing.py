@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 
 import pytest
-from joshua.devices.pacing import FreeRunningClock
 from joshua.devices.stamps import StampClock
+from joshua.mock.pacing import FreeRunningClock
 
 
 def test_the_clock_does_not_drift() -> None:

@@ -1,10 +1,15 @@
-"""The clock of a virtual sensor: a fixed rate without drift and without bunching."""
+"""Virtual sensors at a fixed rate, without drift and without bunching."""
 
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
+from joshua.devices.context import SensorContext
+from joshua.devices.errors import DeviceError
+from joshua.devices.sensor import Reading, Sensor
 from joshua.node import ros_time
 
 NS_PER_S = 1_000_000_000
@@ -51,3 +56,41 @@ class FreeRunningClock:
         if ros_time.is_simulated():
             return Tick(newest, ros_time.now_ns())
         return Tick(newest, self._epoch_ns + self._start_ns + round(newest * self._period_ns))
+
+
+class FreeRunningSensor(Sensor):
+    """A virtual sensor that acquires at its rate from ``connect`` on."""
+
+    def __init__(self, settings: Any, context: SensorContext | None = None) -> None:
+        super().__init__(settings, context)
+        self._clock: FreeRunningClock | None = None
+
+    @abstractmethod
+    def start(self) -> float:
+        """Begins anew; returns the rate in Hz."""
+
+    @abstractmethod
+    def acquire(self, tick: Tick) -> Any:
+        """Makes the data of one acquisition."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether the sensor runs."""
+        return self._clock is not None
+
+    def connect(self) -> None:
+        """Starts the sensor."""
+        if self.connected:
+            raise DeviceError(f"{type(self).__name__}.connect: the device is open already")
+        self._clock = FreeRunningClock(self.start())
+
+    def read(self, timeout_s: float) -> Reading | None:
+        """Waits for the next acquisition; None when none came in time."""
+        self.require_connected("read")
+        assert self._clock is not None
+        tick = self._clock.wait(timeout_s)
+        return None if tick is None else Reading(tick.stamp_ns, tick.sequence, self.acquire(tick))
+
+    def disconnect(self) -> None:
+        """Stops the sensor; a second call does nothing."""
+        self._clock = None
