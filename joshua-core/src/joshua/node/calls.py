@@ -21,7 +21,7 @@ from joshua.ipc.messages import (
     printable,
 )
 from joshua.node.context import RuntimeContext
-from joshua.node.verbs import Caller, InvalidRequestError, RefusedError, Verb, allowed, verbs_of
+from joshua.node.verbs import LOCAL, Caller, InvalidRequestError, RefusedError, Verb, allowed, verbs_of
 
 #: Largest reply; who has more to say publishes it on a topic.
 REPLY_LIMIT_BYTES = 1024 * 1024
@@ -64,12 +64,12 @@ class Calls:
         self._describe = describe
         self._beside = ""
 
-    def take(self, call: Call, providers: Sequence[object], *, active: bool) -> None:
+    def take(self, call: Call, providers: Sequence[object], *, active: bool, caller: Caller = LOCAL) -> None:
         """Answers a call, or puts it where its verb runs; control thread.
 
         Args:
             providers: whose methods are the node's verbs.
-            active: whether the node's loop runs.
+            active: whether the node's loop runs; caller: who asks.
         """
         try:
             verbs = verbs_of(providers)
@@ -84,7 +84,7 @@ class Calls:
                 self._refuse(call, "unknown-verb", f"{self._name} has no verb {call.verb!r}", names)
             elif not active:
                 self._refuse(call, "not-running", f"{self._name} is starting or stopping just now: try again")
-            elif why := allowed(verb, Caller()):
+            elif why := allowed(verb, caller):
                 self._refuse(call, "not-allowed", f"{self._name}: {why}")
             else:
                 self._place(Job(call, verb, verb.bind(call.payload)))

@@ -35,6 +35,9 @@ class Caller:
     name: str = ""
 
 
+LOCAL = Caller()
+
+
 @dataclass(frozen=True)
 class Verb:
     """One thing that a node does when it is asked.
