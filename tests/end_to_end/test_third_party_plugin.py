@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -101,7 +102,42 @@ def test_its_robot_is_valid_and_passes_its_test(joshua: JoshuaProgram, robot: Pa
     assert "FAIL" not in said
 
 
-def test_its_verb_is_listed_and_called_like_any_other(joshua: JoshuaProgram, robot: Path) -> None:
+VERB = """
+from dataclasses import dataclass
+from typing import Literal
+
+from joshua.api import RefusedError, verb
+
+
+@dataclass(frozen=True)
+class Asked:
+    unit: Literal["m", "mm"] = "m"
+
+
+@dataclass(frozen=True)
+class Width:
+    value: float
+    unit: str
+
+
+class Gripper(Gripper):
+    @verb(moves=False)
+    def width(self, asked: Asked) -> Width:
+        \"\"\"Says how far the fingers are apart.\"\"\"
+        if not self.connected:
+            raise RefusedError("the gripper is not connected")
+        width_m = self.settings.stroke_m * self._position / float(self.limits.position_max_rad[0])
+        return Width(width_m * (1000 if asked.unit == "mm" else 1), asked.unit)
+"""
+
+
+def test_a_verb_needs_nothing_but_the_drivers_own_file(
+    joshua: JoshuaProgram, robot: Path, installed: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(installed, tmp_path / "site")
+    with (tmp_path / "site/acme_gripper/actuator.py").open("a", encoding="utf-8") as driver:
+        driver.write(VERB)
+    joshua.environment["PYTHONPATH"] = str(tmp_path / "site")
     text = robot.read_text(encoding="utf-8").replace("duration_s: 3.0", "duration_s: 120")
     robot.write_text(text, encoding="utf-8")
     run = joshua.start("--config", str(robot))

@@ -1,28 +1,11 @@
 """The driver of the gripper; in place of a bus it moves a simulated finger at constant speed."""
 
 import time
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-from joshua.api import Actuator, DeviceError, FloatArray, JointLimits, JointReading, RefusedError, verb
+from joshua.api import Actuator, DeviceError, FloatArray, JointLimits, JointReading
 
 from acme_gripper.settings import GripperSettings
-
-
-@dataclass(frozen=True)
-class Asked:
-    """In which unit."""
-
-    unit: Literal["m", "mm"] = "m"
-
-
-@dataclass(frozen=True)
-class Width:
-    """How far the fingers are apart."""
-
-    value: float
-    unit: str
 
 
 class Gripper(Actuator):
@@ -79,14 +62,6 @@ class Gripper(Actuator):
     def disconnect(self) -> None:
         """Closes the link."""
         self.connected = self._energised = False
-
-    @verb(moves=False)
-    def width(self, asked: Asked) -> Width:
-        """Says how far the fingers are apart."""
-        if not self.connected:
-            raise RefusedError("the gripper is not connected")
-        width_m = self.settings.stroke_m * self._position / float(self.limits.position_max_rad[0])
-        return Width(width_m * (1000 if asked.unit == "mm" else 1), asked.unit)
 
     def _move(self) -> float:
         """Moves the finger to where it is by now; returns the way that is left."""
