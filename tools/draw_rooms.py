@@ -1,4 +1,4 @@
-"""Draws docs/images/rooms.svg: the rooms of joshua-core and the arrows that tests/core/test_rooms.py holds."""
+"""Draws docs/images/rooms.svg: the rooms of joshua-core and the arrows that test_rooms.py holds."""
 
 from __future__ import annotations
 
@@ -69,7 +69,8 @@ def draw() -> str:
                 continue
             (x1, y1), (x2, y2) = places[room], places[name]
             lines.append(
-                f'<line x1="{x1 + BOX[0] / 2:g}" y1="{y1 + BOX[1]:g}" x2="{x2 + BOX[0] / 2:g}" y2="{y2 - 2:g}" '
+                f'<line x1="{x1 + BOX[0] / 2:g}" y1="{y1 + BOX[1]:g}" '
+                f'x2="{x2 + BOX[0] / 2:g}" y2="{y2 - 2:g}" '
                 'stroke="#90a4ae" stroke-width="1.3" marker-end="url(#tip)"/>'
             )
     said = ideas()
