@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from joshua.features import CalibratedJoint, Feature, JointUnits, Unit
+from joshua.plan import JointRange
 from joshua.plan.feature import STATE
 
 PI = math.pi
@@ -101,7 +102,7 @@ def test_there_and_back_is_the_same_position(
 
 
 def test_units_agree_where_they_are_easy() -> None:
-    units = JointUnits.from_limits(("elbow", "gripper"), (-1.0, 0.0), (3.0, 2.0))
+    units = JointUnits.from_ranges([JointRange("elbow", -1.0, 3.0), JointRange("gripper", 0.0, 2.0)])
     assert units.from_radians([1.0, 1.0], Unit.LEROBOT).tolist() == [0.0, 50.0]
     assert units.from_radians([-1.0, 0.0], Unit.LEROBOT).tolist() == [-100.0, 0.0]
     assert units.from_radians([PI, PI / 2], Unit.DEGREES).tolist() == [180.0, 90.0]
@@ -111,7 +112,7 @@ def test_units_agree_where_they_are_easy() -> None:
 
 
 def test_a_feature_says_its_unit_and_has_lerobots_names() -> None:
-    units = JointUnits.from_limits(("elbow", "left_gripper"), (-1.0, 0.0), (1.0, 1.0))
+    units = JointUnits.from_ranges([JointRange("elbow", -1.0, 1.0), JointRange("left_gripper", 0.0, 1.0)])
     state = Feature.joints(STATE, units.names)
     normalised = units.feature(state, Unit.LEROBOT)
     assert (normalised.unit, normalised.names) == ("lerobot", ("elbow.pos", "left_gripper.pos"))
@@ -127,4 +128,4 @@ def test_an_empty_range_is_refused(low: float, high: float) -> None:
 
 def test_two_joints_of_one_name_are_refused() -> None:
     with pytest.raises(ValueError, match="two joints have one name: elbow, elbow"):
-        JointUnits.from_limits(("elbow", "elbow"), (0, 0), (1, 1))
+        JointUnits.from_ranges([JointRange("elbow", 0, 1)] * 2)

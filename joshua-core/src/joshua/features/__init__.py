@@ -13,6 +13,7 @@ from joshua.plan.lazy import lazy_names
 if TYPE_CHECKING:
     from joshua.features.aligner import Alignment, FeatureCounts, TimeAligner
     from joshua.features.derive import camera_key, features_of
+    from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
     from joshua.features.feature_set import FeatureSet
     from joshua.features.frame import FeatureError, Frame, checked
     from joshua.features.joint_units import CalibratedJoint, JointUnits, Unit
@@ -23,6 +24,9 @@ __all__ = [
     "STATE",
     "Alignment",
     "CalibratedJoint",
+    "DatasetLayout",
+    "EpisodeError",
+    "EpisodeWriter",
     "Feature",
     "FeatureCounts",
     "FeatureError",
@@ -39,6 +43,7 @@ __all__ = [
 _LATER = {
     "aligner": ("Alignment", "FeatureCounts", "TimeAligner"),
     "derive": ("camera_key", "features_of"),
+    "episodes": ("DatasetLayout", "EpisodeError", "EpisodeWriter"),
     "feature_set": ("FeatureSet",),
     "frame": ("FeatureError", "Frame", "checked"),
     "joint_units": ("CalibratedJoint", "JointUnits", "Unit"),

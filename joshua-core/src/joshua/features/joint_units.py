@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from joshua.features.feature_set import LEROBOT_SUFFIX
 from joshua.plan.feature import Feature
+from joshua.plan.joints import JointRange
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -133,13 +134,11 @@ class JointUnits:
         return cls(ranges)
 
     @classmethod
-    def from_limits(
-        cls, names: Sequence[str], low_rad: Iterable[float], high_rad: Iterable[float]
-    ) -> JointUnits:
+    def from_ranges(cls, joints: Iterable[JointRange]) -> JointUnits:
         """Units of joints that have limits and no motors, such as those of a simulated arm."""
         return cls(
-            CalibratedJoint(name, float(low), float(high), percent=is_gripper(name))
-            for name, low, high in zip(names, low_rad, high_rad, strict=True)
+            CalibratedJoint(joint.name, joint.min_rad, joint.max_rad, percent=is_gripper(joint.name))
+            for joint in joints
         )
 
     def chosen(self, names: Sequence[str]) -> JointUnits:

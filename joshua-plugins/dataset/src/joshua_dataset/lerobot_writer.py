@@ -14,8 +14,7 @@ from typing import Any
 import av
 import numpy as np
 import pyarrow as pa
-from joshua.features import FeatureError, Frame, checked
-from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
+from joshua.features import DatasetLayout, EpisodeError, EpisodeWriter, FeatureError, Frame, checked
 
 from joshua_dataset import statistics
 from joshua_dataset.metadata import CHUNK_SIZE, DATA_PATH, STAMP, VIDEO_PATH, data_schema, write_metadata

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
-from joshua.features.episodes import DatasetLayout
+from joshua.features import DatasetLayout
 
 from joshua_dataset.staging import Staging
 from joshua_dataset.statistics import Statistics, as_json, merged

@@ -8,8 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.features import ACTION, STATE, Feature, FeatureSet, Frame, camera_key
-from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
+from joshua.features import (
+    ACTION,
+    STATE,
+    DatasetLayout,
+    EpisodeError,
+    EpisodeWriter,
+    Feature,
+    FeatureSet,
+    Frame,
+    camera_key,
+)
 from joshua.tools import load_target
 
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics

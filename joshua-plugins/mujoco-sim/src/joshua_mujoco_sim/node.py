@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from joshua.api import DeviceError, MessagePublisher, NodeContext, ServiceFacts, Simulator, TopicSpec
-from joshua.features.episodes import EpisodeError
+from joshua.features import EpisodeError
 from joshua.messages.make import joint_state
 from joshua.tools import TargetError
 
