@@ -9,8 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from joshua.cli.commands.new import copy_of
-from joshua.cli.presets import Preset, read_presets
 from steady_machine import while_steady
 
 JOSHUA = str(Path(sys.executable).parent / "joshua")
@@ -22,21 +20,12 @@ def joshua(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("preset", read_presets(), ids=lambda preset: preset.name)
-def test_each_copy_is_valid_and_lacks_no_plugin_that_its_header_hides(preset: Preset, tmp_path: Path):
-    (tmp_path / "mine.pbtxt").write_text(copy_of(preset, "mine", "mine"), encoding="utf-8")
+def test_a_copy_of_a_preset_is_valid(tmp_path: Path):
+    """Each of them is looked at in tests/presets, without a process."""
+    joshua("new", "mine", "--from", "teleop_so_arm100", cwd=tmp_path)
     result = joshua("--config", "mine.pbtxt", "--validate-only", "--format", "json", cwd=tmp_path)
     assert result.returncode == 0, result.stdout
-    found = json.loads(result.stdout)
-    items = found["diagnostics"] if isinstance(found, dict) else found
-    assert {item["severity"] for item in items} <= {"note"}
-    missing = {
-        name
-        for item in items
-        if item["code"] == "plugin-missing"
-        for name in re.findall(r"needs the plugin (joshua-[\w-]+)", item["message"])
-    }
-    assert missing <= set(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))
+    assert {item["severity"] for item in json.loads(result.stdout)} <= {"note"}
 
 
 @pytest.mark.timing

@@ -13,11 +13,14 @@ from pathlib import Path
 import pytest
 from google.protobuf import text_format
 from joshua.cli.commands import fmt
+from joshua.cli.commands.new import copy_of
 from joshua.cli.presets import FOLDER, Preset, preset_names, read_preset, read_presets
 from joshua.config import check, load
 from joshua.config.checks.paths import check_paths
 from joshua.modes import check_mode
 from joshua.plan import Severity
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
 from joshua.plugins.hints import distribution_for, stated
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2 as sim
@@ -187,3 +190,20 @@ def test_each_is_valid_and_only_what_comes_from_elsewhere_is_noted(
         ("mapping-unpublished", Severity.NOTE),
     }
     assert len(found) <= 2, "a note is worth reading once"
+
+
+@each_preset
+def test_each_copy_is_valid_and_lacks_no_plugin_that_its_header_hides(
+    preset: Preset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.pbtxt").write_text(copy_of(preset, "mine", "mine"), encoding="utf-8")
+    examination = examine(Request("mine.pbtxt", purpose=Purpose.VALIDATE))
+    assert {item.severity for item in examination.diagnostics} <= {Severity.NOTE}
+    missing = {
+        name
+        for item in examination.diagnostics
+        if item.code == "plugin-missing"
+        for name in re.findall(r"needs the plugin (joshua-[\w-]+)", item.message)
+    }
+    assert missing <= set(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))

@@ -86,6 +86,7 @@ def test_a_router_has_the_port_of_its_domain_unless_that_is_taken(joshua_domain_
     assert port < 32768, "systems give out those above"
     assert router_port(joshua_domain_id) == port
     with socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # what ran before may linger
         server.bind(("127.0.0.1", port))
         server.listen()
         assert router_port(joshua_domain_id) != port
