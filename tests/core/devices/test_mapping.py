@@ -10,7 +10,7 @@ from joshua.devices.mapping import LeaderMapping
 from joshua.plan import JointRange
 
 
-def joint(name: str, low: float = -1.0, high: float = 1.0) -> dict[str, Any]:
+def joint(name: str, low: float = -1.0, high: float = 1.0) -> JointRange:
     return JointRange(name, low, high)
 
 

@@ -117,7 +117,7 @@ def test_camera_sees_the_arm_move(rendering) -> None:
 def test_pictures_show_the_time_at_which_they_were_due(rendering) -> None:
     """The same steps give the same pictures, however late the drawing thread is."""
     facts = context()
-    world = shared_world(SimulationSettings.model_validate(facts["simulation"]).world())
+    world = shared_world(SimulationSettings.model_validate(facts.simulation).world())
     world.pause()
     eye = camera(facts)
     eye.connect()
@@ -147,7 +147,7 @@ def test_devices_of_one_file_share_one_physics() -> None:
     first, second = actuator(facts, "shoulder_pan"), actuator(facts, "gripper")
     first.connect()
     second.connect()
-    world = shared_world(SimulationSettings.model_validate(facts["simulation"]).world())
+    world = shared_world(SimulationSettings.model_validate(facts.simulation).world())
     try:
         second.enable()
         second.write(np.array([0.8]))

@@ -28,6 +28,7 @@ def test_simulated_devices_share_the_process_of_the_simulation(tmp_path) -> None
     groups = {node.name: node.process_group for node in plan.nodes}
     assert groups == {"arm": "simulation", "camera": "simulation", "simulation": "simulation"}
     arm = next(node for node in plan.nodes if node.name == "arm")
+    assert arm.facts.simulation is not None
     assert arm.facts.simulation["model_path"] == "so_arm100/scene.xml"
     assert [joint.name for joint in arm.facts.joints][:2] == ["shoulder_pan", "shoulder_lift"]
     assert arm.facts.joints[5].max_rad == pytest.approx(2.0)

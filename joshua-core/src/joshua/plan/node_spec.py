@@ -77,7 +77,8 @@ class NodeSpec(BaseModel):
     implementation: str
     settings_type: str = ""
     settings: dict[str, Any] = Field(default_factory=dict)
-    facts: Annotated[Facts, Field(discriminator="kind")]
+    # The default stands for what _names_the_kind_of_its_facts fills in; it is never the value.
+    facts: Annotated[Facts, Field(discriminator="kind")] = None  # type: ignore[assignment]
     backend: str = "python"
     publishers: tuple[TopicSpec, ...] = ()
     subscriptions: tuple[TopicSpec, ...] = ()
