@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from joshua.devices.context import ActuatorContext
+from joshua.devices.device import Device
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
@@ -49,7 +50,7 @@ class JointReading:
     effort: FloatArray
 
 
-class Actuator(ABC):
+class Actuator(Device):
     """A group of joints. Written stop-first: ``release`` and ``disconnect`` work in every state.
 
     Order: constructor (no I/O) → ``connect`` → ``read``… → ``enable`` → ``write``/``read``… →
@@ -74,15 +75,6 @@ class Actuator(ABC):
     @abstractmethod
     def limits(self) -> JointLimits:
         """Limits that ``write`` honours."""
-
-    @property
-    @abstractmethod
-    def connected(self) -> bool:
-        """Whether the device is open."""
-
-    @abstractmethod
-    def connect(self) -> None:
-        """Opens the device and checks it; torque stays as it is. Raises DeviceError."""
 
     @abstractmethod
     def read(self) -> JointReading:
@@ -126,10 +118,6 @@ class Actuator(ABC):
         """
         return None
 
-    @abstractmethod
-    def disconnect(self) -> None:
-        """Closes the device; a second call does nothing."""
-
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
     ) -> Any:
@@ -170,11 +158,6 @@ class Actuator(ABC):
             NotImplementedError: the device has nothing to calibrate.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be calibrated: override calibration_target")
-
-    def require_connected(self, verb: str) -> None:
-        """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""
-        if not self.connected:
-            raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")
 
     def checked_goal(self, goal_rad: FloatArray) -> FloatArray:
         """Returns a goal as a new float array of shape (N,).

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from joshua.devices.context import SensorContext
+from joshua.devices.device import Device
 from joshua.devices.diagnostics import DiagnosticStatus
-from joshua.devices.errors import DeviceError
 from joshua.plan.facts import SensorFacts
 
 
@@ -28,7 +28,7 @@ class Reading:
     data: Any
 
 
-class Sensor(ABC):
+class Sensor(Device):
     """A device that yields readings.
 
     Order: constructor (no I/O) → ``connect`` → ``read``… → ``disconnect`` (idempotent; leaves no
@@ -48,15 +48,6 @@ class Sensor(ABC):
     def data_types(self) -> tuple[str, ...]:
         """ROS 2 types that ``message`` can make, such as ``sensor_msgs/msg/Image``."""
 
-    @property
-    @abstractmethod
-    def connected(self) -> bool:
-        """Whether the device is open."""
-
-    @abstractmethod
-    def connect(self) -> None:
-        """Opens the device and checks it. Raises DeviceError."""
-
     @abstractmethod
     def read(self, timeout_s: float) -> Reading | None:
         """Waits for the next reading, never the same one twice; None when none came in time.
@@ -67,10 +58,6 @@ class Sensor(ABC):
     @abstractmethod
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
         """Makes the ROS 2 message of a reading, stamped with its acquisition time."""
-
-    @abstractmethod
-    def disconnect(self) -> None:
-        """Closes the device; a second call does nothing."""
 
     def implausible(self, reading: Reading) -> str:
         """What cannot be true about a reading, one sentence for MODE_TEST; "" where all is well."""
@@ -83,8 +70,3 @@ class Sensor(ABC):
         No input or output here.
         """
         return ()
-
-    def require_connected(self, verb: str) -> None:
-        """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""
-        if not self.connected:
-            raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")

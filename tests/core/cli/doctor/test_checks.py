@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from joshua.cli.doctor.checks import CHECKS, plugins, realtime, shared_memory
+from joshua.cli.doctor.checks import CHECKS, check_realtime, check_shared_memory, check_software
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.doctor.host import Host
 from usb_host import MakeHost
@@ -23,24 +23,24 @@ def only(findings: object) -> Finding:
 
 @pytest.mark.parametrize(("granted", "level"), [("0", Level.NOTE), ("1", Level.OK), ("unlimited", Level.OK)])
 def test_the_grant_of_real_time_priority(make_host: MakeHost, granted: str, level: Level) -> None:
-    found = only(realtime.check(make_host({"proc/self/limits": LIMITS.format(granted, granted)})))
+    found = only(check_realtime(make_host({"proc/self/limits": LIMITS.format(granted, granted)})))
     assert found.level is level
     assert ("rtprio 1" in found.remedy) is (level is Level.NOTE)
 
 
 def test_shared_memory_needs_a_place_and_room(tmp_path: Path, make_host: MakeHost) -> None:
     (tmp_path / "proc").mkdir()
-    found = only(shared_memory.check(make_host()))
+    found = only(check_shared_memory(make_host()))
     assert (found.level, found.message) == (Level.ERROR, "is not there")
     (tmp_path / "dev/shm").mkdir(parents=True)
-    assert only(shared_memory.check(make_host(), least_mib=0)).level is Level.OK
-    found = only(shared_memory.check(make_host(), least_mib=1e12))
+    assert only(check_shared_memory(make_host(), least_mib=0)).level is Level.OK
+    found = only(check_shared_memory(make_host(), least_mib=1e12))
     assert found.level is Level.WARNING
     assert "docker run --shm-size" in found.remedy
 
 
 def test_the_software_is_listed_with_its_versions(make_host: MakeHost) -> None:
-    found = list(plugins.check(make_host()))
+    found = list(check_software(make_host()))
     assert found[0].subject == "joshua-core"
     assert " on Python 3." in found[0].message
     assert all(finding.level is Level.OK for finding in found if finding.subject == "joshua-sts3215")

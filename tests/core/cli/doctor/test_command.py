@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.commands import doctor
-from joshua.cli.doctor.finding import Finding, Level
-from joshua.cli.doctor.text import exit_code, lines, summary
+from joshua.cli.doctor.finding import Finding, Level, exit_code, lines, summary
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.parser import parse
 from usb_host import MakeHost, plug

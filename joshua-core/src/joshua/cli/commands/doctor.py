@@ -36,9 +36,9 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
     Args:
         host: the machine to look at; None for this one.
     """
+    from joshua.cli.doctor.finding import as_json, exit_code, lines, summary
     from joshua.cli.doctor.host import Host
     from joshua.cli.doctor.parts import installed_parts
-    from joshua.cli.doctor.text import as_json, exit_code, lines, summary
 
     host = host or Host()
     parts = installed_parts()
