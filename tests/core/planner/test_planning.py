@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from joshua.features import FeatureSet
 from joshua.plan import Commander, NodeKind, Severity
-from joshua.planner.pipeline import Examination, examine
+from joshua.planner.pipeline import PipelineResult, examine
 from joshua.planner.request import Purpose, Request
 
 GENERAL = 'general { mode: MODE_TELEOPERATE name: "rig" id: "rig-1" }\n'
@@ -51,7 +51,7 @@ def plain_environment(monkeypatch):
         monkeypatch.delenv(name, raising=False)
 
 
-def codes(examination: Examination) -> list[tuple[str, Severity]]:
+def codes(examination: PipelineResult) -> list[tuple[str, Severity]]:
     return [(item.code, item.severity) for item in examination.diagnostics]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.plan import ActuatorFacts, OnStale, SafeStop
-from joshua.planner.pipeline import Examination, examine
+from joshua.planner.pipeline import PipelineResult, examine
 from joshua.planner.request import Request
 
 FILE = """
@@ -39,20 +39,20 @@ def planned(
     block: str = SERVOS,
     role: str = "ACTION_FOLLOWER",
     commanded: bool = False,
-) -> Examination:
+) -> PipelineResult:
     path = folder / "robot.pbtxt"
     subscription = SUBSCRIPTION if commanded else ""
     path.write_text(FILE.format(role=role, block=block, more=more, subscription=subscription))
     return examine(Request(str(path)))
 
 
-def facts(examination: Examination) -> ActuatorFacts:
+def facts(examination: PipelineResult) -> ActuatorFacts:
     assert examination.plan is not None, examination.diagnostics
     (node,) = examination.plan.nodes
     return node.facts_as(ActuatorFacts)
 
 
-def finding(examination: Examination, code: str) -> Any:
+def finding(examination: PipelineResult, code: str) -> Any:
     (item,) = [item for item in examination.diagnostics if item.code == code]
     return item
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from joshua.plan import NodeKind
-from joshua.planner.pipeline import Examination, examine
+from joshua.planner.pipeline import PipelineResult, examine
 from joshua.planner.request import Purpose, Request
 from joshua.plugins import PluginStatus, load_registry
 
@@ -45,7 +45,7 @@ def robot(folder: Path, mode: str, rest: str = ARM) -> str:
     return str(path)
 
 
-def codes(examination: Examination) -> list[tuple[str, str]]:
+def codes(examination: PipelineResult) -> list[tuple[str, str]]:
     return [(item.code, item.severity.value) for item in examination.diagnostics]
 
 

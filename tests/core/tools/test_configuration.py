@@ -8,7 +8,7 @@ import sys
 import joshua.tools
 import pytest
 from joshua.cli.presets import FOLDER
-from joshua.tools import Examination, check, explain, plan, spans
+from joshua.tools import PipelineResult, check, explain, plan, spans
 
 PRESET = str(FOLDER / "test_mock_hardware.pbtxt")
 
@@ -16,7 +16,7 @@ PRESET = str(FOLDER / "test_mock_hardware.pbtxt")
 def test_a_file_is_checked_and_planned():
     assert check(PRESET).errors == []
     assert check(PRESET).plan is None
-    found: Examination = plan(PRESET, overrides=["general.mode=MODE_TEST"])
+    found: PipelineResult = plan(PRESET, overrides=["general.mode=MODE_TEST"])
     assert found.plan is not None
     assert found.plan.mode == "MODE_TEST"
     assert {item.code for item in check(PRESET, overrides=["general.mod=MODE_TEST"]).errors} == {

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 from joshua.plan import Severity
-from joshua.planner.pipeline import Examination, examine
+from joshua.planner.pipeline import PipelineResult, examine
 from joshua.planner.request import Purpose, Request
 from sim_configs import simulation_file
 
 
-def examination(folder: Path, text: str, purpose: Purpose = Purpose.LAUNCH) -> Examination:
+def examination(folder: Path, text: str, purpose: Purpose = Purpose.LAUNCH) -> PipelineResult:
     path = folder / "robot.pbtxt"
     path.write_text(text)
     return examine(Request(str(path), purpose=purpose))

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joshua.plan import ServiceFacts, Severity
+from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.environments import choose_environment
-from joshua.planner.findings import Findings
 from joshua.planner.pipeline import check_file, examine
 from joshua.planner.request import Purpose, Request
 from joshua.plugins.environments import make_environment
@@ -54,7 +54,7 @@ def write(folder: Path, text: str) -> Path:
 def chosen(folder: Path, text: str):
     """What the file chooses, through the whole road of a validation but the trainer, which is not there."""
     checked = check_file(Request(str(write(folder, text))))
-    findings = Findings(checked.loaded, launch=True)
+    findings = Diagnostics(checked.loaded, launch=True)
     environment = choose_environment(checked.loaded.config, checked.registry, findings)
     assert not findings.items
     return environment

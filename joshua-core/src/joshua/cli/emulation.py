@@ -142,7 +142,7 @@ def start_rig(
         rig = stack.enter_context(EmulatedRig(checked, parse_faults(arguments.faults), physics))
         problems = rig.problems()
         if problems:
-            found = replace(checked.examination, diagnostics=[*checked.diagnostics, *problems])
+            found = replace(checked.result, diagnostics=[*checked.diagnostics, *problems])
             show_findings(found, arguments.format)
             sys.stderr.write("nothing was started\n")
             return exit_code_of(found)

@@ -11,7 +11,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.planner.pipeline import Examination
+    from joshua.planner.pipeline import PipelineResult
     from joshua.planner.request import Purpose, Request
 
 
@@ -48,23 +48,21 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
     )
 
 
-def show_findings(examination: Examination, output_format: str) -> None:
+def show_findings(result: PipelineResult, output_format: str) -> None:
     """Prints all findings: JSON to standard output, text to standard error."""
     from joshua.config.diagnostics import columns_of, render_json, render_text, wants_color
 
     if output_format == "json":
-        sys.stdout.write(render_json(examination.diagnostics) + "\n")
-    elif examination.diagnostics:
+        sys.stdout.write(render_json(result.diagnostics) + "\n")
+    elif result.diagnostics:
         color, columns = wants_color(sys.stderr), columns_of(sys.stderr)
-        sys.stderr.write(render_text(examination.diagnostics, examination.sources, color, columns))
+        sys.stderr.write(render_text(result.diagnostics, result.sources, color, columns))
 
 
-def exit_code_of(examination: Examination) -> ExitCode:
-    """Names the exit code of an examination: a missing plugin counts only when nothing else is wrong."""
-    if not examination.errors:
+def exit_code_of(result: PipelineResult) -> ExitCode:
+    """Names the exit code of a result: a missing plugin counts only when nothing else is wrong."""
+    if not result.errors:
         return ExitCode.OK
-    if all(
-        item.code in ("plugin-missing", "extra-missing", "emulator-missing") for item in examination.errors
-    ):
+    if all(item.code in ("plugin-missing", "extra-missing", "emulator-missing") for item in result.errors):
         return ExitCode.NOT_INSTALLED
     return ExitCode.INVALID

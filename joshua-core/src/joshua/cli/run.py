@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from joshua.cli.emulation import EmulatedRig
     from joshua.plan import Plan, RunReport
-    from joshua.planner.pipeline import Checked, Examination
+    from joshua.planner.pipeline import Checked, PipelineResult
     from joshua.plugins.emulator import Coupling
     from joshua.supervisor.fork_server import ForkServer
 
@@ -43,21 +43,21 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.planner.pipeline import finish
 
         checked = check(arguments)
-        if arguments.open and not runs_itself(checked) and not checked.examination.errors:
+        if arguments.open and not runs_itself(checked) and not checked.result.errors:
             return without_effect("--open shows the page of a calibration, and this file's mode is another")
         rig = None
-        if not checked.examination.errors:
+        if not checked.result.errors:
             prepared = stand_ins(checked, arguments, stack)
             if isinstance(prepared, int):
                 return prepared
             checked, rig = prepared
         if program := runs_itself(checked):
             return run_mode(program, checked, arguments, rig)
-        examination = finish(checked)
-        if examination.plan is None:
-            return refuse(examination, arguments)
-        report = supervise(examination.plan, server, arguments, began_s)
-    return conclude(examination.plan, report)
+        result = finish(checked)
+        if result.plan is None:
+            return refuse(result, arguments)
+        report = supervise(result.plan, server, arguments, began_s)
+    return conclude(result.plan, report)
 
 
 @contextmanager
@@ -135,13 +135,13 @@ def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig:
         return ExitCode.NOT_INSTALLED
 
 
-def refuse(examination: Examination, arguments: argparse.Namespace) -> int:
+def refuse(result: PipelineResult, arguments: argparse.Namespace) -> int:
     """Shows every finding and says that nothing was started."""
     from joshua.cli.report import exit_code_of, show_findings
 
-    show_findings(examination, arguments.format)
+    show_findings(result, arguments.format)
     sys.stderr.write("nothing was started\n")
-    return exit_code_of(examination)
+    return exit_code_of(result)
 
 
 def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float) -> RunReport:

@@ -25,9 +25,9 @@ def validate(arguments: argparse.Namespace) -> int:
     from joshua.planner.request import Purpose
 
     _skip_pydantic_plugins()
-    examination = examine(request_of(arguments, Purpose.VALIDATE))
-    show_findings(examination, arguments.format)
-    code = exit_code_of(examination)
+    result = examine(request_of(arguments, Purpose.VALIDATE))
+    show_findings(result, arguments.format)
+    code = exit_code_of(result)
     if code is ExitCode.OK and arguments.format == "text":
         sys.stdout.write(f"{arguments.config}: valid\n")
     return ExitCode.OK if code is ExitCode.OK else ExitCode.INVALID

@@ -8,8 +8,8 @@ import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from joshua.textproto.diagnostics import Diagnostics, Span
 from joshua.textproto.limits import MAX_FILE_BYTES
-from joshua.textproto.problems import Problems, Span
 from joshua.textproto.source import Source
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def file_id(path: str) -> FileId | None:
     return FileId(found.st_dev, found.st_ino)
 
 
-def read_source(path: str, problems: Problems, at: Span | None) -> Source | None:
+def read_source(path: str, problems: Diagnostics, at: Span | None) -> Source | None:
     """Reads a file.
 
     Args:
@@ -52,7 +52,7 @@ def read_source(path: str, problems: Problems, at: Span | None) -> Source | None
     return None if data is None else decode_source(path, data, problems, at)
 
 
-def read_bytes(path: str, problems: Problems, at: Span | None) -> bytes | None:
+def read_bytes(path: str, problems: Diagnostics, at: Span | None) -> bytes | None:
     """Reads the bytes of a file; the arguments are those of ``read_source``, None where there are none."""
     if not path:
         problems.error("file-missing", "The path of the configuration file is empty.", at, found='""')
@@ -79,7 +79,7 @@ def read_bytes(path: str, problems: Problems, at: Span | None) -> bytes | None:
     return data
 
 
-def _is_regular(path: str, mode: int, problems: Problems, at: Span | None) -> bool:
+def _is_regular(path: str, mode: int, problems: Diagnostics, at: Span | None) -> bool:
     if stat.S_ISREG(mode):
         return True
     kinds = (
@@ -101,7 +101,7 @@ def _is_regular(path: str, mode: int, problems: Problems, at: Span | None) -> bo
     return False
 
 
-def _missing(path: str, problems: Problems, at: Span | None) -> None:
+def _missing(path: str, problems: Diagnostics, at: Span | None) -> None:
     from joshua.textproto.nearest import nearest
 
     where = Path(path)
@@ -130,7 +130,7 @@ def _missing(path: str, problems: Problems, at: Span | None) -> None:
         )
 
 
-def _unreadable(path: str, fault: Exception, problems: Problems, at: Span | None) -> None:
+def _unreadable(path: str, fault: Exception, problems: Diagnostics, at: Span | None) -> None:
     reason = os.strerror(fault.errno) if isinstance(fault, OSError) and fault.errno else str(fault)
     shown = path.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
     remedy = ""
@@ -139,7 +139,7 @@ def _unreadable(path: str, fault: Exception, problems: Problems, at: Span | None
     problems.error("file-unreadable", f"{shown} cannot be read: {reason}.", at, found=reason, remedy=remedy)
 
 
-def _too_large(path: str, size: str, problems: Problems, at: Span | None) -> None:
+def _too_large(path: str, size: str, problems: Diagnostics, at: Span | None) -> None:
     most = MAX_FILE_BYTES // 1024 // 1024
     problems.error(
         "file-too-large",
@@ -158,7 +158,7 @@ def _configurations_in(folder: str) -> list[str]:
         return []
 
 
-def decode_source(path: str, data: bytes, problems: Problems, at: Span | None) -> Source | None:
+def decode_source(path: str, data: bytes, problems: Diagnostics, at: Span | None) -> Source | None:
     """Turns the bytes of a file into text; the arguments and the result are those of ``read_source``."""
     if len(data) > MAX_FILE_BYTES:
         _too_large(path, f"more than {MAX_FILE_BYTES} bytes", problems, at)

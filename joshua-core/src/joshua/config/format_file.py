@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from joshua.config.files import decode_source, read_bytes
+from joshua.textproto.diagnostics import Diagnostics
 from joshua.textproto.formatting import format_source, same_content
 from joshua.textproto.lexer import tokenize
 from joshua.textproto.parser import Parser
-from joshua.textproto.problems import Problems
 from joshua.textproto.source import Source
 
 if TYPE_CHECKING:
@@ -38,16 +38,16 @@ class Formatted:
 
 def format_file(path: str) -> Formatted:
     """Formats the text of a file, which stays as it is."""
-    problems = Problems()
+    problems = Diagnostics()
     data = read_bytes(path, problems, None)
     if data is None:
-        return Formatted(None, diagnostics=problems.diagnostics())
+        return Formatted(None, diagnostics=problems.items)
     return _format(decode_source(path, data, problems, None), problems, data)
 
 
 def format_bytes(name: str, data: bytes) -> Formatted:
     """Formats a text; ``name`` stands for it in diagnostics."""
-    problems = Problems()
+    problems = Diagnostics()
     return _format(decode_source(name, data, problems, None), problems, data)
 
 
@@ -74,13 +74,13 @@ def replace_file(path: str, text: str) -> None:
         raise
 
 
-def _format(source: Source | None, problems: Problems, original: bytes) -> Formatted:
+def _format(source: Source | None, problems: Diagnostics, original: bytes) -> Formatted:
     if source is None or len(problems):
-        return Formatted(None, diagnostics=problems.diagnostics(), sources=_sources(source))
+        return Formatted(None, diagnostics=problems.items, sources=_sources(source))
     tokens = tokenize(source)
     fields = Parser(source, tokens, problems).document()
     if len(problems):
-        return Formatted(None, diagnostics=problems.diagnostics(), sources=_sources(source))
+        return Formatted(None, diagnostics=problems.items, sources=_sources(source))
     text = format_source(source, tokens, fields)
     again = Source(source.name, text)
     again_tokens = tokenize(again)
@@ -88,7 +88,7 @@ def _format(source: Source | None, problems: Problems, original: bytes) -> Forma
     if len(problems) or not same_content((source, tokens, fields), (again, again_tokens, again_fields)):
         # No text is known for which this happens; should there be one, it must not be damaged.
         problems.error("format-refused", f"Formatting would change what {source.name} says.", None)
-        return Formatted(None, diagnostics=problems.diagnostics(), sources=_sources(source))
+        return Formatted(None, diagnostics=problems.items, sources=_sources(source))
     return Formatted(text, is_changed=text.encode() != original)
 
 

@@ -12,11 +12,11 @@ from joshua.config.files import FileId, file_id, read_source
 from joshua.config.graph import build_graph
 from joshua.schema.config_pb2 import MODE_CALIBRATION, Config
 from joshua.textproto.binder import Binder, Merge
+from joshua.textproto.diagnostics import Diagnostics, Span
 from joshua.textproto.limits import MAX_FILES
 from joshua.textproto.parser import parse
 from joshua.textproto.plugin_types import PluginTypes
 from joshua.textproto.positions import Positions
-from joshua.textproto.problems import Problems, Span
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -89,7 +89,7 @@ class _Loading:
         self._path = path
         self._config = Config()
         self._positions = Positions()
-        self._problems = Problems()
+        self._problems = Diagnostics()
         self._merge = Merge(self._positions, self._problems, types)
         self._sources: dict[str, str] = {}
         self._chain: list[_OpenFile] = []
@@ -107,7 +107,7 @@ class _Loading:
             self._path,
             self._config,
             self._positions,
-            self._problems.diagnostics(),
+            self._problems.items,
             self._sources,
             is_readable,
             calibration_file,

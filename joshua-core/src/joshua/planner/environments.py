@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from joshua.plan import Related, Severity
-from joshua.planner.findings import Findings
+from joshua.planner.diagnostics import Diagnostics
 from joshua.plugins import Environment, EnvironmentSpec, Registry
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest, nearest_first
@@ -20,7 +20,9 @@ _REWARD = "ai.training.rl_config.reward_function"
 Offers = tuple[tuple[Environment, EnvironmentSpec], ...]
 
 
-def choose_environment(config: pb.Config, registry: Registry, findings: Findings) -> ChosenEnvironment | None:
+def choose_environment(
+    config: pb.Config, registry: Registry, findings: Diagnostics
+) -> ChosenEnvironment | None:
     """Chooses the environment of ``ai.training`` by its id, else by its reward; problems become findings.
 
     Returns:
@@ -70,7 +72,7 @@ def choose_environment(config: pb.Config, registry: Registry, findings: Findings
     )
 
 
-def _nobody_offers(training: pb.Training, registry: Registry, findings: Findings) -> None:
+def _nobody_offers(training: pb.Training, registry: Registry, findings: Diagnostics) -> None:
     """No installed plugin offers any: only an id that is named is certain to need one."""
     if training.environment_id and training.simulator_backend in (0, pb.BACKEND_MJX):
         findings.add(
@@ -82,7 +84,7 @@ def _nobody_offers(training: pb.Training, registry: Registry, findings: Findings
         )
 
 
-def _unknown(training: pb.Training, offers: Offers, findings: Findings) -> None:
+def _unknown(training: pb.Training, offers: Offers, findings: Diagnostics) -> None:
     wanted = training.environment_id
     if wanted:
         known = [environment.id for environment, _ in offers]
@@ -109,7 +111,7 @@ def _unknown(training: pb.Training, offers: Offers, findings: Findings) -> None:
     )
 
 
-def _unknown_reward(reward: str, environment: Environment, findings: Findings) -> None:
+def _unknown_reward(reward: str, environment: Environment, findings: Diagnostics) -> None:
     near = nearest(reward, environment.rewards)
     place = findings.positions.value(_ID)
     findings.add(
@@ -124,7 +126,7 @@ def _unknown_reward(reward: str, environment: Environment, findings: Findings) -
     )
 
 
-def _needed(offers: Offers, findings: Findings) -> None:
+def _needed(offers: Offers, findings: Diagnostics) -> None:
     findings.add(
         "environment-needed",
         Severity.ERROR if findings.launch else Severity.NOTE,

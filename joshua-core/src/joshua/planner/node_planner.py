@@ -21,7 +21,7 @@ from joshua.plan import (
 from joshua.plan.facts import Facts
 from joshua.plan.graph import Endpoint, RobotGraph
 from joshua.planner.devices import Wanted
-from joshua.planner.findings import Findings
+from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.request import Request
 from joshua.planner.resolution import Resolved
 from joshua.planner.safety import safety_facts
@@ -53,7 +53,7 @@ class NodePlanner:
         graph: RobotGraph,
         registry: Registry,
         joints: Mapping[str, Sequence[JointRange]],
-        findings: Findings,
+        findings: Diagnostics,
         request: Request,
         physics: dict[str, Any] | None,
         *,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Examination:
+class PipelineResult:
     """What is known about a configuration.
 
     Attributes:
@@ -51,18 +51,18 @@ class Checked:
     simulated: Simulated | None = None
 
     @property
-    def examination(self) -> Examination:
+    def result(self) -> PipelineResult:
         """What is known so far."""
-        return Examination(self.diagnostics, self.loaded.sources)
+        return PipelineResult(self.diagnostics, self.loaded.sources)
 
 
-def examine(request: Request) -> Examination:
+def examine(request: Request) -> PipelineResult:
     """Loads, checks and plans a configuration; reports every problem at once and never raises for one.
 
     Emulated devices have ``emulated`` for an endpoint: nothing is started.
     """
     checked = check_file(request)
-    if request.emulate and not checked.examination.errors:
+    if request.emulate and not checked.result.errors:
         from joshua.planner.amend import emulate, unstarted_emulators
 
         emulators = unstarted_emulators(checked.loaded, checked.registry)
@@ -95,7 +95,7 @@ def check_file(request: Request) -> Checked:
     if request.launch and (request.emulate or not request.simulate):
         diagnostics += interrupted_calibrations(loaded, emulate=request.emulate, state_home=home)
     checked = Checked(request, registry, loaded, diagnostics)
-    if checked.examination.errors or not (request.simulate or request.emulate):
+    if checked.result.errors or not (request.simulate or request.emulate):
         return checked
     return _with_stand_ins(checked)
 
@@ -124,7 +124,7 @@ def _with_stand_ins(checked: Checked) -> Checked:
     return replace(checked, loaded=loaded, diagnostics=found, simulated=simulated)
 
 
-def finish(checked: Checked) -> Examination:
+def finish(checked: Checked) -> PipelineResult:
     """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
     from joshua.config.checks.taint import one_of_each
     from joshua.planner.planning import Planning
@@ -133,12 +133,12 @@ def finish(checked: Checked) -> Examination:
     planning = Planning(checked.loaded, checked.registry, request)
     planning.resolve()
     findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
-    examination = Examination(findings, checked.loaded.sources)
-    if examination.errors or request.purpose is Purpose.VALIDATE:
-        return examination
+    result = PipelineResult(findings, checked.loaded.sources)
+    if result.errors or request.purpose is Purpose.VALIDATE:
+        return result
     plan = planning.plan()
     findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
-    examination = replace(examination, diagnostics=findings)
-    if plan is None or examination.errors:
-        return examination
-    return replace(examination, plan=plan.model_copy(update={"findings": tuple(examination.diagnostics)}))
+    result = replace(result, diagnostics=findings)
+    if plan is None or result.errors:
+        return result
+    return replace(result, plan=plan.model_copy(update={"findings": tuple(result.diagnostics)}))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from joshua.modes import mode_name, mode_of
 from joshua.plan import Diagnostic, Severity
 from joshua.planner.devices import wanted_nodes
-from joshua.planner.findings import Findings
+from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.resolution import Resolved, Resolver
 from joshua.planner.services import ResolvedService, graph_services, physics_of, resolve_services
 from joshua.plugins import SensorSpec
@@ -33,7 +33,7 @@ class Planning:
         self._registry = registry
         self._request = request
         self._mode = mode_of(loaded.config, registry)
-        self._findings = Findings(loaded, launch=request.launch)
+        self._findings = Diagnostics(loaded, launch=request.launch)
         self._graph = loaded.graph
         self._allows_uncalibrated = request.allow_uncalibrated or self._mode.works_uncalibrated
         self._resolver = Resolver(
@@ -142,7 +142,7 @@ class Planning:
             self._findings.add("qos-acts-partly", Severity.NOTE, f"{where}: {note}")
 
 
-def _share_of_host(nodes: list[NodeSpec], host: str, findings: Findings) -> list[NodeSpec]:
+def _share_of_host(nodes: list[NodeSpec], host: str, findings: Diagnostics) -> list[NodeSpec]:
     """Keeps the nodes that this machine runs: those of ``--host``, or those that name no host."""
     hosts = sorted({node.host for node in nodes if node.host})
     mine = [node for node in nodes if node.host == host]

@@ -10,7 +10,7 @@ from joshua.config.checks.device_table import fitting_blocks
 from joshua.plan import Diagnostic, Severity
 from joshua.plan.graph import RobotGraph
 from joshua.planner.devices import Wanted, joints_of
-from joshua.planner.findings import Findings
+from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.safety import check_safety
 from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, Registry, SensorSpec
 from joshua.plugins.block_context import BlockContext
@@ -52,7 +52,7 @@ class Resolver:
         config: pb.Config,
         graph: RobotGraph,
         registry: Registry,
-        findings: Findings,
+        findings: Diagnostics,
         source: str,
         *,
         allow_uncalibrated: bool,

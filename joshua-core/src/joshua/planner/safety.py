@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from joshua.plan import Severity
 from joshua.planner.devices import Wanted
-from joshua.planner.findings import Findings
+from joshua.planner.diagnostics import Diagnostics
 from joshua.plugins import ActuatorSpec
 from joshua.schema import config_pb2 as pb
 
@@ -41,7 +41,9 @@ def safety_facts(action: pb.SingleAction, spec: ActuatorSpec) -> dict[str, Any]:
     return facts
 
 
-def check_safety(want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange], findings: Findings) -> None:
+def check_safety(
+    want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange], findings: Diagnostics
+) -> None:
     """Finds a park pose that does not fit the joints, and a device that cannot park."""
     action = want.entry.owner
     if not isinstance(action, pb.SingleAction):

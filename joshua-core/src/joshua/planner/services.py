@@ -13,8 +13,8 @@ from joshua.modes import ModeSpec, ServiceSpec
 from joshua.modes.services import makes_episodes
 from joshua.plan.graph import GraphService, RobotGraph, ServiceTopic
 from joshua.plan.qos import QosProfile
+from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.environments import choose_environment
-from joshua.planner.findings import Findings
 from joshua.planner.request import Request
 from joshua.plugins import EpisodeWriterSpec, PluginSpec, Registry, SimulatorSpec, TrainerSpec
 from joshua.plugins.block_context import BlockContext, DataStoreContext
@@ -46,7 +46,7 @@ class ResolvedService:
 
 
 def resolve_services(
-    config: pb.Config, registry: Registry, mode: ModeSpec, findings: Findings, request: Request
+    config: pb.Config, registry: Registry, mode: ModeSpec, findings: Diagnostics, request: Request
 ) -> list[ResolvedService]:
     """Finds what runs the services of a mode, and checks their settings; problems become findings.
 
@@ -84,7 +84,7 @@ def resolve_services(
 
 
 def _own(
-    service: ServiceSpec, block: Any, mode: ModeSpec, registry: Registry, findings: Findings, source: str
+    service: ServiceSpec, block: Any, mode: ModeSpec, registry: Registry, findings: Diagnostics, source: str
 ) -> ResolvedService:
     """A service that the plugin of the mode brings itself."""
     spec = PluginSpec(implementation=service.behaviour, settings=service.settings)
@@ -96,7 +96,7 @@ def _own(
 
 
 def _settings(
-    service: ServiceSpec, block: Any, spec: PluginSpec, context: BlockContext, findings: Findings
+    service: ServiceSpec, block: Any, spec: PluginSpec, context: BlockContext, findings: Diagnostics
 ) -> Any:
     if not spec.settings:
         return None
@@ -113,7 +113,9 @@ def _settings(
     return settings
 
 
-def _data_store(config: pb.Config, registry: Registry, findings: Findings, folder: str) -> DataStoreContext:
+def _data_store(
+    config: pb.Config, registry: Registry, findings: Diagnostics, folder: str
+) -> DataStoreContext:
     """What a simulator that replays or makes episodes must know of the data set."""
     block = config.ai.data_store
     path = block.local_path
@@ -131,7 +133,7 @@ def _data_store(config: pb.Config, registry: Registry, findings: Findings, folde
     )
 
 
-def _folder(path: str, findings: Findings, source: str) -> str:
+def _folder(path: str, findings: Diagnostics, source: str) -> str:
     """Folder of the file that holds a block or field."""
     position = findings.positions.value(path)
     named_in = position.file if position is not None and Path(position.file).is_file() else source

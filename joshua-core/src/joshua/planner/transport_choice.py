@@ -10,14 +10,14 @@ from joshua.schema import transport_pb2
 from joshua.transport.choose import TransportBlock, TransportChoiceError, choose_transport, dds_installed
 
 if TYPE_CHECKING:
-    from joshua.planner.findings import Findings
+    from joshua.planner.diagnostics import Diagnostics
     from joshua.schema import config_pb2 as pb
 
 _ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
 _DDS_FIELDS = ("network_interface", "peers")
 
 
-def transport_spec(config: pb.Config, source: str, findings: Findings) -> TransportSpec | None:
+def transport_spec(config: pb.Config, source: str, findings: Diagnostics) -> TransportSpec | None:
     """Chooses the transport; a wrong environment or a missing extra becomes a finding, and None."""
     has_dds = dds_installed()
     try:
@@ -44,7 +44,7 @@ def transport_spec(config: pb.Config, source: str, findings: Findings) -> Transp
     return spec
 
 
-def _refuse_unused(block: transport_pb2.TransportConfig, spec: TransportSpec, findings: Findings) -> None:
+def _refuse_unused(block: transport_pb2.TransportConfig, spec: TransportSpec, findings: Diagnostics) -> None:
     """Settings of one middleware where the environment has chosen the other; the checks know a named kind."""
     if _kind(block) != "auto":
         return
@@ -62,7 +62,7 @@ def _refuse_unused(block: transport_pb2.TransportConfig, spec: TransportSpec, fi
         )
 
 
-def _block(block: transport_pb2.TransportConfig, source: str, findings: Findings) -> TransportBlock:
+def _block(block: transport_pb2.TransportConfig, source: str, findings: Diagnostics) -> TransportBlock:
     return TransportBlock(
         kind=_kind(block),
         domain_id=block.domain_id if block.HasField("domain_id") else None,
@@ -80,7 +80,7 @@ def _kind(block: transport_pb2.TransportConfig) -> Literal["auto", "zenoh", "dds
     return "dds" if block.kind == transport_pb2.TRANSPORT_DDS else "auto"
 
 
-def _tls(block: transport_pb2.TransportConfig, source: str, findings: Findings) -> TlsSpec | None:
+def _tls(block: transport_pb2.TransportConfig, source: str, findings: Diagnostics) -> TlsSpec | None:
     if not block.HasField("tls"):
         return None
     from joshua.config.input_paths import with_absolute_paths

@@ -5,18 +5,18 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
+from joshua.textproto.diagnostics import Span
 from joshua.textproto.field_table import ANY, FieldInfo, Kind, field_table
 from joshua.textproto.nearest import nearest_first
 from joshua.textproto.positions import Positions
-from joshua.textproto.problems import Span
 from joshua.textproto.scalars import ScalarReader
 from joshua.textproto.syntax import Block, Field, ListValue, Scalar, ScalarKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.plugin_types import PluginTypes
-    from joshua.textproto.problems import Problems
     from joshua.textproto.source import Source
     from joshua.textproto.syntax import Field, Value
 
@@ -32,7 +32,7 @@ class Merge:
         oneofs: path of a block and name of a oneof to the member that is written, and where.
     """
 
-    def __init__(self, positions: Positions, problems: Problems, types: PluginTypes) -> None:
+    def __init__(self, positions: Positions, problems: Diagnostics, types: PluginTypes) -> None:
         self.positions = positions
         self.problems = problems
         self.types = types

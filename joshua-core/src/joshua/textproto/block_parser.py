@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from joshua.textproto.diagnostics import Span
 from joshua.textproto.lexer import END, NAME, SIGN
 from joshua.textproto.limits import MAX_DEPTH
-from joshua.textproto.problems import Span
 from joshua.textproto.syntax import Block
 from joshua.textproto.value_parser import ValueParser
 
 if TYPE_CHECKING:
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import Tokens
-    from joshua.textproto.problems import Problems
     from joshua.textproto.source import Source
     from joshua.textproto.syntax import Field
 
@@ -41,7 +41,7 @@ class _Open(NamedTuple):
 class BlockParser(ValueParser):
     """Keeps the blocks that are open; indentation decides only where the braces of a file do not match."""
 
-    def __init__(self, source: Source, tokens: Tokens, problems: Problems) -> None:
+    def __init__(self, source: Source, tokens: Tokens, problems: Diagnostics) -> None:
         super().__init__(source, tokens, problems)
         self._open: list[_Open] = []
         self._guided = _indentation_must_guide(source, tokens)

@@ -6,10 +6,10 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from joshua.textproto.binder import INCLUDE, Binder, Merge
+from joshua.textproto.diagnostics import Span
 from joshua.textproto.field_table import ANY, FieldInfo, Kind, field_table
 from joshua.textproto.lexer import tokenize
 from joshua.textproto.parser import Parser
-from joshua.textproto.problems import Span
 from joshua.textproto.source import Source
 from joshua.textproto.syntax import Block, Field, ListValue, Scalar, ScalarKind
 from joshua.textproto.unknown_field import report_unknown_field

@@ -10,15 +10,15 @@ from joshua.textproto.limits import MAX_TOKENS
 from joshua.textproto.syntax import Field
 
 if TYPE_CHECKING:
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import Tokens
-    from joshua.textproto.problems import Problems
     from joshua.textproto.source import Source
 
 
 class Parser(BlockParser):
     """Parses one text; every error goes to ``problems``."""
 
-    def __init__(self, source: Source, tokens: Tokens, problems: Problems) -> None:
+    def __init__(self, source: Source, tokens: Tokens, problems: Diagnostics) -> None:
         super().__init__(source, tokens, problems)
         self._last_end = -1
 
@@ -249,6 +249,6 @@ class Parser(BlockParser):
             self.at += 1
 
 
-def parse(source: Source, problems: Problems) -> list[Field]:
+def parse(source: Source, problems: Diagnostics) -> list[Field]:
     """Parses a text into its top-level fields; what is wrong goes to ``problems``."""
     return Parser(source, tokenize(source), problems).document()

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from joshua.plan import Position
-    from joshua.textproto.problems import Span
+    from joshua.textproto.diagnostics import Span
 
 
 class Entry(NamedTuple):

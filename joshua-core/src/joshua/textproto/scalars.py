@@ -6,14 +6,14 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from joshua.textproto import literals
+from joshua.textproto.diagnostics import Span, shortened
 from joshua.textproto.field_table import Kind
 from joshua.textproto.nearest import nearest, nearest_first
-from joshua.textproto.problems import Span, shortened
 from joshua.textproto.syntax import Scalar, ScalarKind
 
 if TYPE_CHECKING:
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.field_table import FieldInfo
-    from joshua.textproto.problems import Problems
     from joshua.textproto.source import Source
     from joshua.textproto.syntax import Value
 
@@ -24,7 +24,7 @@ _NUMBER_WITH_UNIT = r"[-+]?[0-9]+(\.[0-9]+)?[^0-9.eE\s][^0-9\s]*"
 class ScalarReader:
     """Reads the scalars of one text; what does not fit goes to ``problems``."""
 
-    def __init__(self, source: Source, problems: Problems) -> None:
+    def __init__(self, source: Source, problems: Diagnostics) -> None:
         self._source = source
         self._problems = problems
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from joshua.textproto.diagnostics import Span, shortened
 from joshua.textproto.nearest import nearest, nearest_first
-from joshua.textproto.problems import Span, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from joshua.textproto.problems import Problems
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.source import Source
     from joshua.textproto.syntax import Field
 
@@ -18,7 +18,7 @@ _DEEPEST = 3
 
 
 def report_unknown_field(
-    problems: Problems, source: Source, around: Sequence[Any], field: Field, path: str
+    problems: Diagnostics, source: Source, around: Sequence[Any], field: Field, path: str
 ) -> None:
     """Reports a field that its block does not have.
 

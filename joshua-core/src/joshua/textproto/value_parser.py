@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from joshua.textproto.diagnostics import Span, shortened
 from joshua.textproto.lexer import END, NAME, NUMBER, OPEN_STRING, OTHER, SIGN, STRING
-from joshua.textproto.problems import Span, shortened
 from joshua.textproto.syntax import Block, Field, ListValue, Scalar, ScalarKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import Tokens
-    from joshua.textproto.problems import Problems
     from joshua.textproto.source import Source
 
 _RUN_END = re.compile(r"[\s{}<>\[\],;#]")
@@ -25,7 +25,7 @@ _KINDS = {NAME: ScalarKind.NAME, NUMBER: ScalarKind.NUMBER, STRING: ScalarKind.S
 class ValueParser:
     """A cursor that knows how to read scalars and lists."""
 
-    def __init__(self, source: Source, tokens: Tokens, problems: Problems) -> None:
+    def __init__(self, source: Source, tokens: Tokens, problems: Diagnostics) -> None:
         self.source = source
         self.tokens = tokens
         self.problems = problems

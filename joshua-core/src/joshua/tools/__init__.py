@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from joshua.planner.devices import Wanted as Wanted
     from joshua.planner.devices import wanted_nodes as wanted_nodes
     from joshua.planner.pipeline import Checked as Checked
-    from joshua.planner.pipeline import Examination as Examination
+    from joshua.planner.pipeline import PipelineResult as PipelineResult
     from joshua.planner.pipeline import check_file as check_file
     from joshua.planner.pipeline import finish as finish
     from joshua.planner.request import Purpose as Purpose
@@ -73,12 +73,12 @@ if TYPE_CHECKING:
     from joshua.supervisor.log_files import log_directory as log_directory
     from joshua.supervisor.tables import clean as clean
     from joshua.supervisor.tables import columns as columns
+    from joshua.textproto.diagnostics import Diagnostics as Diagnostics
     from joshua.textproto.lexer import tokenize as tokenize
     from joshua.textproto.nearest import nearest_first as nearest_first
     from joshua.textproto.parser import Parser as Parser
     from joshua.textproto.positions import Entry as Entry
     from joshua.textproto.positions import Positions as Positions
-    from joshua.textproto.problems import Problems as Problems
     from joshua.textproto.source import Source as Source
     from joshua.tools.configuration import calibration_place as calibration_place
     from joshua.tools.configuration import check as check
@@ -100,7 +100,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
             "calibration_place",
         ),
         "joshua.planner.request": ("Request", "Purpose"),
-        "joshua.planner.pipeline": ("Examination", "Checked", "check_file", "finish"),
+        "joshua.planner.pipeline": ("PipelineResult", "Checked", "check_file", "finish"),
         "joshua.planner.calibration_place": ("kept_calibrations", "FileRefused"),
         "joshua.config.calibration_paths": ("journal_path",),
         "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan"),
@@ -145,7 +145,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.textproto.source": ("Source",),
         "joshua.textproto.lexer": ("tokenize",),
         "joshua.textproto.parser": ("Parser",),
-        "joshua.textproto.problems": ("Problems",),
+        "joshua.textproto.diagnostics": ("Diagnostics",),
         "joshua.textproto.positions": ("Positions", "Entry"),
         "joshua.config.format_file": ("replace_file",),
     },

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
     from joshua.devices.actuator import Actuator
     from joshua.plan import NodeSpec
-    from joshua.planner.pipeline import Examination
+    from joshua.planner.pipeline import PipelineResult
 
 
-def check(path: str | os.PathLike[str], **options: Any) -> Examination:
+def check(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
     """Finds every problem of a configuration file; never raises for what stands in it.
 
     Args:
@@ -22,7 +22,7 @@ def check(path: str | os.PathLike[str], **options: Any) -> Examination:
     return _examined(path, "VALIDATE", options)
 
 
-def plan(path: str | os.PathLike[str], **options: Any) -> Examination:
+def plan(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
     """The same with the plan of what would be started, where no problem is an error."""
     return _examined(path, "SHOW", options)
 
@@ -59,14 +59,14 @@ def spans(text: str, field_path: str) -> list[tuple[int, int]]:
     Returns:
         Start and end offset of each value, brackets of blocks included, in the order of the text.
     """
+    from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import tokenize
     from joshua.textproto.parser import Parser
-    from joshua.textproto.problems import Problems
     from joshua.textproto.source import Source
     from joshua.textproto.syntax import Block, ListValue
 
     source = Source("", text)
-    fields = Parser(source, tokenize(source), Problems()).document()
+    fields = Parser(source, tokenize(source), Diagnostics()).document()
     values: list[Any] = []
     for name in field_path.split("."):
         named = [field.value for field in fields if field.name == name]
@@ -107,7 +107,7 @@ def open_driver(spec: NodeSpec) -> Actuator:
     return driver
 
 
-def _examined(path: str | os.PathLike[str], purpose: str, options: dict[str, Any]) -> Examination:
+def _examined(path: str | os.PathLike[str], purpose: str, options: dict[str, Any]) -> PipelineResult:
     import os
 
     from joshua.cli.report import state_home_of

@@ -65,11 +65,11 @@ def plan_of(checked: Checked, arguments: argparse.Namespace) -> tuple[Plan, dict
         except ValueError:  # names and directions of one that cannot be used are no loss
             continue
     config.ClearField("calibration")
-    examination = finish(checked)
-    if examination.plan is None:
-        show_findings(examination, arguments.format)
-        raise Refused("nothing was started", exit_code_of(examination))
-    return examination.plan, included
+    result = finish(checked)
+    if result.plan is None:
+        show_findings(result, arguments.format)
+        raise Refused("nothing was started", exit_code_of(result))
+    return result.plan, included
 
 
 def find_arms(

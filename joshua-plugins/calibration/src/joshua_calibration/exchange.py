@@ -76,12 +76,12 @@ def _with_file(arguments: argparse.Namespace, *, is_import: bool) -> int:
     checked = check_file(request_of(arguments, Purpose.SHOW))
     errors = [
         item  # what is wrong with the calibration that is going to be replaced does not matter
-        for item in checked.examination.errors
+        for item in checked.result.errors
         if not (is_import and item.code.startswith("calibration-"))
     ]
     if errors:
-        show_findings(checked.examination, arguments.format)
-        return exit_code_of(checked.examination)
+        show_findings(checked.result, arguments.format)
+        return exit_code_of(checked.result)
     try:
         (_import if is_import else _export)(checked, arguments)
     except (_Refused, CalibrationError, FileRefused) as error:

@@ -37,10 +37,10 @@ def with_arms(arguments: argparse.Namespace) -> int:
         arguments.overrides = [*arguments.overrides, f"general.mode={MODE}"]
     purpose = Purpose.SHOW if arguments.check else Purpose.LAUNCH
     checked = check_file(request_of(arguments, purpose))
-    if checked.examination.errors:
-        show_findings(checked.examination, arguments.format)
+    if checked.result.errors:
+        show_findings(checked.result, arguments.format)
         sys.stderr.write("nothing was started\n")
-        return exit_code_of(checked.examination)
+        return exit_code_of(checked.result)
     with ExitStack() as stack:
         links: dict[str, Coupling] = {}
         if arguments.sim:

@@ -83,6 +83,6 @@ def _of_configuration(arguments: argparse.Namespace, parts: Sequence[Part]) -> I
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
 
-    examination = examine(request_of(arguments, Purpose.SHOW))
+    result = examine(request_of(arguments, Purpose.SHOW))
     further = [check for part in parts for check in part.node_checks]
-    yield from check_configuration(examination, opens=not arguments.no_scan, further=further)
+    yield from check_configuration(result, opens=not arguments.no_scan, further=further)

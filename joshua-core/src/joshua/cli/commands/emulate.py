@@ -37,9 +37,9 @@ def run(arguments: argparse.Namespace) -> int:
     checked = check_file(
         Request(arguments.file, arguments.overrides, emulate=True, state_home=state_home_of(emulate=True))
     )
-    if checked.examination.errors:
-        show_findings(checked.examination, arguments.format)
-        return exit_code_of(checked.examination)
+    if checked.result.errors:
+        show_findings(checked.result, arguments.format)
+        return exit_code_of(checked.result)
     with ExitStack() as stack:
         started = start_rig(checked, arguments, stack)
         if isinstance(started, int):

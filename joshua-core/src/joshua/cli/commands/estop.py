@@ -127,12 +127,12 @@ def stop_file(bases: list[Path], latches: UserLatches, args: argparse.Namespace)
 
     for name, value in (("overrides", []), ("blocked_plugins", []), ("host", None), ("format", "text")):
         setattr(args, name, getattr(args, name, value))
-    examination = examine(request_of(args, Purpose.SHOW))
-    plan: Plan | None = examination.plan
+    result = examine(request_of(args, Purpose.SHOW))
+    plan: Plan | None = result.plan
     if plan is None:
-        show_findings(examination, args.format)
+        show_findings(result, args.format)
         sys.stderr.write("joshua estop: the file names no devices to reach: nothing was stopped\n")
-        return exit_code_of(examination)
+        return exit_code_of(result)
     specs = offline.actuators(plan)
     subjects = [Subject(plan.robot_id, plan.transport.domain_id, spec.full_name) for spec in specs]
     same = [system for system in _systems(bases, "") if any(map(system.concerns, subjects))]

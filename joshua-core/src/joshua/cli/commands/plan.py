@@ -32,15 +32,15 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
 
-    examination = examine(request_of(arguments, Purpose.SHOW))
-    if examination.plan is None:
-        show_findings(examination, arguments.format)
-        return exit_code_of(examination)
+    result = examine(request_of(arguments, Purpose.SHOW))
+    if result.plan is None:
+        show_findings(result, arguments.format)
+        return exit_code_of(result)
     if arguments.format == "json":
-        sys.stdout.write(examination.plan.model_dump_json(indent=2) + "\n")
+        sys.stdout.write(result.plan.model_dump_json(indent=2) + "\n")
     else:
-        show_findings(examination, "text")
-        sys.stdout.write(plan_text(examination.plan))
+        show_findings(result, "text")
+        sys.stdout.write(plan_text(result.plan))
     return ExitCode.OK
 
 

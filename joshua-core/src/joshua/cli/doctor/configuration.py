@@ -17,17 +17,17 @@ from joshua.plugins.targets import TargetError
 if TYPE_CHECKING:
     from joshua.cli.doctor.parts import NodeCheck
     from joshua.plan import NodeSpec
-    from joshua.planner.pipeline import Examination
+    from joshua.planner.pipeline import PipelineResult
 
 NAME = "devices"
 WARN = 1  # of diagnostic_msgs/msg/DiagnosticStatus; above it are errors
 
 
 def check_configuration(
-    examination: Examination, *, opens: bool, further: Sequence[NodeCheck] = ()
+    result: PipelineResult, *, opens: bool, further: Sequence[NodeCheck] = ()
 ) -> Iterator[Finding]:
     """One finding for each error of the file; else, where devices may be opened, some for each actuator."""
-    for diagnostic in examination.errors:
+    for diagnostic in result.errors:
         place = f"{diagnostic.position}: " if diagnostic.position else ""
         missing = diagnostic.code in ("plugin-missing", "extra-missing")
         yield Finding(
@@ -38,9 +38,9 @@ def check_configuration(
             diagnostic.remedy,
             ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID,
         )
-    if examination.plan is None or not opens:
+    if result.plan is None or not opens:
         return
-    for spec in examination.plan.nodes:
+    for spec in result.plan.nodes:
         if spec.kind is NodeKind.ACTUATOR:
             yield from check_actuator(spec, further)
 

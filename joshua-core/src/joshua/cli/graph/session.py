@@ -186,11 +186,11 @@ def _require_connection(transport: Transport, wait_s: float) -> None:
 
 def _spec_of_file(path: str) -> TransportSpec:
     from joshua.config import load
-    from joshua.planner.findings import Findings
+    from joshua.planner.diagnostics import Diagnostics
     from joshua.planner.transport_choice import transport_spec
 
     loaded = load(path)
-    findings = Findings(loaded, launch=True)
+    findings = Diagnostics(loaded, launch=True)
     spec = transport_spec(loaded.config, path, findings)
     problems = [item for item in (*loaded.diagnostics, *findings.items) if item.severity.value == "error"]
     if not loaded.is_readable or spec is None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from joshua.plugins import PluginSpec, Registry
 
 
-class Findings:
+class Diagnostics:
     """Collects what planning finds, with positions."""
 
     def __init__(self, loaded: LoadedConfig, *, launch: bool) -> None:

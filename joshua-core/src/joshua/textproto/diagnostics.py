@@ -38,7 +38,7 @@ class Span(NamedTuple):
     end: int
 
 
-class Problems:
+class Diagnostics:
     """The problems of one load, in the order in which they stand in the files."""
 
     def __init__(self) -> None:
@@ -108,8 +108,9 @@ class Problems:
                 located = replace(diagnostic, field_path=fields[index][2])
                 self._found[number] = (order, at, located)
 
-    def diagnostics(self) -> list[Diagnostic]:
-        """Returns all problems, file by file and from top to bottom."""
+    @property
+    def items(self) -> list[Diagnostic]:
+        """All of them, file by file and from top to bottom."""
         ordered = sorted(self._found, key=lambda item: item[:2])
         result = [diagnostic for _, _, diagnostic in ordered]
         if self.full:
