@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool
@@ -26,8 +27,9 @@ def _message() -> None:
         name="comm", number=1, type=_Field.TYPE_MESSAGE, type_name=".joshua.Comm", label=_Field.LABEL_OPTIONAL
     )
     ids = arm.field.add(name="servos", number=2, type=_Field.TYPE_INT32, label=_Field.LABEL_REPEATED)
-    ids.options.Extensions[options_pb2.rule].kind = options_pb2.KIND_MOTOR_ID
-    rule = arm.options.Extensions[options_pb2.block]
+    extensions: Any = options_pb2  # whose stubs know its extensions as plain descriptors
+    ids.options.Extensions[extensions.rule].kind = options_pb2.KIND_MOTOR_ID
+    rule = arm.options.Extensions[extensions.block]
     rule.link = "serial"
     rule.publishes.append("JOINT_STATE")
     rule.bus.request, rule.bus.reply, rule.bus.feedback, rule.bus.command = 10, 10, 10, 10
