@@ -28,9 +28,8 @@ from joshua.devices.calibration import ArmCalibration
 from joshua.guardian.latch import LatchFolder
 from joshua.ipc.client import CallError, RunningSystem, all_systems
 from joshua_emulator import EmulatedBus
-from joshua_servo.safe_stop import SafeStopRequest
-from joshua_sts3215 import safe_stop
 from joshua_sts3215.actuator import Sts3215Actuator
+from joshua_sts3215.safe_stop import Sts3215StopRequest
 from joshua_sts3215.settings import Sts3215Settings
 from processes import descendants_of, is_guardian, parent_of
 
@@ -71,7 +70,7 @@ def baseline_s() -> float:
         driver.enable()
         driver.disconnect()
         begun_ns = time.monotonic_ns()
-        report = safe_stop.run(SafeStopRequest("RELEASE", ids, path=arm.port, device_root=str(arm.root)))
+        report = Sts3215StopRequest("RELEASE", ids, path=arm.port, device_root=str(arm.root)).run()
         if not report.complete:
             raise RuntimeError(report.detail)
         ended_ns = max(entry["t_ns"] for entry in arm.log("torque", since=before))

@@ -20,7 +20,7 @@ import time
 from typing import Any
 
 from joshua_emulator import EmulatedBus
-from joshua_servo.safe_stop import SafeStopRequest
+from joshua_servo.safe_stop import ServoStopRequest
 
 ROUNDS = 12
 IDS = (1, 2, 3, 4, 5, 6)
@@ -53,13 +53,12 @@ while True:
 """
 
 GUARDIAN = """
-import importlib, sys
-from joshua_servo.safe_stop import SafeStopRequest
-run = importlib.import_module(sys.argv[2] + ".safe_stop").run
-request = SafeStopRequest.from_json(sys.argv[1])
+import json, sys
+from joshua.guardian.main import load_action
+act, values = load_action(sys.argv[2]), json.loads(sys.argv[1])
 print("watching", flush=True)
 sys.stdin.buffer.read()
-print(run(request).to_json(), flush=True)
+print(json.dumps(act(values)), flush=True)
 """
 
 
@@ -74,14 +73,21 @@ def one_round(family: str, action: str) -> tuple[float, float]:
             "calibration": emulator.calibration(),
             **further,
         }
-        request = SafeStopRequest(action, IDS, path=emulator.port, device_root=str(emulator.root))
+        request = ServoStopRequest(action, IDS, path=emulator.port, device_root=str(emulator.root))
         driver = subprocess.Popen(
             [sys.executable, "-c", DRIVER, json.dumps(settings), package, name],
             stdout=subprocess.PIPE,
             text=True,
         )
+        stop = f"{package}.safe_stop:{name}StopRequest"
         guardian = subprocess.Popen(
-            [sys.executable, "-c", GUARDIAN, request.to_json(), package],
+            [
+                sys.executable,
+                "-c",
+                GUARDIAN,
+                json.dumps(request.to_values()),
+                stop,
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

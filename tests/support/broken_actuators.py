@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from joshua.devices.actuator import JointLimits, JointReading
 from joshua.devices.errors import DeviceError
+from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
 from joshua.messages.make import joint_state
 from joshua.mock.actuator import MockActuator
 from joshua.mock.settings import MockMotorSettings
@@ -269,6 +270,37 @@ class SharesStateOnTheClass(MockActuator):
     def disconnect(self) -> None:
         super().disconnect()
         self.open_ports.clear()
+
+
+class RenamesItsJoints(MockActuator):
+    def connect(self) -> None:
+        super().connect()
+        self._joint_names = tuple(f"found_{name}" for name in self.joint_names)
+
+
+class UntypedStop(SafeStopRequest):
+    def run(self) -> Any:
+        return {"complete": True, "joints": {"joint_1": "released"}}
+
+
+class StopsWithoutAType(MockActuator):
+    def safe_stop_request(self, action: str, **values: Any) -> UntypedStop:
+        return UntypedStop(action)
+
+
+class IdleStop(SafeStopRequest):
+    def run(self) -> SafeStopResult:
+        return SafeStopResult({"joint_1": "not verified"}, detail="no answer")
+
+
+class StopsNothing(MockActuator):
+    def safe_stop_request(self, action: str, **values: Any) -> IdleStop:
+        return IdleStop(action)
+
+
+class AsksWithPlainValues(MockActuator):
+    def safe_stop_request(self, action: str, **values: Any) -> Any:
+        return {"action": action}
 
 
 class SendsAnotherType(MockActuator):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from joshua.devices.context import ActuatorContext
 from joshua.plan import ActuatorFacts
-from joshua_dynamixel import safe_stop as dynamixel_stop
 from joshua_dynamixel.actuator import DynamixelActuator
 from joshua_dynamixel.bus import Bus as DynamixelBus
 from joshua_dynamixel.bus_tools import DynamixelBusTools
 from joshua_dynamixel.family import X_SERIES
+from joshua_dynamixel.safe_stop import DynamixelStopRequest
 from joshua_dynamixel.settings import DynamixelSettings
 from joshua_emulator import EmulatedBus
 from joshua_serial.port import SerialPort
@@ -24,14 +24,14 @@ from joshua_servo.arm import ServoArm
 from joshua_servo.bus import ServoBus
 from joshua_servo.calibration_target import ServoCalibrationTarget
 from joshua_servo.family import ServoFamily
-from joshua_servo.safe_stop import SafeStopReport, SafeStopRequest
+from joshua_servo.safe_stop import SafeStopReport, ServoStopRequest, run
 from joshua_servo.servo_bus_tools import ServoBusTools
 from joshua_servo.settings import ServoSettings
-from joshua_sts3215 import safe_stop as sts3215_stop
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.bus import Bus as Sts3215Bus
 from joshua_sts3215.bus_tools import Sts3215BusTools
 from joshua_sts3215.family import STS3215
+from joshua_sts3215.safe_stop import Sts3215StopRequest
 from joshua_sts3215.settings import Sts3215Settings
 from patience import patient
 
@@ -55,7 +55,7 @@ class Kind:
     bus: type[ServoBus]
     actuator: type[ServoArm]
     settings_type: type[ServoSettings]
-    stop: Callable[[SafeStopRequest], SafeStopReport]
+    stop_request: type[ServoStopRequest]
     tools: type[ServoBusTools]
     slow: Mapping[str, Any]
     paced: tuple[Mapping[str, Any], Mapping[str, Any]]
@@ -63,6 +63,10 @@ class Kind:
     other_baudrate: int
     is_slow_to_scan: bool
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def stop(self, request: ServoStopRequest) -> SafeStopReport:
+        """Applies a safe state without a driver."""
+        return run(request, self.family, self.bus)
 
     def emulated_bus(self, ids: tuple[int, ...] = (1, 2, 3), **options: Any) -> EmulatedBus:
         """Servos without stops."""
@@ -150,7 +154,7 @@ STS3215_KIND = Kind(
     bus=Sts3215Bus,
     actuator=Sts3215Actuator,
     settings_type=Sts3215Settings,
-    stop=sts3215_stop.run,
+    stop_request=Sts3215StopRequest,
     tools=Sts3215BusTools,
     slow={"velocity_ticks_s": 200},
     paced=({"velocity_ticks_s": 1500, "acceleration": 50}, {"goal_speed": 1500, "acceleration": 50}),
@@ -166,7 +170,7 @@ DYNAMIXEL_KIND = Kind(
     bus=DynamixelBus,
     actuator=DynamixelActuator,
     settings_type=DynamixelSettings,
-    stop=dynamixel_stop.run,
+    stop_request=DynamixelStopRequest,
     tools=DynamixelBusTools,
     slow={"velocity": 13},
     paced=({"velocity": 100, "acceleration": 50}, {"profile_velocity": 100, "profile_acceleration": 50}),

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from joshua.devices.stamps import StampClock as StampClock
     from joshua.devices.units import TICKS_PER_TURN as TICKS_PER_TURN
     from joshua.devices.units import ticks_to_rad as ticks_to_rad
+    from joshua.guardian.safe_stop import SafeStopRequest as SafeStopRequest
+    from joshua.guardian.safe_stop import SafeStopResult as SafeStopResult
+    from joshua.guardian.safe_stop import TorqueState as TorqueState
     from joshua.guardian.silence import AwakeClock as AwakeClock
     from joshua.guardian.silence import witness as witness
     from joshua.mock.motion import FileMotion as FileMotion
@@ -80,6 +83,7 @@ if TYPE_CHECKING:
     from joshua.plugins.emulator import PhysicsCamera as PhysicsCamera
     from joshua.plugins.emulator import PhysicsLink as PhysicsLink
     from joshua.plugins.hooks import hookimpl as hookimpl
+    from joshua.plugins.settings import ActuatorSettings as ActuatorSettings
     from joshua.plugins.settings import BlockSettings as BlockSettings
     from joshua.plugins.settings import FieldError as FieldError
     from joshua.plugins.settings import FieldErrors as FieldErrors
@@ -110,6 +114,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "Devices": {
         "joshua.devices.actuator": ("Actuator", "JointLimits", "JointReading", "FloatArray"),
         "joshua.devices.context": ("DeviceContext", "ActuatorContext", "SensorContext"),
+        "joshua.guardian.safe_stop": ("SafeStopRequest", "SafeStopResult", "TorqueState"),
         "joshua.devices.sensor": ("Sensor", "Reading"),
         "joshua.devices.sensor_node": ("SensorNode",),
         "joshua.devices.diagnostics": ("DiagnosticStatus", "DiagnosticsPublisher"),
@@ -149,7 +154,13 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "Settings": {
-        "joshua.plugins.settings": ("BlockSettings", "FieldError", "FieldErrors", "FromField"),
+        "joshua.plugins.settings": (
+            "BlockSettings",
+            "ActuatorSettings",
+            "FieldError",
+            "FieldErrors",
+            "FromField",
+        ),
         "joshua.plugins.block_context": ("BlockContext",),
     },
     "What a plugin provides": {

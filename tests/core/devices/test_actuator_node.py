@@ -349,3 +349,20 @@ def test_a_driver_that_is_none_is_named(fields: dict[str, Any], message: str) ->
     with pytest.raises(TargetError, match=message) as caught:
         ActuatorNode(RecordingContext(spec(**fields))).configure()
     assert caught.value.exit_code == 3
+
+
+def test_an_arm_that_nothing_stops_is_named_in_the_table(run: Any) -> None:
+    assert run(facts={"keeps_last_goal": True}).context.warnings == [
+        "/arm: no safe stop: if this driver dies, the joints keep their last goal"
+    ]
+    assert run("ACTION_LEADER", facts={"keeps_last_goal": True}, subscriptions=()).context.warnings == []
+
+
+def test_joints_that_change_with_the_connection_are_refused() -> None:
+    context = RecordingContext(spec(facts={"joints": [JointRange("pan", -1.0, 1.0)]}))
+    node = ActuatorNode(context)
+    with pytest.raises(
+        DeviceError, match="/arm: its joints changed: pan in its settings, joint_1, joint_2 once connected"
+    ):
+        node.configure()
+    node.cleanup()

@@ -24,19 +24,38 @@ from stepped_time import SteppedTime
 
 ACTION = """
 import json, pathlib
-def act(request):
-    pathlib.Path(request["file"]).write_text(json.dumps(request))
-    return {"complete": True, "joints": {"1": "released"}}
-def fail(request):
-    raise RuntimeError("no port")
-def park(request):
-    import time
-    pathlib.Path(request["file"]).write_text(json.dumps(request))
-    time.sleep(0 if request.get("kind") == "release" else 60)
-    return {"complete": True, "joints": {"1": request.get("kind", "parked")}}
-def die(request):
-    import os
-    os._exit(3)
+from dataclasses import dataclass
+from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
+
+@dataclass(frozen=True)
+class act(SafeStopRequest):
+    file: str = ""
+    def run(self):
+        pathlib.Path(self.file).write_text(json.dumps(self.to_values()))
+        return SafeStopResult({"1": "released"})
+
+class fail(act):
+    def run(self):
+        raise RuntimeError("no port")
+
+class park(act):
+    def run(self):
+        import time
+        super().run()
+        time.sleep(0 if self.action == "RELEASE" else 60)
+        return SafeStopResult({"1": "released" if self.action == "RELEASE" else "held"})
+
+class die(act):
+    def run(self):
+        import os
+        os._exit(3)
+
+class untyped(act):
+    def run(self):
+        return {"complete": True, "joints": {"1": "released"}}
+
+def function(request):
+    return {"complete": True}
 """
 
 
@@ -49,7 +68,7 @@ def order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         return GuardianOrder(
             "/arm",
             action,
-            {"file": str(tmp_path / "done")},
+            {"action": "HOLD", "file": str(tmp_path / "done")},
             30.0,
             os.getpid(),
             threading.get_native_id(),
@@ -84,6 +103,14 @@ def test_an_action_that_fails_is_reported(order: Any) -> None:
     report = GuardianLink(order("a_device_action:fail")).execute()
     assert not report["complete"]
     assert "the safe-stop action failed: RuntimeError('no port')" in report["detail"]
+
+
+def test_a_result_of_another_type_is_no_safe_state(order: Any) -> None:
+    report = GuardianLink(order("a_device_action:untyped")).execute()
+    assert not report["complete"]
+    assert "untyped.run returned dict, not a SafeStopResult" in report["detail"]
+    with pytest.raises(GuardianError, match="a_device_action:function is no SafeStopRequest"):
+        GuardianLink(order("a_device_action:function"))
 
 
 def test_an_action_that_is_missing_is_an_error_before_torque(order: Any) -> None:
@@ -122,7 +149,7 @@ def test_a_report_reaches_the_log_of_a_run_without_supervisor(order: Any, tmp_pa
 
 def latched(order: GuardianOrder, tmp_path: Path) -> tuple[GuardianOrder, LatchFolder]:
     """An order of a robot that can be stopped."""
-    release = {**order.request, "kind": "release"}
+    release = {**order.request, "action": "RELEASE"}
     return replace(
         order,
         release_request=release,
@@ -139,14 +166,14 @@ def done(tmp_path: Path) -> dict[str, Any]:
 
 def test_without_an_estop_the_safe_state_is_applied(order: Any, tmp_path: Path) -> None:
     GuardianLink(latched(order(), tmp_path)[0]).execute()
-    assert "kind" not in done(tmp_path)
+    assert done(tmp_path)["action"] == "HOLD"
 
 
 def test_a_tripped_device_is_released_whatever_its_safe_state_is(order: Any, tmp_path: Path) -> None:
     link = GuardianLink(latched(order(), tmp_path)[0])
     link.release_only()
     assert link.execute()["complete"]
-    assert done(tmp_path)["kind"] == "release"
+    assert done(tmp_path)["action"] == "RELEASE"
 
 
 def test_an_estop_is_a_release_and_is_reported(order: Any, tmp_path: Path) -> None:
@@ -154,7 +181,7 @@ def test_an_estop_is_a_release_and_is_reported(order: Any, tmp_path: Path) -> No
     link = GuardianLink(guarded)
     latch = folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
     assert link.execute()["complete"]
-    assert done(tmp_path)["kind"] == "release"
+    assert done(tmp_path)["action"] == "RELEASE"
     report = EstopFiles(guarded.estop_files).read_report("/arm", latch.identifier)
     assert report is not None
     assert (report.by, report.complete, report.joints) == ("guardian", True, {"1": "released"})
@@ -170,7 +197,7 @@ def test_an_estop_ends_a_parking(order: Any, tmp_path: Path) -> None:
         time.sleep(0.01)
     folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
     thread.join(60.0)
-    assert reports[0]["joints"] == {"1": "release"}
+    assert reports[0]["joints"] == {"1": "released"}
 
 
 def test_an_estop_that_fails_is_reported_as_failed(order: Any, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def finding(examination: PipelineResult, code: str) -> Any:
 
 def test_an_arm_is_held_by_default(tmp_path: Path) -> None:
     stop = facts(planned(tmp_path, "")).safe_stop
-    assert stop == SafeStop("joshua_sts3215.safe_stop:stop", "HOLD", (), 5.0)
+    assert stop == SafeStop("joshua_sts3215.safe_stop:Sts3215StopRequest", "HOLD", (), 5.0)
 
 
 def test_parking_asks_the_stop_for_more_time(tmp_path: Path) -> None:
@@ -72,6 +72,11 @@ def test_a_leader_is_released_and_has_no_guardian(tmp_path: Path) -> None:
     values = facts(planned(tmp_path, "", role="ACTION_LEADER"))
     assert values.safe_state == "RELEASE"
     assert values.safe_stop is None
+
+
+def test_a_device_that_nothing_stops_is_told_apart(tmp_path: Path) -> None:
+    assert not facts(planned(tmp_path, "")).keeps_last_goal
+    assert not facts(planned(tmp_path, "", block=MOCK)).keeps_last_goal
 
 
 def test_virtual_motors_have_no_guardian(tmp_path: Path) -> None:

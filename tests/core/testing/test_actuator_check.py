@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from broken_actuators import (
     AnswersInTicks,
+    AsksWithPlainValues,
     AttributeErrorWhenClosed,
     CannotReconnect,
     ClampsInPlace,
@@ -34,12 +35,15 @@ from broken_actuators import (
     OpensInConstructor,
     ReadsWhenClosed,
     ReleaseNeedsTorque,
+    RenamesItsJoints,
     SaysConnectedAtOnce,
     SendsAnotherType,
     SharesItsArray,
     SharesStateOnTheClass,
     SilentError,
     StartsThreadInConstructor,
+    StopsNothing,
+    StopsWithoutAType,
     SwappedLimits,
     TakesAnyShape,
     TakesNan,
@@ -54,8 +58,9 @@ from broken_actuators import (
 from joshua.devices.actuator import Actuator, JointReading
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.mock.actuator import MockActuator
+from joshua.plugins import ActuatorSpec, PluginRow, PluginStatus, Registry
 from joshua.schema import config_pb2
-from joshua.testing import ConformanceError, check_actuator
+from joshua.testing import ConformanceError, actuator_motion, check_actuator
 
 
 @pytest.mark.parametrize(
@@ -135,6 +140,14 @@ BROKEN: list[tuple[type[Actuator], str, str]] = [
     (LeavesAHandle, "nothing left", "disconnect left 1 file handle (/dev/null)"),
     (LeavesAThread, "nothing left", "disconnect left 1 thread (orphan)"),
     (SharesStateOnTheClass, "instances", "opening one opened the other"),
+    (
+        RenamesItsJoints,
+        "joints",
+        "connect changed joint_names from ('joint_1', 'joint_2') to ('found",
+    ),
+    (StopsWithoutAType, "safe stop", "UntypedStop.run returned dict"),
+    (StopsNothing, "safe stop", "IdleStop.run returned SafeStopResult(joints={'joint_1': 'not verified'}"),
+    (AsksWithPlainValues, "safe stop", "safe_stop_request returned dict"),
     (SendsAnotherType, "further messages", "made sensor_msgs/msg/JointState where sensor_msgs/msg/Batt"),
     (OffersAnUnknownType, "further messages", "names BATTERY_STATE, which is no known ROS 2 type"),
 ]
@@ -275,3 +288,11 @@ def test_every_clause_has_a_device_that_breaks_it() -> None:
     source = Path(check_actuator.__code__.co_filename).read_text(encoding="utf-8")
     clauses = {line.split('"')[1] for line in source.splitlines() if "checklist.run(" in line and '"' in line}
     assert clauses - {"disconnection"} == {clause for _, clause, _ in BROKEN if clause}
+
+
+def test_a_driver_without_a_safe_stop_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = ActuatorSpec(block="acme.Arm", implementation=f"{MockActuator.__module__}:MockActuator")
+    rows = (PluginRow("acme", "acme-arm", "1", PluginStatus.OK, specs=(spec,)),)
+    monkeypatch.setattr(actuator_motion, "load_registry", lambda: Registry(rows))
+    with pytest.warns(UserWarning, match="MockActuator has no safe stop: if this driver dies, the"):
+        check_actuator(lambda: MockActuator(settings()), only=("safe stop",))

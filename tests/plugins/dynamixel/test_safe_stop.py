@@ -2,14 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from joshua.guardian.main import load_action
 from joshua_dynamixel.actuator import DynamixelActuator
-from joshua_dynamixel.safe_stop import run, stop
 from joshua_emulator import EmulatedBus
-from joshua_servo.safe_stop import SafeStopRequest
+from joshua_servo.safe_stop import ServoStopRequest
 
 
 @pytest.fixture
-def request_for_release(arm_emulator: EmulatedBus, make_arm: object) -> SafeStopRequest:
+def request_for_release(arm_emulator: EmulatedBus, make_arm: object) -> ServoStopRequest:
     """An energised arm that its driver has left."""
     assert callable(make_arm)
     arm = make_arm(arm_emulator)
@@ -23,19 +23,19 @@ def request_for_release(arm_emulator: EmulatedBus, make_arm: object) -> SafeStop
 
 
 def test_a_servo_that_is_shut_down_is_released_with_the_others(
-    arm_emulator: EmulatedBus, request_for_release: SafeStopRequest
+    arm_emulator: EmulatedBus, request_for_release: ServoStopRequest
 ) -> None:
     arm_emulator.fault("overload", 2)  # its replies carry the alert, which is no refusal
-    report = run(request_for_release)
+    report = request_for_release.run()
     assert report.complete
     assert set(report.joints.values()) == {"released"}
 
 
 def test_the_guardian_runs_what_the_driver_has_prepared(
-    arm_emulator: EmulatedBus, request_for_release: SafeStopRequest
+    arm_emulator: EmulatedBus, request_for_release: ServoStopRequest
 ) -> None:
     assert {servo["energised"] for servo in arm_emulator.servos()} == {True}
-    report = stop(vars(request_for_release))
+    report = load_action("joshua_dynamixel.safe_stop:DynamixelStopRequest")(request_for_release.to_values())
     assert report["complete"] is True
     assert {servo["energised"] for servo in arm_emulator.servos()} == {False}
 
@@ -47,5 +47,5 @@ def test_parking_sets_the_profile_velocity(arm_emulator: EmulatedBus, make_arm: 
     arm.enable()
     request = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=[0.1] * 6, timeout_s=10.0)
     arm.disconnect()
-    assert run(request).complete
+    assert request.run().complete
     assert arm_emulator.ask("registers", id=1)["registers"]["profile_velocity"] == 31  # about 0.8 rad/s

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joshua.guardian.safe_stop import perform
 from joshua_emulator import EmulatedBus
 from joshua_serial.port import SerialPort
 from joshua_servo import safe_stop
-from joshua_servo.safe_stop import SafeStopRequest, stop
+from joshua_servo.safe_stop import ServoStopRequest
 from servo_families import Kind
 
 SYNC_WRITE = 0x83  # the instruction, in the protocols of both families
@@ -38,8 +39,8 @@ while True:
 """
 
 
-def request_for(emulator: EmulatedBus, action: str, **values: Any) -> SafeStopRequest:
-    return SafeStopRequest(
+def request_for(emulator: EmulatedBus, action: str, **values: Any) -> ServoStopRequest:
+    return ServoStopRequest(
         action,
         (1, 2, 3, 4, 5, 6),
         path=emulator.port,
@@ -164,7 +165,7 @@ def test_an_absent_port_is_reported_in_time(kind: Kind, moving_arm: EmulatedBus)
 
 def test_an_adapter_that_comes_back_is_waited_for(kind: Kind, moving_arm: EmulatedBus) -> None:
     moving_arm.fault("unplug", replug_after_s=0.2, name="ttyACM7")
-    request = SafeStopRequest(
+    request = ServoStopRequest(
         "RELEASE", (1, 2, 3, 4, 5, 6), serial_number="ARM1", device_root=str(moving_arm.root), timeout_s=40.0
     )
     assert kind.stop(request).complete
@@ -177,7 +178,7 @@ def test_a_port_that_cannot_be_opened_yet_is_waited_for(
     """As of an adapter that is back and whose rights the system has not set yet."""
     port = tmp_path / "ttyACM0"
     port.touch()
-    request = SafeStopRequest("RELEASE", (1, 2, 3, 4, 5, 6), path=str(port), timeout_s=40.0)
+    request = ServoStopRequest("RELEASE", (1, 2, 3, 4, 5, 6), path=str(port), timeout_s=40.0)
 
     def settle() -> None:
         port.unlink()
@@ -195,7 +196,7 @@ def test_an_adapter_that_goes_away_meanwhile_is_waited_for(
 ) -> None:
     moving_arm.ask("set", id=2, blocked=True)
     moving_arm.fault("unplug", at_s=0.3, replug_after_s=0.2, name="ttyACM7")
-    request = SafeStopRequest(
+    request = ServoStopRequest(
         "PARK_THEN_RELEASE",
         (1, 2, 3, 4, 5, 6),
         serial_number="ARM1",
@@ -233,8 +234,8 @@ def test_a_stopped_driver_holds_the_port_until_it_is_killed(kind: Kind, arm_emul
 
 def test_a_request_survives_json(kind: Kind, moving_arm: EmulatedBus) -> None:
     request = request_for(moving_arm, "RELEASE", park_ticks={1: 5})
-    assert SafeStopRequest.from_json(request.to_json()) == request
-    report = stop(vars(request), kind.family, kind.bus)
+    assert ServoStopRequest.from_values(request.to_values()) == request
+    report = perform(kind.stop_request, request.to_values())
     assert report["complete"] is True
     assert report["joints"]["1"] == "released"
 

@@ -1,5 +1,4 @@
 import contextlib
-import json
 import time
 from typing import Any
 
@@ -151,7 +150,7 @@ def test_a_driver_that_is_started_again_knows_the_adapter_of_the_one_before(
     """Named by its path and not calibrated, so that nothing but this run knows whose adapter it was."""
     arm = make_arm(arm_emulator, calibrated=False)
     arm.connect()
-    request = json.loads(arm.safe_stop_request("RELEASE").to_json())
+    request = arm.safe_stop_request("RELEASE").to_values()
     arm.disconnect()
     arm_emulator.fault("unplug")
     arm_emulator.fault("replug", name="ttyACM4")

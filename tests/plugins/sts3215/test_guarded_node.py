@@ -21,7 +21,7 @@ from joshua_emulator import EmulatedBus
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=50.0)
 COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
 STOP = {
-    "implementation": "joshua_sts3215.safe_stop:stop",
+    "implementation": "joshua_sts3215.safe_stop:Sts3215StopRequest",
     "state": "HOLD",
     "park_pose_rad": [],
     "timeout_s": 10.0,

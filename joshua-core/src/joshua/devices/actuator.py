@@ -17,6 +17,7 @@ from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceError as DeviceError
 from joshua.devices.errors import DeviceSilent as DeviceSilent
 from joshua.devices.errors import SafetyTripped as SafetyTripped
+from joshua.guardian.safe_stop import SafeStopRequest
 from joshua.plan.facts import ActuatorFacts
 
 FloatArray = npt.NDArray[np.float64]
@@ -65,11 +66,14 @@ class Actuator(Device):
     def __init__(self, settings: Any, context: ActuatorContext | None = None) -> None:
         self.settings = settings
         self.context = context or ActuatorContext(ActuatorFacts())
+        self._joint_names: tuple[str, ...] | None = None
 
     @property
-    @abstractmethod
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in joint order."""
+        """Names of the joints, in joint order: those of its ``ActuatorSettings``."""
+        if self._joint_names is None:  # asked in each control cycle
+            self._joint_names = tuple(joint.name for joint in self.settings.joints())
+        return self._joint_names
 
     @property
     @abstractmethod
@@ -120,8 +124,12 @@ class Actuator(Device):
 
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
-    ) -> Any:
-        """What the plugin's ``safe_stop`` needs to act without this driver, as an object with ``to_json``.
+    ) -> SafeStopRequest:
+        """What brings the device into its safe state without this driver, of the class that the plugin names.
+
+        Args:
+            action: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``; park_pose_rad: of that, shape (N,).
+            timeout_s: by when it is to be done.
 
         Raises:
             NotImplementedError: the plugin names a safe-stop action, and its driver does not prepare it.

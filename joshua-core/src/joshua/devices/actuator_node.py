@@ -82,7 +82,9 @@ class ActuatorNode(NodeBehaviour):
         )
         self._check_topics(actuator)
         self._actuator = actuator
+        before = actuator.joint_names
         actuator.connect()
+        self._check_joints(before, actuator.joint_names)
         self._safety.introduce(actuator)
         stale_after_s = self._facts.stale_after_s
         self._goals = GoalGenerator(
@@ -100,6 +102,10 @@ class ActuatorNode(NodeBehaviour):
             )
             for topic in spec.publishers
         ]
+        if self._is_commanded and self._facts.keeps_last_goal:
+            self.context.warn(
+                f"{spec.full_name}: no safe stop: if this driver dies, the joints keep their last goal"
+            )
         if self._is_commanded:
             self._written = self.context.publisher(
                 TopicSpec(name="~/command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
@@ -112,6 +118,17 @@ class ActuatorNode(NodeBehaviour):
             take_over = TakeOver(overriding, self.context.log) if overriding else None
             for topic in spec.subscriptions:
                 self._subscribe(actuator, topic, take_over)
+
+    def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
+        """Refuses a driver whose joints are others once it is connected, or others than the plan's."""
+        planned = tuple(joint.name for joint in self._facts.joints) or before
+        for names, whose in ((before, "before connect"), (planned, "in its settings")):
+            if names != after:
+                raise DeviceError(
+                    f"{self.context.spec.full_name}: its joints changed: {', '.join(names)} {whose}, "
+                    f"{', '.join(after)} once connected; this is a fault of the plugin "
+                    f"{self.context.spec.plugin}"
+                )
 
     def activate(self) -> None:
         """Energises the joints where they are, if anybody commands them, and starts the control loop."""

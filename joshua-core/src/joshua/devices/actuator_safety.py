@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import threading
 from pathlib import Path
@@ -108,7 +107,7 @@ class ActuatorSafety:
         if action:
             with contextlib.suppress(NotImplementedError):  # who wants torque from it hears of that
                 request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
-                self._estop.leave_order(action, json.loads(request.to_json()))
+                self._estop.leave_order(action, request.to_values())
 
     def remembered(self) -> dict[str, Any]:
         """For a driver that is started again: how the one before has reached the device."""
@@ -224,9 +223,7 @@ class ActuatorSafety:
 
     def _request(self, actuator: Actuator, stop: SafeStop, action: str) -> dict[str, Any]:
         pose = stop.park_pose_rad if action == PARK else ()
-        request = actuator.safe_stop_request(action, park_pose_rad=pose, timeout_s=stop.timeout_s)
-        values: dict[str, Any] = json.loads(request.to_json())
-        return values
+        return actuator.safe_stop_request(action, park_pose_rad=pose, timeout_s=stop.timeout_s).to_values()
 
     def _say_stopping(self) -> None:
         assert self._link is not None

@@ -30,6 +30,7 @@ from joshua.guardian.order import (
     STOPPING,
     GuardianOrder,
 )
+from joshua.guardian.safe_stop import SafeStopRequest, perform
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
 
 Action = Callable[[dict[str, Any]], dict[str, Any]]
@@ -311,13 +312,14 @@ class Guardian:
 
 
 def load_action(import_string: str) -> Action:
-    """Imports what an order names. Raises ImportError, AttributeError."""
+    """Imports what an order names. Raises ImportError, AttributeError, TypeError."""
     module, _, attribute = import_string.partition(":")
     target: Any = importlib.import_module(module)
     for name in attribute.split("."):
         target = getattr(target, name)
-    action: Action = target
-    return action
+    if not (isinstance(target, type) and issubclass(target, SafeStopRequest)):
+        raise TypeError(f"{import_string} is no SafeStopRequest: see joshua plugins --check")
+    return partial(perform, target)
 
 
 def main() -> int:

@@ -33,15 +33,14 @@ class GuardianOrder:
 
     Attributes:
         node: fully qualified name.
-        implementation: import string of the safe-stop action: a function that takes the request and
-            returns a report, both plain values; the report's ``complete`` says whether the device confirmed.
-        request: for the action.
+        implementation: import string of the ``SafeStopRequest`` of the device.
+        request: its plain values.
         timeout_s: by when the safe state is to stand.
         process_id, thread_id: of the driver and of its control loop.
         hang_limit_s: silence that counts as a hang.
         log: file of the run that a report is appended to; "" for none.
         control_socket: of the run, whose supervisor hears of a report first; "" for none.
-        release_request: for the action where no torque is called for, whatever the safe state is: after a
+        release_request: the one where no torque is called for, whatever the safe state is: after a
             trip of a protection, and while an e-stop is latched; empty takes ``request``.
         robot, domain_id: whose e-stop counts.
         latch_folder: where e-stops are latched; "" for nowhere.

@@ -35,7 +35,6 @@ class MockActuator(Actuator):
     def __init__(self, settings: MockMotorSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         joints = settings.joint_ranges
-        self._names = tuple(joint.name for joint in joints)
         self._limits = JointLimits(
             position_min_rad=np.array([joint.min_rad for joint in joints]),
             position_max_rad=np.array([joint.max_rad for joint in joints]),
@@ -48,11 +47,6 @@ class MockActuator(Actuator):
         self._start_ns = self._simulated_ns = 0
         self._position = np.zeros(len(joints))
         self._goal = np.zeros(len(joints))
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints: the calibration's, else ``joint_1`` and so on."""
-        return self._names
 
     @property
     def limits(self) -> JointLimits:
@@ -119,7 +113,7 @@ class MockActuator(Actuator):
 
     def read_torque(self) -> dict[str, bool]:
         """Whether the joints have torque."""
-        return dict.fromkeys(self._names, self._energised)
+        return dict.fromkeys(self.joint_names, self._energised)
 
     def disconnect(self) -> None:
         """Ends the simulation; a second call does nothing."""
@@ -131,7 +125,7 @@ class MockActuator(Actuator):
         if settings.motion == "sine":
             return SineMotion(self._limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
         if settings.motion == "file":
-            return FileMotion(settings.motion_file, self._names)
+            return FileMotion(settings.motion_file, self.joint_names)
         return None
 
     def _within(self, position: FloatArray) -> FloatArray:

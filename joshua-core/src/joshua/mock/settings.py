@@ -11,7 +11,7 @@ from pydantic import model_validator
 from joshua.devices.units import ticks_to_rad
 from joshua.plan.joints import JointRange
 from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import BlockSettings, FieldError, FromField
+from joshua.plugins.settings import ActuatorSettings, BlockSettings, FieldError, FromField
 from joshua.schema.calibration_pb2 import MotorCalibration
 
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
@@ -21,7 +21,7 @@ def _motion(name: str) -> str:
     return _MOTIONS.get(name, name)
 
 
-class MockMotorSettings(BlockSettings):
+class MockMotorSettings(ActuatorSettings):
     """Settings of a group of virtual motors.
 
     Attributes:

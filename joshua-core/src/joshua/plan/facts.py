@@ -104,6 +104,7 @@ class ActuatorFacts(NodeFacts):
         safe_state: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``.
         safe_stop: of its guardian; None where it has none.
         estop_action: import string of what releases the joints without the driver; "" if none.
+        keeps_last_goal: nothing stops the joints when the driver dies.
         on_stale: what becomes of the joints when commands stay away; None holds them.
         allow_uncalibrated: joints without calibration may be energised.
         dry_run: everything is done with torque off.
@@ -119,6 +120,7 @@ class ActuatorFacts(NodeFacts):
     safe_state: str = "HOLD"
     safe_stop: SafeStop | None = None
     estop_action: str = ""
+    keeps_last_goal: bool = False
     on_stale: OnStale | None = None
     allow_uncalibrated: bool = False
     dry_run: bool = False

@@ -91,11 +91,14 @@ def joints_of(
 ) -> tuple[JointRange, ...]:
     """Names the joints of an actuator with their limits in radians, without a connection.
 
-    A settings model that offers ``joints()`` decides; else motors of 4096 ticks a turn are assumed, zero in
+    ``ActuatorSettings`` decide; else motors of 4096 ticks a turn are assumed, zero in
     the middle, named by the calibration or ``joint_<id>``.
     """
-    if settings is not None and hasattr(settings, "joints"):
-        return tuple(settings.joints())
+    if settings is not None:
+        from joshua.plugins.settings import ActuatorSettings  # needs pydantic, as the settings did
+
+        if isinstance(settings, ActuatorSettings):
+            return settings.joints()
     identities = _motor_ids(block)
     names = {motor.id: motor for motor in calibration.motors} if calibration else {}
     joints = []

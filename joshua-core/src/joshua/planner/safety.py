@@ -28,7 +28,11 @@ def safety_facts(action: pb.SingleAction, spec: ActuatorSpec) -> dict[str, Any]:
     is_leader = action.action_type == pb.ACTION_LEADER
     state = action.safe_state or (pb.RELEASE if is_leader else pb.HOLD)
     name = pb.SafeState.Name(state) if state in pb.SafeState.values() else "HOLD"
-    facts: dict[str, Any] = {"safe_state": name, "estop_action": spec.safe_stop}
+    facts: dict[str, Any] = {
+        "safe_state": name,
+        "estop_action": spec.safe_stop,
+        "keeps_last_goal": not (spec.safe_stop or spec.stops_itself or spec.virtual),
+    }
     timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
     pose = tuple(action.park_pose_rad)
     if not is_leader and action.on_stale in (pb.RELEASE, pb.PARK_THEN_RELEASE):

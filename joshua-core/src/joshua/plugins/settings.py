@@ -12,6 +12,7 @@ from typing_extensions import Self
 
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
+from joshua.plan.joints import JointRange
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.targets import TargetError, load_target
 
@@ -113,6 +114,14 @@ class BlockSettings(BaseModel):
             if value is not None:
                 result[name] = source.convert(value)
         return result
+
+
+class ActuatorSettings(BlockSettings):
+    """Base class of the settings of actuators: the one place that names the joints."""
+
+    def joints(self) -> tuple[JointRange, ...]:
+        """The joints in their order, known without a connection and without the driver."""
+        raise NotImplementedError(f"{type(self).__name__} names no joints: override joints")
 
 
 class Positions(Protocol):

@@ -77,9 +77,11 @@ class ActuatorSpec(DeviceSpec):
     """An actuator.
 
     Attributes:
-        safe_stop: import string of what the guardian of an actuator runs: a function, importable without
-            numpy, that takes what ``Actuator.safe_stop_request`` prepared, brings the device into its safe
-            state without the driver, and returns a report with ``complete`` and ``joints``.
+        safe_stop: import string of what the guardian of an actuator runs: a class that derives from
+            ``joshua.guardian.safe_stop.SafeStopRequest`` and is importable without numpy. Without one the
+            start-up table warns: if the driver dies, the joints keep their last goal.
+        stops_itself: the device's own dead-man's switch stops the joints when the driver falls silent, so
+            that it needs no ``safe_stop``.
         bus_tools: import string of the ``BusTools`` of an actuator on a bus of motors, with which `joshua
             find-port`, `joshua motors` and `joshua doctor` work outside a run.
     """
@@ -89,6 +91,7 @@ class ActuatorSpec(DeviceSpec):
     standard_behaviour: ClassVar[str] = "joshua.devices.actuator_node:ActuatorNode"
 
     safe_stop: str = ""
+    stops_itself: bool = False
     bus_tools: str = ""
 
 

@@ -14,7 +14,7 @@ ROLES = {
     "settings": "joshua.plugins.settings:BlockSettings",
     "implementation": "",
     "native": "",
-    "safe_stop": "",
+    "safe_stop": "joshua.guardian.safe_stop:SafeStopRequest",
     "bus_tools": "joshua_servo.bus_tools:BusTools",
     "packaged_files": "",
     "sim_adapter": "",

@@ -50,6 +50,7 @@ def check_actuator(
     checklist.run("description", clauses.description)
     checklist.run("order", clauses.order)
     if checklist.run("connection", lambda: lifecycle.check_connection(factory)):
+        checklist.run("joints", clauses.joints)
         checklist.run("reading", clauses.reading)
         checklist.run("stamps", clauses.stamps)
         checklist.run("own data", clauses.own_data)
@@ -62,6 +63,7 @@ def check_actuator(
         checklist.run("motion", motion.motion)
         checklist.run("hold", motion.hold)
         checklist.run("release", motion.release)
+        checklist.run("safe stop", motion.safe_stop)
         checklist.run("close", lambda: lifecycle.check_idempotent_close(factory, STATES))
         checklist.run("nothing left", lambda: lifecycle.check_nothing_left(factory, clauses.use))
         checklist.run("instances", motion.instances)
@@ -87,6 +89,19 @@ class _ActuatorClauses:
         device.write(device.read().position_rad)
         device.hold()
         device.release()
+
+    def joints(self) -> None:
+        """Connecting changes no joint."""
+        with lifecycle.made(self._factory) as device:
+            before = device.joint_names
+            device.connect()
+            after = device.joint_names
+        require(
+            before == after,
+            f"connect changed joint_names from {before} to {after}",
+            why="the plan, a leader and data sets name the joints before the device is open",
+            cause="the names are those of the device, and the settings do not say which it has",
+        )
 
     def description(self) -> None:
         """Names and limits are known without a connection, in radians."""

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from joshua.devices.actuator import Actuator, DeviceError, FloatArray
+from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
+from joshua.plugins import ActuatorSpec, load_registry
 from joshua.testing import lifecycle
 from joshua.testing.conformance import ViolationError, refuses, require
 from joshua.testing.values import POSITION_TOLERANCE_RAD, RESOLUTION_RAD, check_array
 
 ActuatorFactory = Callable[[], Actuator]
+
+NO_SAFE_STOP = "no safe stop: if this driver dies, the joints keep their last goal"
 
 #: A look that comes later has missed a motion; what it was to show is then done once more, so often at most.
 LATE_S = 0.1
@@ -21,6 +26,15 @@ ATTEMPTS = 3
 #: A hold during which the joint goes on for longer says more about the machine than about the driver.
 LONG_HOLD_S = 0.02
 HOLDS = 6
+
+
+def _spec_of(device: Actuator) -> ActuatorSpec | None:
+    """What an installed plugin declares of a driver; None for one that no plugin names."""
+    name = f"{type(device).__module__}:{type(device).__qualname__}"
+    specs = (spec for row in load_registry().rows() for spec in row.specs)
+    return next(
+        (spec for spec in specs if isinstance(spec, ActuatorSpec) and spec.implementation == name), None
+    )
 
 
 def _energise(device: Actuator) -> None:
@@ -85,6 +99,51 @@ class MotionClauses:
                     why="an e-stop tells the user by it whether the joints have torque",
                     cause="it repeats what the driver wanted, or is not by joint name",
                 )
+
+    def safe_stop(self) -> None:
+        """What the driver prepares takes the torque off without it, and says so."""
+        with lifecycle.opened(self._factory) as device:
+            device.enable()
+            try:
+                request: object = device.safe_stop_request("RELEASE", timeout_s=self._timeout_s)
+            except NotImplementedError:
+                spec = _spec_of(device)
+                if spec is not None and not (spec.virtual or spec.stops_itself):
+                    warnings.warn(f"{type(device).__name__} has {NO_SAFE_STOP}", stacklevel=2)
+                require(
+                    spec is None or not spec.safe_stop,
+                    "safe_stop_request is not overridden, and the plugin names a safe_stop",
+                    why="no joint is energised before its guardian has what it needs",
+                    cause="the driver does not make the request that its plugin names",
+                )
+                return
+        if not isinstance(request, SafeStopRequest):
+            raise ViolationError(
+                f"safe_stop_request returned {type(request).__name__}",
+                "the guardian reads a joshua.guardian.safe_stop.SafeStopRequest",
+                "it returns plain values",
+            )
+        result: object = type(request).from_values(request.to_values()).run()
+        if not isinstance(result, SafeStopResult):
+            raise ViolationError(
+                f"{type(request).__name__}.run returned {type(result).__name__}",
+                "what is not said as a SafeStopResult counts as a failed stop",
+                "it returns plain values, or nothing",
+            )
+        require(
+            bool(result.joints) and result.complete,
+            f"{type(request).__name__}.run returned {result}",
+            why="the user is told by it which joints have no torque",
+            cause="the device was not reached, or the state of its joints is not read back",
+        )
+        with lifecycle.opened(self._factory) as device:
+            told = device.read_torque()
+        require(
+            told is None or not any(told.values()),
+            f"after {type(request).__name__}.run read_torque returned {told!r}",
+            why="it is what stops the joints when the driver is dead",
+            cause="it says what it wanted to reach in place of what it read back",
+        )
 
     def enable(self) -> None:
         """Torque comes without a motion."""

@@ -22,6 +22,7 @@ from joshua_dynamixel.registers import (
     PROFILE_VELOCITY,
     VELOCITY_TICKS_S,
 )
+from joshua_dynamixel.safe_stop import DynamixelStopRequest
 from joshua_dynamixel.settings import DynamixelSettings
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class DynamixelActuator(ServoArm):
 
     settings: DynamixelSettings
     family = X_SERIES
+    stop_request = DynamixelStopRequest
     _bus: Bus
 
     def __init__(self, settings: DynamixelSettings, context: ActuatorContext | None = None) -> None:

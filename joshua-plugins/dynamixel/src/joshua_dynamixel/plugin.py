@@ -14,7 +14,7 @@ def joshua_specs() -> list[PluginSpec]:
             enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="joshua_dynamixel.actuator:DynamixelActuator",
             settings="joshua_dynamixel.settings:DynamixelSettings",
-            safe_stop="joshua_dynamixel.safe_stop:stop",
+            safe_stop="joshua_dynamixel.safe_stop:DynamixelStopRequest",
             bus_tools="joshua_dynamixel.bus_tools:DynamixelBusTools",
             summary="Dynamixel X-series servo bus",
         )

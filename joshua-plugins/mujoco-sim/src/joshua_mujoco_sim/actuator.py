@@ -50,7 +50,6 @@ class SimActuator(Actuator):
     def __init__(self, settings: SimActuatorSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         joints = settings.frames()
-        self._names = tuple(joint.name for joint in joints)
         self._zero = np.array([joint.zero_rad for joint in joints])
         self._sign = np.array([joint.sign for joint in joints])
         self._limits = JointLimits(
@@ -67,11 +66,6 @@ class SimActuator(Actuator):
         self._motion_start_s = 0.0
         self._stamps = self.context.clock
         self._unhook: Any = None
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints: the calibration's, else the model's."""
-        return self._names
 
     @property
     def limits(self) -> JointLimits:
@@ -149,7 +143,7 @@ class SimActuator(Actuator):
         """Whether the drives of the joints have a goal."""
         world, _ = self._joined("read_torque")
         with world.lock:
-            return dict.fromkeys(self._names, self._goal is not None)
+            return dict.fromkeys(self.joint_names, self._goal is not None)
 
     def disconnect(self) -> None:
         """Leaves the simulation, with the drives as they are; a second call does nothing."""
@@ -221,7 +215,7 @@ class SimActuator(Actuator):
         if settings.motion == "sine":
             return SineMotion(self._limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
         if settings.motion == "file":
-            return FileMotion(settings.motion_file, self._names)
+            return FileMotion(settings.motion_file, self.joint_names)
         return None
 
     def _joined(self, verb: str) -> tuple[World, ActuatorGroup]:

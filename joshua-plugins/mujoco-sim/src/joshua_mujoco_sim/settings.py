@@ -12,7 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
-from joshua.api import ArmCalibration, BlockContext, BlockSettings, FieldError, FromField, JointRange
+from joshua.api import (
+    ActuatorSettings,
+    ArmCalibration,
+    BlockContext,
+    BlockSettings,
+    FieldError,
+    FromField,
+    JointRange,
+)
 from pydantic import Field, model_validator
 
 from joshua_mujoco_sim.calibration import IDENTITY, Frame, frames, misfits
@@ -197,7 +205,7 @@ class SimulationSettings(BlockSettings):
         )
 
 
-class SimActuatorSettings(BlockSettings):
+class SimActuatorSettings(ActuatorSettings):
     """Settings of actuators of the model.
 
     Attributes:

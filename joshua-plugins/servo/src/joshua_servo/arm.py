@@ -33,7 +33,7 @@ from joshua_servo.feedback import Feedback
 from joshua_servo.handover import open_unguarded
 from joshua_servo.inspection import ServoSetup
 from joshua_servo.joint_map import JointMap, TickArray
-from joshua_servo.safe_stop import SafeStopRequest
+from joshua_servo.safe_stop import ServoStopRequest
 from joshua_servo.settings import ServoSettings
 from joshua_servo.state import StateReader
 from joshua_servo.torque import MoveValues, TorqueSwitch
@@ -55,6 +55,8 @@ class ServoArm(Actuator):
     settings: ServoSettings
     #: The family of the servos.
     family: ClassVar[ServoFamily]
+    #: What stops them without this driver.
+    stop_request: ClassVar[type[ServoStopRequest]]
 
     def __init__(self, settings: ServoSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
@@ -114,11 +116,6 @@ class ServoArm(Actuator):
 
     def check_start(self, positions: Sequence[int]) -> None:
         """Refuses positions in ticks from which a servo cannot start. Raises DeviceError."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints: the calibration's, else ``joint_<id>``."""
-        return self.settings.joint_names
 
     @property
     def limits(self) -> JointLimits:
@@ -321,7 +318,7 @@ class ServoArm(Actuator):
 
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
-    ) -> SafeStopRequest:
+    ) -> ServoStopRequest:
         """What a guardian needs to bring this arm into its safe state without this driver.
 
         Args:
@@ -334,7 +331,7 @@ class ServoArm(Actuator):
             ticks = self._map.ticks(self.checked_goal(np.array(park_pose_rad)))
             park = dict(zip(self._ids, ticks.tolist(), strict=True))
         endpoint = self._port.endpoint
-        return SafeStopRequest(
+        return self.stop_request(
             action=action,
             ids=self._ids,
             baudrate=self.settings.baudrate,

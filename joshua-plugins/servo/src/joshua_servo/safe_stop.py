@@ -5,13 +5,12 @@ Needs the port and nothing of the driver's state. Light to import: no numpy, no 
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from joshua.api import DeviceError
+from joshua.api import DeviceError, SafeStopRequest, SafeStopResult, TorqueState
 from joshua_serial.errors import PortDisconnected
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
@@ -20,7 +19,9 @@ from joshua_servo.bus import ServoBus
 from joshua_servo.family import ServoFamily
 from joshua_servo.register_read import read_registers
 
-ACTIONS = ("HOLD", "RELEASE", "PARK_THEN_RELEASE")
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
 RETRY_S = 0.01  # between attempts to open a port that its dying owner still holds
 RELEASE_RESERVE_S = 0.15  # of the time for parking, kept for letting go and verifying
 PADDING = bytes(64)  # longer than any packet of a driver
@@ -29,19 +30,18 @@ PARK_SPEED_TICKS_S = 500  # about 0.8 rad/s
 
 
 @dataclass(frozen=True)
-class SafeStopRequest:
-    """What is to be done to which servos.
+class ServoStopRequest(SafeStopRequest):
+    """What is to be done to which servos; a driver derives its own, which names the family and the bus.
 
     Attributes:
-        action: ``HOLD`` (stay where they are; joints without torque stay so), ``RELEASE``, or
-            ``PARK_THEN_RELEASE``.
         path, serial_number, vid_pid, device_root, baudrate: the port.
         park_ticks: pose of PARK_THEN_RELEASE by servo id; park_speed_ticks_s: how fast.
-        timeout_s: by when the result must stand.
     """
 
-    action: str
-    ids: tuple[int, ...]
+    family: ClassVar[ServoFamily]
+    make_bus: ClassVar[type[ServoBus]]
+
+    ids: tuple[int, ...] = ()
     baudrate: int = 1_000_000
     path: str = ""
     serial_number: str = ""
@@ -49,23 +49,16 @@ class SafeStopRequest:
     device_root: str = "/"
     park_ticks: Mapping[int, int] = field(default_factory=dict)
     park_speed_ticks_s: int = PARK_SPEED_TICKS_S
-    timeout_s: float = 2.0
-
-    def __post_init__(self) -> None:
-        if self.action not in ACTIONS:
-            raise ValueError(f"unknown safe-stop action {self.action!r}; allowed: {', '.join(ACTIONS)}")
-
-    def to_json(self) -> str:
-        """The request as one line."""
-        return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> SafeStopRequest:
-        """Reads what ``to_json`` wrote. Raises ValueError and TypeError."""
-        values = json.loads(text)
-        values["ids"] = tuple(values["ids"])
-        values["park_ticks"] = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
-        return cls(**values)
+    def from_values(cls, values: Mapping[str, Any]) -> Self:
+        """Reads what ``to_values`` wrote: JSON has lists for tuples, and names for numbers as keys."""
+        park = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
+        return cls(**{**values, "ids": tuple(values["ids"]), "park_ticks": park})
+
+    def run(self) -> SafeStopResult:
+        """Takes the port, applies the safe state and verifies it; never raises for what a device does."""
+        return run(self, self.family, self.make_bus).result()
 
 
 @dataclass
@@ -79,7 +72,7 @@ class SafeStopReport:
     """
 
     action: str
-    joints: dict[int, str]
+    joints: dict[int, TorqueState]
     duration_s: float = 0.0
     detail: str = ""
 
@@ -88,12 +81,13 @@ class SafeStopReport:
         """Whether every servo has confirmed its safe state."""
         return all(state != "not verified" for state in self.joints.values())
 
-    def to_json(self) -> str:
-        """The report as one line."""
-        return json.dumps({**asdict(self), "complete": self.complete})
+    def result(self) -> SafeStopResult:
+        """The report as others read it."""
+        joints = {str(servo_id): state for servo_id, state in self.joints.items()}
+        return SafeStopResult(joints, self.action, self.detail, self.duration_s)
 
 
-def run(request: SafeStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> SafeStopReport:
+def run(request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> SafeStopReport:
     """Takes the port, applies the safe state and verifies it; never raises for what a device does.
 
     Bounded by ``timeout_s`` plus the time of one request to every servo.
@@ -115,7 +109,7 @@ def run(request: SafeStopRequest, family: ServoFamily, make_bus: type[ServoBus])
 
 class _SafeStop:
     def __init__(
-        self, request: SafeStopRequest, family: ServoFamily, make_bus: type[ServoBus], deadline_s: float
+        self, request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus], deadline_s: float
     ) -> None:
         self.request = request
         self._family = family
@@ -240,10 +234,3 @@ class _SafeStop:
             waiting = tuple(i for i in waiting if self.report.joints[i] == "not verified")
             if not waiting or not self._time_left():
                 return
-
-
-def stop(values: Mapping[str, Any], family: ServoFamily, make_bus: type[ServoBus]) -> dict[str, Any]:
-    """Runs a request of plain values, as a guardian does. Raises ValueError and TypeError."""
-    request = SafeStopRequest.from_json(json.dumps(dict(values)))
-    report: dict[str, Any] = json.loads(run(request, family, make_bus).to_json())
-    return report

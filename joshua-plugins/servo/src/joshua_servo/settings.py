@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 from google.protobuf.message import Message
 from joshua.api import (
     TICKS_PER_TURN,
+    ActuatorSettings,
     ArmCalibration,
     BlockContext,
     FieldError,
@@ -25,7 +26,7 @@ MIDDLE_TICK = TICKS_PER_TURN // 2
 _VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")
 
 
-class ServoSettings(SerialSettings):
+class ServoSettings(SerialSettings, ActuatorSettings):
     """What the driver is set to. Ticks stay ticks here: the servo counts in them.
 
     Attributes:

@@ -61,11 +61,6 @@ class SpikeActuator(Actuator):
         self._counted = Counters()
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints: the calibration's, else ``joint_<port>``."""
-        return self.settings.joint_names
-
-    @property
     def limits(self) -> JointLimits:
         """The calibrated range, else half a turn to both sides of a motor's mark."""
         return self._map.limits()

@@ -14,6 +14,7 @@ def joshua_specs() -> list[PluginSpec]:
             enum_values=("ACTION_SPIKE", "ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="joshua_spike.actuator:SpikeActuator",
             settings="joshua_spike.settings:SpikeSettings",
+            stops_itself=True,
             hang_after_s=1.5,  # beyond the second that a read waits; the hub stops the motors before
             ready_timeout_s=100.0,  # beyond what the attempts to find and connect may take together
             summary="LEGO SPIKE motors on a hub with Pybricks, by Bluetooth",

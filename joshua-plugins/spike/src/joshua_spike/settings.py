@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 from google.protobuf.message import Message
 from joshua.api import (
+    ActuatorSettings,
     ArmCalibration,
     BlockContext,
-    BlockSettings,
     FieldError,
     FromField,
     JointRange,
@@ -32,7 +32,7 @@ TRANSPORTS = (
 _SYSTEM_ADAPTER = re.compile(r"hci\d+")
 
 
-class SpikeSettings(BlockSettings):
+class SpikeSettings(ActuatorSettings):
     """What the driver is set to.
 
     Attributes:

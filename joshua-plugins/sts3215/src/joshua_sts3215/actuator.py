@@ -15,6 +15,7 @@ from joshua_sts3215.bus import Bus
 from joshua_sts3215.family import STS3215
 from joshua_sts3215.inspection import inspect
 from joshua_sts3215.registers import ACCELERATION, GOAL_SPEED, GOAL_TIME
+from joshua_sts3215.safe_stop import Sts3215StopRequest
 from joshua_sts3215.settings import Sts3215Settings
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class Sts3215Actuator(ServoArm):
 
     settings: Sts3215Settings
     family = STS3215
+    stop_request = Sts3215StopRequest
     _bus: Bus
 
     @property

@@ -14,7 +14,7 @@ def joshua_specs() -> list[PluginSpec]:
             enum_values=("ACTION_LEADER", "ACTION_FOLLOWER", "ACTION_SINGLE"),
             implementation="joshua_sts3215.actuator:Sts3215Actuator",
             settings="joshua_sts3215.settings:Sts3215Settings",
-            safe_stop="joshua_sts3215.safe_stop:stop",
+            safe_stop="joshua_sts3215.safe_stop:Sts3215StopRequest",
             bus_tools="joshua_sts3215.bus_tools:Sts3215BusTools",
             summary="Feetech/Waveshare STS3215 servo bus",
         )

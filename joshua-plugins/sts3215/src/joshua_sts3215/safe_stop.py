@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from joshua_servo import safe_stop
-from joshua_servo.safe_stop import SafeStopReport, SafeStopRequest
+from joshua_servo.safe_stop import ServoStopRequest
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.family import STS3215
 
 
-def run(request: SafeStopRequest) -> SafeStopReport:
-    """Takes the port, applies the safe state and verifies it; never raises for what a device does."""
-    return safe_stop.run(request, STS3215, Bus)
+class Sts3215StopRequest(ServoStopRequest):
+    """What is to be done to which servos of this family."""
 
-
-def stop(values: dict[str, Any]) -> dict[str, Any]:
-    """Runs a request of plain values, as a guardian does. Raises ValueError and TypeError."""
-    return safe_stop.stop(values, STS3215, Bus)
+    family = STS3215
+    make_bus = Bus

@@ -12,7 +12,6 @@ class Gripper(Actuator):
     """One joint, ``gripper``: 0 when closed, its largest angle when open."""
 
     settings: GripperSettings
-    joint_names = ("gripper",)
     connected = False
     _energised = False
     _position = _goal = _moved_s = 0.0

@@ -2,11 +2,11 @@
 
 import math
 
-from joshua.api import BlockSettings, FieldError, JointRange
+from joshua.api import ActuatorSettings, FieldError, JointRange
 from pydantic import model_validator
 
 
-class GripperSettings(BlockSettings):
+class GripperSettings(ActuatorSettings):
     """Settings of the gripper; ranges and defaults stand in the proto file."""
 
     stroke_m: float

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -51,8 +50,7 @@ def _act(spec: NodeSpec) -> dict[str, Any]:
     actuator: Actuator = implementation(settings, ActuatorContext(facts))
     action = facts.estop_action
     if action:
-        request = json.loads(actuator.safe_stop_request("RELEASE", timeout_s=TIMEOUT_S).to_json())
-        return dict(load_action(action)(request))
+        return load_action(action)(actuator.safe_stop_request("RELEASE", timeout_s=TIMEOUT_S).to_values())
     actuator.connect()
     try:
         actuator.release()
