@@ -13,6 +13,9 @@ from pathlib import Path
 import nox
 from nox.command import CommandFailed
 
+sys.path.insert(0, str(Path(__file__).parent / "tools"))
+from local_plugins import closure, distributions
+
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
 nox.options.reuse_venv = "yes"
@@ -184,8 +187,14 @@ def group(*names: str) -> list[str]:
 
 
 def editable(*folders: str) -> list[str]:
-    """Lists pip arguments that install distributions of this repository in place."""
-    return [argument for folder in folders for argument in ("-e", f"./{folder}")]
+    """Lists pip arguments that install distributions of this repository, and those that they need, in place.
+
+    All are named in one call, so that pip looks none of these names up in a package index.
+    """
+    known = {name: str(path.relative_to(ROOT)) for name, path in distributions().items()}
+    plugins = [folder.partition("/")[2] for folder in folders if folder.startswith(f"{PLUGIN}/")]
+    needed = [known[name] for name in closure(plugins) if name != CORE]
+    return [part for folder in dict.fromkeys((*folders, *needed)) for part in ("-e", f"./{folder}")]
 
 
 def install(session: nox.Session, *arguments: str) -> None:
