@@ -32,7 +32,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        """Prints the message with the nearest valid option and ends with exit code 2."""
+        """Prints the message with the nearest valid option and ends with exit code 2; 3 where a plugin brings it."""
         unknown = self._unknown_options()
         if unknown:
             message = f"unrecognized arguments: {' '.join(unknown)}"
@@ -40,11 +40,30 @@ class Parser(argparse.ArgumentParser):
             message = f"{late} is a command of a plugin and stands before all options: {self.prog} {late} …"
         lines = [f"{self.prog}: error: {message}"]
         lines += [f"  nearest: {hint}" for hint in self._nearest(message)]
+        if missing := self._missing_plugin(message):
+            lines.append(f"  {missing}")
         if message.startswith("argument COMMAND:") and (file := self._file()):
             lines.append(f"  to run a file: {self.prog} --config {shlex.quote(file)}")
         lines.append(f"  see: {self.prog} --help")
         sys.stderr.write("\n".join(lines) + "\n")
-        sys.exit(ExitCode.INVALID)
+        sys.exit(ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID)
+
+    def _missing_plugin(self, message: str) -> str:
+        """Which plugin brings an unknown option to this command, and how to install it; "" for none."""
+        words = [word for word in message.partition("unrecognized arguments:")[2].split() if word[0] == "-"]
+        if not words:
+            return ""
+        from joshua.plan import installing
+        from joshua.plugins import hints
+
+        options = [f"{self.prog.split()[-1]} {word.partition('=')[0]}" for word in words]
+        brings = {option: hints.stated().commands.get(option, "") for option in options}
+        found = [
+            f"{option} needs the plugin {distribution}: {installing.install(distribution)}"
+            for option, distribution in brings.items()
+            if distribution
+        ]
+        return found[0] if found else ""
 
     def _file(self) -> str:
         """The configuration that somebody wrote where a command belongs; "" for none."""

@@ -25,7 +25,7 @@ _sym_db = _symbol_database.Default()
 from joshua.schema import options_pb2 as joshua_dot_schema_dot_options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x18joshua/schema/comm.proto\x12\x06joshua\x1a\x1bjoshua/schema/options.proto\"Q\n\x04\x43omm\x12 \n\x06serial\x18\x01 \x01(\x0b\x32\x0e.joshua.SerialH\x00\x12\x1a\n\x03\x62le\x18\x02 \x01(\x0b\x32\x0b.joshua.BLEH\x00\x42\x0b\n\tinterface\"\xf5\x01\n\x06Serial\x12>\n\x04port\x18\x01 \x01(\tB0\xea\xe1\x18,0\x01\x38\x04J\x0e\"/dev/ttyACM0\"b\rserial_numberb\x07vid_pid\x12:\n\x08\x62\x61udrate\x18\x02 \x01(\x05\x42(\xea\xe1\x18$\n\x05\x62it/s\x11\x00\x00\x00\x00\x00\xc0\x92@\x19\x00\x00\x00\x00\x80\x84NA0\x01J\x07\x31\x30\x30\x30\x30\x30\x30\x12)\n\rserial_number\x18\x64 \x01(\tB\x12\xea\xe1\x18\x0eJ\x0c\"5A46082345\"\x12\"\n\x07vid_pid\x18\x65 \x01(\tB\x11\xea\xe1\x18\rJ\x0b\"1a86:55d3\": \xf2\xe1\x18\x1c\n\rjoshua-serialJ\x0b\n\tfind-port\"\x99\x01\n\x03\x42LE\x12-\n\x0b\x64\x65vice_name\x18\x01 \x01(\tB\x18\xea\xe1\x18\x14\x30\x01\x38\x06J\x0e\"Pybricks Hub\"\x12\x44\n\x0cservice_uuid\x18\x02 \x01(\tB.\xea\xe1\x18*8\x07J&\"c5f50001-8280-46da-89f4-6d8051e4aeef\"\x12\x1d\n\x07\x61\x64\x61pter\x18\x64 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"hci0\"b\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x18joshua/schema/comm.proto\x12\x06joshua\x1a\x1bjoshua/schema/options.proto\"Q\n\x04\x43omm\x12 \n\x06serial\x18\x01 \x01(\x0b\x32\x0e.joshua.SerialH\x00\x12\x1a\n\x03\x62le\x18\x02 \x01(\x0b\x32\x0b.joshua.BLEH\x00\x42\x0b\n\tinterface\"\x97\x02\n\x06Serial\x12>\n\x04port\x18\x01 \x01(\tB0\xea\xe1\x18,0\x01\x38\x04J\x0e\"/dev/ttyACM0\"b\rserial_numberb\x07vid_pid\x12:\n\x08\x62\x61udrate\x18\x02 \x01(\x05\x42(\xea\xe1\x18$\n\x05\x62it/s\x11\x00\x00\x00\x00\x00\xc0\x92@\x19\x00\x00\x00\x00\x80\x84NA0\x01J\x07\x31\x30\x30\x30\x30\x30\x30\x12)\n\rserial_number\x18\x64 \x01(\tB\x12\xea\xe1\x18\x0eJ\x0c\"5A46082345\"\x12\"\n\x07vid_pid\x18\x65 \x01(\tB\x11\xea\xe1\x18\rJ\x0b\"1a86:55d3\":B\xf2\xe1\x18>\n\rjoshua-serialJ\x0b\n\tfind-portJ\x0f\n\rdoctor --portJ\x0f\n\rdoctor --udev\"\x99\x01\n\x03\x42LE\x12-\n\x0b\x64\x65vice_name\x18\x01 \x01(\tB\x18\xea\xe1\x18\x14\x30\x01\x38\x06J\x0e\"Pybricks Hub\"\x12\x44\n\x0cservice_uuid\x18\x02 \x01(\tB.\xea\xe1\x18*8\x07J&\"c5f50001-8280-46da-89f4-6d8051e4aeef\"\x12\x1d\n\x07\x61\x64\x61pter\x18\x64 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"hci0\"b\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -41,7 +41,7 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_SERIAL'].fields_by_name['vid_pid']._loaded_options = None
   _globals['_SERIAL'].fields_by_name['vid_pid']._serialized_options = b'\352\341\030\rJ\013\"1a86:55d3\"'
   _globals['_SERIAL']._loaded_options = None
-  _globals['_SERIAL']._serialized_options = b'\362\341\030\034\n\rjoshua-serialJ\013\n\tfind-port'
+  _globals['_SERIAL']._serialized_options = b'\362\341\030>\n\rjoshua-serialJ\013\n\tfind-portJ\017\n\rdoctor --portJ\017\n\rdoctor --udev'
   _globals['_BLE'].fields_by_name['device_name']._loaded_options = None
   _globals['_BLE'].fields_by_name['device_name']._serialized_options = b'\352\341\030\0240\0018\006J\016\"Pybricks Hub\"'
   _globals['_BLE'].fields_by_name['service_uuid']._loaded_options = None
@@ -51,7 +51,7 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_COMM']._serialized_start=65
   _globals['_COMM']._serialized_end=146
   _globals['_SERIAL']._serialized_start=149
-  _globals['_SERIAL']._serialized_end=394
-  _globals['_BLE']._serialized_start=397
-  _globals['_BLE']._serialized_end=550
+  _globals['_SERIAL']._serialized_end=428
+  _globals['_BLE']._serialized_start=431
+  _globals['_BLE']._serialized_end=584
 # @@protoc_insertion_point(module_scope)

@@ -79,3 +79,17 @@ def test_checks_that_cannot_be_loaded_are_a_finding(
     out = capsys.readouterr().out
     assert "error    software: acme-rig: its checks cannot be loaded (ModuleNotFoundError" in out
     assert "do: pip install --force-reinstall acme-rig" in out
+
+
+def test_an_option_of_a_plugin_that_is_not_installed_names_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+    monkeypatch.setattr("joshua.cli.doctor.parts.metadata.entry_points", lambda group: ())
+    with pytest.raises(SystemExit, match="3"):
+        parse(["doctor", "--udev=rules"])
+    assert (
+        "doctor --udev needs the plugin joshua-serial: pip install joshua-serial" in capsys.readouterr().err
+    )
+    with pytest.raises(SystemExit, match="2"):
+        parse(["doctor", "--udve"])
