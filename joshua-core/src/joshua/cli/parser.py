@@ -32,7 +32,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        """Prints the message with the nearest valid option and ends with exit code 2; 3 where a plugin brings it."""
+        """Prints the message with the nearest valid option and ends with exit code 2, or 3."""
         unknown = self._unknown_options()
         if unknown:
             message = f"unrecognized arguments: {' '.join(unknown)}"
