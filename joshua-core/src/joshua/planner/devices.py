@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+from joshua.config.checks.blocks import unpacked
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
@@ -68,15 +69,7 @@ def _wanted(entry: NodeEntry) -> Wanted:
 
 def unpack(block: Any) -> tuple[str, Any]:
     """Opens an ``Any`` block: full message name, and the message or None where its type is unknown."""
-    from google.protobuf import symbol_database
-
-    full_name = block.type_url.rpartition("/")[2]
-    try:
-        message = symbol_database.Default().GetSymbol(full_name)()
-    except KeyError:
-        return full_name, None
-    block.Unpack(message)
-    return full_name, message
+    return block.type_url.rpartition("/")[2], unpacked(block)
 
 
 def _value_name(enum: Any, number: int) -> str:

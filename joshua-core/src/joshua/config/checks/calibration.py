@@ -9,17 +9,12 @@ from joshua.config.checks.device_table import block_of
 from joshua.plan import Diagnostic
 from joshua.plan.graph import NodeEntry
 from joshua.schema import calibration_pb2 as calibration_pb
-from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest_first
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
     """Compares each calibration with the actuator that it names."""
-    actuators = {
-        entry.node.node_name: entry
-        for entry in context.graph.entries
-        if isinstance(entry.owner, pb.SingleAction)
-    }
+    actuators = {entry.node.node_name: entry for entry in context.graph.entries if entry.is_actuator}
     first: dict[str, str] = {}
     for index, arm in enumerate(context.config.calibration.arms):
         path = f"calibration.arms[{index}]"

@@ -10,7 +10,6 @@ from joshua.config.checks.identity import title
 from joshua.config.checks.topics import type_text
 from joshua.plan import Diagnostic
 from joshua.plan.graph import Endpoint
-from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 
 
@@ -56,7 +55,7 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
 
 def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
     for entry in context.graph.entries:
-        if isinstance(entry.owner, pb.SinglePerception) and not entry.node.publishers:
+        if entry.is_sensor and not entry.node.publishers:
             messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
             sample = (
                 f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}" publish_rate_hz: 30.0'

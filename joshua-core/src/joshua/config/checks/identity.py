@@ -8,7 +8,6 @@ from joshua.config.checks.context import Context
 from joshua.config.checks.device_table import device_block
 from joshua.plan import Diagnostic
 from joshua.plan.graph import NodeEntry
-from joshua.schema import config_pb2 as pb
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
@@ -80,7 +79,7 @@ def _arms(context: Context) -> Iterator[Diagnostic]:
     first: dict[tuple[str, str], NodeEntry] = {}
     for entry in context.graph.entries:
         name = entry.node.node_name
-        if not isinstance(entry.owner, pb.SingleAction) or not name:
+        if not entry.is_actuator or not name:
             continue
         block, _, rule = device_block(entry.owner)
         if not block or rule.virtual:

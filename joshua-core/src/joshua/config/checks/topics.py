@@ -155,7 +155,7 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
         publisher = own.get((item.entry.path, item.topic))
         if item.is_publisher or publisher is None:
             continue
-        actuator = isinstance(item.entry.owner, pb.SingleAction)
+        actuator = item.entry.is_actuator
         make = context.error if actuator else context.warning
         yield make(
             "topic-feedback",
