@@ -163,13 +163,15 @@ def checkout(session: nox.Session, revision: str) -> Path:
     if not folder.is_dir():
         session.run_install("git", "worktree", "add", "--detach", str(folder), commit, external=True)
     python = folder / ".venv/bin/python"
-    if not python.is_file():
-        session.run_install("python", "-m", "venv", str(folder / ".venv"))
+    done = folder / ".venv/installed"
+    if not done.is_file():  # an installation that was broken off is made anew
+        session.run_install("python", "-m", "venv", "--clear", str(folder / ".venv"))
         distributions = sorted(path.parent for path in folder.glob("joshua-plugins/*/pyproject.toml"))
         arguments = ["-e", f"{folder / CORE}[dds]", *(f"-e{path}" for path in distributions)]
         groups = list(nox.project.dependency_groups(nox.project.load_toml(folder / "pyproject.toml"), "test"))
         install_command = [str(python), "-m", "pip", "install", "-q", "-c", str(folder / "constraints.txt")]
         session.run_install(*install_command, *arguments, *groups, external=True)
+        done.touch()
     return folder
 
 
