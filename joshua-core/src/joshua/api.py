@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from joshua.plan import SensorFacts as SensorFacts
     from joshua.plan import ServiceFacts as ServiceFacts
     from joshua.plan import TopicSpec as TopicSpec
+    from joshua.plan.graph import ServiceTopic as ServiceTopic
     from joshua.plugins.block_context import BlockContext as BlockContext
     from joshua.plugins.block_values import block_values as block_values
     from joshua.plugins.block_values import default_values as default_values
@@ -182,6 +183,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "Operation modes": {
         "joshua.modes.spec": ("ModeSpec", "ServiceSpec"),
+        "joshua.plan.graph": ("ServiceTopic",),
         "joshua.config.checks": ("Context",),
         "joshua.modes.queries": ("lacks",),
         "joshua.modes.services": ("SIMULATION", "DATA_STORE"),

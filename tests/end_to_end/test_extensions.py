@@ -1,0 +1,149 @@
+"""A mode, a service with topics, a command and a verb from outside, added by files of their own alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from eventually import eventually
+from joshua.testing.domain import reserved_domain
+from joshua.testing.program import JoshuaProgram
+
+FILES = {
+    "toy_patrol/__init__.py": "",
+    "toy_patrol/plugin.py": """
+from joshua.api import ModeOffer, hookimpl
+
+
+@hookimpl
+def joshua_specs():
+    return [ModeOffer(name="patrol", enum_values=("MODE_PLUGIN",), implementation="toy_patrol.mode:SPEC")]
+""",
+    "toy_patrol/mode.py": """
+from joshua.api import ModeSpec, ServiceSpec, ServiceTopic, lacks
+
+
+def check(context):
+    if not context.graph.actuators:
+        yield lacks(context, "mode-lacks-actuator", "an arm to walk with", "robot", remedy="Add an arm")
+
+
+def topics(graph, config):
+    yield ServiceTopic("/patrol/point", "std_msgs/msg/String", is_publisher=True, rate_hz=20.0)
+    yield ServiceTopic("/arm/joint_states", "sensor_msgs/msg/JointState")
+
+
+PATROL = ServiceSpec(
+    "general.plugin_config", node_name="patrol", behaviour="toy_patrol.node:Patrol", topics=topics
+)
+SPEC = ModeSpec("patrol", check, services=(PATROL,))
+""",
+    "toy_patrol/node.py": '''
+from dataclasses import dataclass
+
+from joshua.api import NodeBehaviour, verb
+from joshua.messages import message_class
+
+
+@dataclass(frozen=True)
+class Where:
+    point: str = "gate"
+
+
+@dataclass(frozen=True)
+class Seen:
+    point: str
+    arms: int
+
+
+class Patrol(NodeBehaviour):
+    def configure(self):
+        self.point, self.arms = "door", 0
+        (out,) = self.context.spec.publishers
+        (arm,) = self.context.spec.subscriptions
+        self.publisher = self.context.publisher(out)
+        self.context.subscribe(arm, self.heard)
+
+    def activate(self):
+        text = message_class("std_msgs/msg/String")
+        self.context.create_timer(0.05, lambda: self.publisher.publish(text(self.point)), name="point")
+
+    def heard(self, message, received_ns):
+        self.arms = len(message.name)
+
+    @verb(moves=False)
+    def go(self, where: Where) -> Seen:
+        """Goes to a point, and says what it sees of the arm."""
+        self.point = where.point
+        return Seen(self.point, self.arms)
+''',
+    "toy_patrol/report.py": """
+SUMMARY = "say what the patrol is for"
+
+
+def add_arguments(parser):
+    parser.add_argument("--loud", action="store_true")
+
+
+def run(arguments):
+    print("ALL QUIET" if arguments.loud else "all quiet")
+    return 0
+""",
+    "toy_patrol-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: toy-patrol\nVersion: 1.0\n",
+    "toy_patrol-1.0.dist-info/entry_points.txt": (
+        "[joshua.plugins]\npatrol = toy_patrol.plugin\n[joshua.commands]\npatrol-report = toy_patrol.report\n"
+    ),
+}
+ROBOT = """
+general { mode: MODE_PLUGIN plugin_mode: "patrol" name: "walker" id: "walker-001" }
+robot { actions {
+  node { node_name: "arm" node_id: 1
+    publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 20 } }
+  action_type: ACTION_SINGLE mock_motor_config { num_motors: 2 position_max: 4095 } } }
+"""
+
+
+@pytest.fixture
+def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
+    site = tmp_path / "site"
+    for name, text in FILES.items():
+        path = site / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    (tmp_path / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
+    with reserved_domain() as domain_id:
+        program = JoshuaProgram(tmp_path, domain_id, {"PYTHONPATH": str(site)})
+        yield program
+        program.close()
+
+
+def call(joshua: JoshuaProgram) -> dict[str, Any]:
+    said = joshua("call", "patrol", "go", "point=bridge", "--format", "json")
+    assert said.returncode == 0, said.stderr
+    reply: dict[str, Any] = json.loads(said.stdout)
+    return reply
+
+
+def test_it_is_listed_with_its_mode_and_its_command(joshua: JoshuaProgram) -> None:
+    rows = {row["name"]: row for row in json.loads(joshua("plugins", "--json").stdout)}
+    assert (rows["toy-patrol"]["status"], rows["toy-patrol"]["reasons"]) == ("ok", [])
+    assert joshua("patrol-report", "--loud").stdout == "ALL QUIET\n"
+
+
+def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(joshua: JoshuaProgram) -> None:
+    assert joshua("--config", "robot.pbtxt", "--validate-only").returncode == 0
+    empty = joshua("--config", "robot.pbtxt", "--set", "robot { }", "--validate-only")
+    assert "needs an arm to walk with" in empty.stderr + empty.stdout
+    assert "/patrol/point" in joshua("plan", "--config", "robot.pbtxt").stdout
+    run = joshua.start("--config", "robot.pbtxt")
+    assert run.stdout is not None
+    assert any(" ready after " in line for line in run.stdout)
+    # its subscription is served: at some time it has heard of the two joints of the arm
+    eventually(lambda: call(joshua)["arms"] == 2, "a message of the arm")
+    assert call(joshua)["point"] == "bridge"
+    assert "/patrol/point" in joshua("status").stdout
+    joshua.stop(run)
+    assert run.returncode == 0
