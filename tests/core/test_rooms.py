@@ -20,7 +20,7 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "plugins": ("schema", "plan"),
     "features": ("schema", "plan"),
     "messages": ("schema", "plan"),
-    "ipc": ("plan",),
+    "ipc": ("plan", "guardian"),
     "transport": ("messages",),
     "node": ("transport", "plugins", "ipc", "guardian"),
     # The process beside an actuator, the driver's link to it, and the judge of silence.

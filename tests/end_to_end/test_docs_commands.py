@@ -155,7 +155,8 @@ def test_every_command_in_running_text_exists():
     options = {option for action in build_parser()._actions for option in action.option_strings}
     known = {command.name for command in COMMANDS} | options
     known |= set(stated().commands)
-    for page in PAGES:
+    changelog = ROOT / "docs/reference/changelog.md"  # generated; it quotes what the program once refused
+    for page in (page for page in PAGES if page != changelog):
         for word in re.findall(r"`joshua (\S+?)[ `]", page.read_text(encoding="utf-8")):
             first = word.split("|")[0]
             assert first in known or first == "…", f"{page.relative_to(ROOT)}: joshua {word}"

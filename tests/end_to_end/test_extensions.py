@@ -144,6 +144,6 @@ def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(joshua: Josh
     # its subscription is served: at some time it has heard of the two joints of the arm
     eventually(lambda: call(joshua)["arms"] == 2, "a message of the arm")
     assert call(joshua)["point"] == "bridge"
-    assert "/patrol/point" in joshua("status").stdout
+    eventually(lambda: "/patrol/point" in joshua("status").stdout, "the rate of its topic")
     joshua.stop(run)
     assert run.returncode == 0

@@ -80,7 +80,7 @@ def test_a_hung_driver_is_killed(tmp_path: Path, joshua_domain_id: int) -> None:
         os.kill(rig.driver, signal.SIGSTOP)
         rig.wait(lambda: rig.energised() == {False})
         assert rig.gone(rig.driver)
-        rig.wait(lambda: rig.gone(rig.guardian))
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("the driver hung"))
         output = rig.stop()
         assert "guardian: the driver hung: no sign of life for 0.2 s; 1 released" in output, output
 

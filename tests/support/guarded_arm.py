@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from emulated_teleop import teleoperation
+from joshua.tools import CallError, RunningSystem
 from joshua_emulator import EmulatedBus
 from processes import descendants_of, is_guardian, parent_of, title_of
 
@@ -54,6 +56,12 @@ class Rig:
     def logged(self, text: str) -> bool:
         """Whether the log of the run holds a text; a guardian's report comes after its process has ended."""
         return any(text in path.read_text(encoding="utf-8") for path in (self.folder / "log").glob("*.jsonl"))
+
+    def is_ready(self) -> bool:
+        """Whether every node of the run is ready."""
+        with contextlib.suppress(CallError):
+            return any(run.status().phase == "running" for run in RunningSystem.all(self.environment))
+        return False
 
     def gone(self, process_id: int) -> bool:
         """Whether a process has ended."""
@@ -99,6 +107,7 @@ def running(folder: Path, domain_id: int, overrides: tuple[str, ...]) -> Iterato
         }
         tree = (driver, guardian, parent_of(driver))
         rig = Rig(process, folder, environment, leader, follower, *tree)
+        rig.wait(rig.is_ready)  # a run that is stopped before ends in another way
         try:
             yield rig
         finally:

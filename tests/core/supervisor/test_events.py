@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from joshua.guardian.socket_address import socket_address
 from joshua.ipc.client import CallError, RunInfo, RunningSystem, ask, running_systems
-from joshua.ipc.run_bases import socket_address
 from joshua.plan import RunReport
 from joshua.plan.events import (
     EVENT_NAMES,

@@ -32,6 +32,7 @@ from joshua.guardian.order import (
 )
 from joshua.guardian.safe_stop import SafeStopRequest, perform
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
+from joshua.guardian.socket_address import socket_address
 
 Action = Callable[[dict[str, Any]], dict[str, Any]]
 
@@ -165,7 +166,8 @@ def _told(path: str, message: dict[str, Any]) -> bool:
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(SUPERVISOR_TIMEOUT_S)
-            connection.connect(path)
+            with socket_address(Path(path)) as address:
+                connection.connect(address)
             connection.sendall(json.dumps(message).encode() + b"\n")
             answer = json.loads(connection.recv(65536) or b"{}")
     except (OSError, ValueError):

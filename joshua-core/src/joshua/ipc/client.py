@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.ipc.run_bases import base_directories, socket_address
+from joshua.guardian.socket_address import socket_address
+from joshua.ipc.run_bases import base_directories
 
 if TYPE_CHECKING:
     from joshua.ipc.messages import VerbInfo

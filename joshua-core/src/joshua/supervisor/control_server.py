@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from joshua.ipc.run_bases import socket_address
+from joshua.guardian.socket_address import socket_address
 from joshua.plan.events import Gap, event_record
 from joshua.supervisor.event_bus import EventStream
 from joshua.supervisor.reactor import Reactor
