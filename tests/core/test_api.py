@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import pkgutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,6 +20,10 @@ MODULE_OF = {
     for modules in joshua.api.SECTIONS.values()
     for module, names in modules.items()
     for name in names
+}
+FAMILIES = {
+    f"joshua.api.{info.name}": importlib.import_module(f"joshua.api.{info.name}")
+    for info in pkgutil.iter_modules(joshua.api.__path__)
 }
 PLUGINS = sorted(path for path in ROOT.glob("joshua-plugins/*/src/*") if (path / "__init__.py").is_file())
 EXAMPLES = sorted(path for path in ROOT.glob("docs/examples/*/src/*") if (path / "__init__.py").is_file())
@@ -68,6 +73,21 @@ def test_no_name_stands_twice():
     assert sum(map(len, listed)) == len(MODULE_OF)
 
 
+def test_the_names_that_most_plugins_use_stay_on_one_page():
+    assert len(MODULE_OF) <= 48, "a rarer name belongs in a module of joshua.api"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_docstring_of_the_api_names_each_of_its_modules(family: str):
+    assert f"``{family.removeprefix('joshua.api.')}``" in (joshua.api.__doc__ or "")
+    values = {name: value for name, value in vars(FAMILIES[family]).items() if not name.startswith("__")}
+    assert values
+    assert not values.keys() & MODULE_OF.keys()
+    for name, value in values.items():
+        if isinstance(value, type) or inspect.isfunction(value):
+            assert (value.__doc__ or "").strip(), f"{family}.{name} has no docstring"
+
+
 @pytest.mark.parametrize("name", MODULE_OF)
 def test_every_name_is_there_and_says_what_it_is(name: str):
     value = getattr(joshua.api, name)
@@ -95,6 +115,7 @@ def test_an_unknown_name_is_an_ordinary_error():
 def test_describing_a_plugin_imports_no_driver():
     code = (
         "import sys, joshua.api; from joshua.api import ActuatorSpec, hookimpl; "
+        "import joshua.api.emulation, joshua.api.modes, joshua.api.simulation; "
         "heavy = {'numpy', 'pydantic', 'zenoh', 'cyclonedds', 'joshua.devices.actuator'}; "
         "sys.exit(' '.join(sorted(heavy & set(sys.modules))) or 0)"
     )

@@ -23,7 +23,7 @@ def joshua_specs():
     return [ModeOffer(name="patrol", enum_values=("MODE_PLUGIN",), implementation="toy_patrol.mode:SPEC")]
 """,
     "toy_patrol/mode.py": """
-from joshua.api import ModeSpec, ServiceSpec, ServiceTopic, lacks
+from joshua.api.modes import ModeSpec, ServiceSpec, ServiceTopic, lacks
 
 
 def check(context):
@@ -44,7 +44,8 @@ SPEC = ModeSpec("patrol", check, services=(PATROL,))
     "toy_patrol/node.py": '''
 from dataclasses import dataclass
 
-from joshua.api import NodeBehaviour, verb
+from joshua.api import verb
+from joshua.api.nodes import NodeBehaviour
 from joshua.messages import message_class
 
 

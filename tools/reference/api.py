@@ -1,6 +1,11 @@
-"""The reference of the public Python API: every name of ``joshua.api``, by section."""
+"""The reference of the public Python API: every name of ``joshua.api`` and of its modules, by section."""
 
 from __future__ import annotations
+
+import ast
+import pkgutil
+from collections.abc import Iterator
+from pathlib import Path
 
 import joshua.api
 
@@ -20,6 +25,11 @@ def api_page() -> str:
         for module, names in modules.items():
             for name in names:
                 lines += [f"::: {module}.{name}", ""]
+    for info in pkgutil.iter_modules(joshua.api.__path__):
+        purpose, names = family(Path(joshua.api.__path__[0]) / f"{info.name}.py")
+        lines += [f"## joshua.api.{info.name}", "", purpose, ""]
+        for module, name in names:
+            lines += [f"::: {module}.{name}", ""]
     for module, title in _PUBLIC_MODULES.items():
         lines += [
             f"## {module}: {title}",
@@ -30,3 +40,11 @@ def api_page() -> str:
             "",
         ]
     return "\n".join(lines)
+
+
+def family(path: Path) -> tuple[str, Iterator[tuple[str, str]]]:
+    """What a module of ``joshua.api`` is for, and its names, each after the module that it is from."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imports = (node for node in tree.body if isinstance(node, ast.ImportFrom))
+    names = ((node.module or "", alias.name) for node in imports for alias in node.names)
+    return ast.get_docstring(tree) or "", names

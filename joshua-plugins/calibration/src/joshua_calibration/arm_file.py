@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from google.protobuf import text_format
-from joshua.api import ArmCalibration
+from joshua.api.calibration import ArmCalibration
 from joshua.tools import FileRefused, kept_calibrations, spans
 from pydantic import ValidationError
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from joshua.api import ArmCalibration, DeviceError
+from joshua.api import DeviceError
+from joshua.api.calibration import ArmCalibration
 from joshua.tools import (
     Checked,
     ExitCode,

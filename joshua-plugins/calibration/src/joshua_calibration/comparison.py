@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from joshua.api import ArmCalibration, MotorCalibration
+from joshua.api.calibration import ArmCalibration, MotorCalibration
 
 from joshua_calibration.target import CalibrationTarget, StoredMotor
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.api import ArmCalibration
+from joshua.api.calibration import ArmCalibration
 from joshua.tools import (
     Checked,
     ExitCode,

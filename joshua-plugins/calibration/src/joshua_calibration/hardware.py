@@ -27,7 +27,7 @@ from joshua_calibration.transaction import Recovery
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.api import Coupling
+    from joshua.api.emulation import Coupling
     from joshua.tools import EmulatedRig
 
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from joshua.api import ArmCalibration
+from joshua.api.calibration import ArmCalibration
 from pydantic import ValidationError
 
 

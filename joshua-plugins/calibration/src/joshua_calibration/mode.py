@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.api import SIMULATION, Context, ModeSpec, lacks
+from joshua.api.modes import SIMULATION, Context, ModeSpec, lacks
 from joshua.tools import Diagnostic, calibratable_blocks, device_block
 
 

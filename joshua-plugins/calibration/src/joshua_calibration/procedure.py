@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 
-from joshua.api import ArmCalibration
+from joshua.api.calibration import ArmCalibration
 
 from joshua_calibration.result import RangeRefused, motor_calibration, require_middle, require_range
 from joshua_calibration.sweep import Sweep

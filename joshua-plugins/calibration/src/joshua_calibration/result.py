@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.api import MotorCalibration
+from joshua.api.calibration import MotorCalibration
 
 from joshua_calibration.sweep import Sweep
 from joshua_calibration.target import TargetMotor

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 
-from joshua.api import ArmCalibration, DeviceError, DeviceSilent
+from joshua.api import DeviceError, DeviceSilent
+from joshua.api.calibration import ArmCalibration
 
 from joshua_calibration import transaction
 from joshua_calibration.arm_file import ArmFile

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from joshua.api import TICKS_PER_TURN, ArmCalibration
+from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration
 
 #: Moves joints as a calibration asks a person to, see ``DeviceEmulator.guide``.
 Hand = Callable[[int | None, float], bool]

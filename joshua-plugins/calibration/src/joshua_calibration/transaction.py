@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable, Mapping
 from enum import Enum
 
-from joshua.api import ArmCalibration, DeviceError
+from joshua.api import DeviceError
+from joshua.api.calibration import ArmCalibration
 from joshua.tools import FileRefused
 
 from joshua_calibration.arm_file import ArmFile

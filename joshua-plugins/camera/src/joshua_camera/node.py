@@ -7,7 +7,8 @@ import re
 import time
 from pathlib import Path
 
-from joshua.api import NodeContext, Reading, SensorNode, witness
+from joshua.api import NodeContext, Reading, SensorNode
+from joshua.api.clocks import witness
 from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
 

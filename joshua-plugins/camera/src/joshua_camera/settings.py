@@ -8,7 +8,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from google.protobuf.message import Message
-from joshua.api import TYPE_NAMES, BlockContext, BlockSettings, FieldError
+from joshua.api import BlockContext, BlockSettings, FieldError
+from joshua.api.schema import TYPE_NAMES
 from pydantic import model_validator
 
 from joshua_camera.source_text import SourceKind, scheme, source_kind

@@ -5,7 +5,7 @@ Source: the vendor's control tables; the models that ``models`` lists agree in a
 
 from __future__ import annotations
 
-from joshua.api import TICKS_PER_TURN
+from joshua.api.calibration import TICKS_PER_TURN
 from joshua_servo.register import Register
 from joshua_servo.status_bits import StatusBits
 

@@ -6,15 +6,15 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from google.protobuf.message import Message
-from joshua.api import (
+from joshua.api.emulation import (
     DeviceEmulator,
     EmulatedDevice,
     EmulationError,
     FaultRefusedError,
     PhysicsCamera,
     PhysicsLink,
-    calibration_pb2,
 )
+from joshua.api.schema import calibration_pb2
 
 from joshua_emulator.camera.process import EmulatedCamera
 from joshua_emulator.emulator_process import EmulatorError, EmulatorProcess, FaultRefused

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.api import EmulatorSpec, PluginSpec, hookimpl
+from joshua.api import PluginSpec, hookimpl
+from joshua.api.emulation import EmulatorSpec
 
 
 @hookimpl

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 
-from joshua.api import AwakeClock, DeviceError, witness
+from joshua.api import DeviceError
+from joshua.api.clocks import AwakeClock, witness
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 

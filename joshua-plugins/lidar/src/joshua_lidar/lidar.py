@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from joshua.api import (
-    AwakeClock,
     DeviceDisconnected,
     DeviceError,
     DiagnosticStatus,
@@ -19,6 +18,7 @@ from joshua.api import (
     SensorContext,
     StampClock,
 )
+from joshua.api.clocks import AwakeClock
 from joshua.messages import message_class
 from joshua.messages.make import header
 from joshua_serial.port import BITS_PER_BYTE, SerialPort

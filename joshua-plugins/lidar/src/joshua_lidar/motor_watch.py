@@ -13,7 +13,8 @@ import sys
 import time
 from typing import Any
 
-from joshua.api import AwakeClock, DeviceError
+from joshua.api import DeviceError
+from joshua.api.clocks import AwakeClock
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 

@@ -7,7 +7,7 @@ from functools import reduce
 from operator import xor
 from typing import NamedTuple
 
-from joshua.api import AwakeClock
+from joshua.api.clocks import AwakeClock
 from joshua_serial.port import SerialPort
 
 STOP, RESET, SCAN, EXPRESS_SCAN = 0x25, 0x40, 0x20, 0x82

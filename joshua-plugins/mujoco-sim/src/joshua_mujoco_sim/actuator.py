@@ -5,17 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from joshua.api import (
-    Actuator,
-    ActuatorContext,
-    DeviceError,
-    FileMotion,
-    FloatArray,
-    JointLimits,
-    JointReading,
-    Motion,
-    SineMotion,
-)
+from joshua.api import Actuator, ActuatorContext, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.api.motions import FileMotion, Motion, SineMotion
 
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from joshua.api import TICKS_PER_TURN, ArmCalibration, MotorCalibration, ticks_to_rad
+from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration, MotorCalibration, ticks_to_rad
 
 #: Identity of all simulated arms: what their joints can do decides whether a calibration fits.
 IDENTITY = "simulation"

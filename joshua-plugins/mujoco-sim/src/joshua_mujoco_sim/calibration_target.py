@@ -13,7 +13,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from joshua.api import TICKS_PER_TURN, ArmCalibration, DeviceError
+from joshua.api import DeviceError
+from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration
 from joshua_calibration.hand import hand_paths
 from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
 from joshua_calibration.target import Hand as HandMoves

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from joshua.api import NodeContext, TopicSpec, ros_time
+from joshua.api import NodeContext
+from joshua.api.clocks import ros_time
+from joshua.api.nodes import TopicSpec
 from joshua.messages import message_class
 
 from joshua_mujoco_sim.physics import Physics

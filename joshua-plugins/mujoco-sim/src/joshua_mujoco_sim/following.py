@@ -9,7 +9,8 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from joshua.api import NodeContext, TopicSpec
+from joshua.api import NodeContext
+from joshua.api.nodes import TopicSpec
 
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.settings_parts import TopicMapping

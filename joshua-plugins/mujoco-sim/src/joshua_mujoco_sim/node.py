@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.api import DeviceError, MessagePublisher, NodeContext, ServiceFacts, Simulator, TopicSpec
+from joshua.api import DeviceError, NodeContext, Simulator
+from joshua.api.nodes import MessagePublisher, ServiceFacts, TopicSpec
 from joshua.features import EpisodeError
 from joshua.messages.make import joint_state
 from joshua.tools import TargetError

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.api import (
-    ActuatorSpec,
-    Environment,
-    EnvironmentSpec,
-    PluginSpec,
-    SensorSpec,
-    SimulatorSpec,
-    hookimpl,
-)
+from joshua.api import ActuatorSpec, PluginSpec, SensorSpec, SimulatorSpec, hookimpl
+from joshua.api.simulation import Environment, EnvironmentSpec
 
 #: As data: naming them imports neither Gymnasium nor MuJoCo.
 ENVIRONMENTS = (

@@ -12,15 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from google.protobuf.message import Message
-from joshua.api import (
-    ActuatorSettings,
-    ArmCalibration,
-    BlockContext,
-    BlockSettings,
-    FieldError,
-    FromField,
-    JointRange,
-)
+from joshua.api import ActuatorSettings, BlockContext, BlockSettings, FieldError, FromField, JointRange
+from joshua.api.calibration import ArmCalibration
 from pydantic import Field, model_validator
 
 from joshua_mujoco_sim.calibration import IDENTITY, Frame, frames, misfits

@@ -176,7 +176,7 @@ def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> No
 
 def variation_defaults() -> dict[str, float]:
     """How far a seed varies a scene where the file does not say."""
-    from joshua.api import default_values, simulation_pb2
+    from joshua.api.schema import default_values, simulation_pb2
 
     return default_values(simulation_pb2.SceneVariation.DESCRIPTOR)
 

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
-from joshua.api import CoupledArm, CoupledCamera, RealDevice, SimAdapterError, block_values
-from joshua.api import config_pb2 as pb
-from joshua.api import data_type_pb2 as types
-from joshua.api import simulation_pb2 as sim
+from joshua.api.schema import block_values
+from joshua.api.schema import config_pb2 as pb
+from joshua.api.schema import data_type_pb2 as types
+from joshua.api.schema import simulation_pb2 as sim
+from joshua.api.simulation import CoupledArm, CoupledCamera, RealDevice, SimAdapterError
 
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
 from joshua_mujoco_sim.physics import Physics

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import ClassVar
 
-from joshua.api import TICKS_PER_TURN, DeviceError
+from joshua.api import DeviceError
+from joshua.api.calibration import TICKS_PER_TURN
 from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor, arm_motors
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from joshua.api import MotorCalibration
+from joshua.api.calibration import MotorCalibration
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import CalibrationMismatch, MotorCheckFailed, SafetyTripped

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from joshua.api import TICKS_PER_TURN, FloatArray, JointLimits
+from joshua.api import FloatArray, JointLimits
+from joshua.api.calibration import TICKS_PER_TURN
 
 from joshua_servo.settings import ServoSettings
 

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from joshua.api import DeviceDisconnected, DeviceError, witness
+from joshua.api import DeviceDisconnected, DeviceError
+from joshua.api.clocks import witness
 from joshua_serial.errors import PortDisconnected, PortUnusable
 
 from joshua_servo.bus import REPLY_MARGIN_S, ServoBus

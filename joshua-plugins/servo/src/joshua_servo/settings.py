@@ -7,16 +7,8 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 from google.protobuf.message import Message
-from joshua.api import (
-    TICKS_PER_TURN,
-    ActuatorSettings,
-    ArmCalibration,
-    BlockContext,
-    FieldError,
-    FromField,
-    JointRange,
-    ticks_to_rad,
-)
+from joshua.api import ActuatorSettings, BlockContext, FieldError, FromField, JointRange
+from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration, ticks_to_rad
 from joshua_serial.settings import SerialSettings
 from pydantic import Field, model_validator
 from typing_extensions import Self

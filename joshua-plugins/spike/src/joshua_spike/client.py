@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from joshua.api import AwakeClock, DeviceError
+from joshua.api import DeviceError
+from joshua.api.clocks import AwakeClock
 
 from joshua_spike.errors import HubUnreachable, LinkLost
 from joshua_spike.hub.program import load_program

@@ -8,15 +8,8 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from google.protobuf.message import Message
-from joshua.api import (
-    ActuatorSettings,
-    ArmCalibration,
-    BlockContext,
-    FieldError,
-    FromField,
-    JointRange,
-    MotorCalibration,
-)
+from joshua.api import ActuatorSettings, BlockContext, FieldError, FromField, JointRange
+from joshua.api.calibration import ArmCalibration, MotorCalibration
 from pydantic import Field, model_validator
 from typing_extensions import Self
 

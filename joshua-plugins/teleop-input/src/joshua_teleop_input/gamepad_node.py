@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import time
 
-from joshua.api import (
-    DeviceDisconnected,
-    DeviceError,
-    MessagePublisher,
-    NodeContext,
-    Reading,
-    SensorContext,
-    SensorFacts,
-    load_implementation,
-)
+from joshua.api import DeviceDisconnected, DeviceError, NodeContext, Reading, SensorContext
+from joshua.api.nodes import MessagePublisher, SensorFacts, load_implementation
 
 from joshua_teleop_input.gamepad import JOY, Gamepad
 from joshua_teleop_input.gate import Gate

@@ -8,16 +8,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from joshua.api import (
-    DeviceError,
-    DiagnosticsPublisher,
-    DiagnosticStatus,
-    MessagePublisher,
-    NodeBehaviour,
-    NodeContext,
-    RateMeter,
-    SensorFacts,
-)
+from joshua.api import DeviceError, DiagnosticStatus, NodeContext
+from joshua.api.clocks import RateMeter
+from joshua.api.nodes import DiagnosticsPublisher, MessagePublisher, NodeBehaviour, SensorFacts
 from joshua.messages.make import joint_state
 from joshua.tools import nearest_first
 

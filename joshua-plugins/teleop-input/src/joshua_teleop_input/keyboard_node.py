@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 
-from joshua.api import DeviceDisconnected, MessagePublisher, NodeContext
+from joshua.api import DeviceDisconnected, NodeContext
+from joshua.api.nodes import MessagePublisher
 from joshua.messages import message_class
 from joshua.messages.make import header
 from joshua.tools import load_target

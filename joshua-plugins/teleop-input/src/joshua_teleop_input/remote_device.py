@@ -14,7 +14,8 @@ import select
 import socket
 from typing import Any
 
-from joshua.api import AwakeClock, DeviceDisconnected
+from joshua.api import DeviceDisconnected
+from joshua.api.clocks import AwakeClock
 
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.events import AxisRange, Capabilities, EventDecoder, InputEvent

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from google.protobuf.message import Message
-from joshua.api import TYPE_NAMES, BlockContext, BlockSettings, FieldError, FieldErrors
+from joshua.api import BlockContext, BlockSettings, FieldError, FieldErrors
+from joshua.api.schema import TYPE_NAMES
 from joshua.tools import nearest_first
 from pydantic import BaseModel, ConfigDict, model_validator
 from typing_extensions import Self

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection
 
-from joshua.api import ArmCalibration, DeviceError, MotorCalibration
+from joshua.api import DeviceError
+from joshua.api.calibration import ArmCalibration, MotorCalibration
 from joshua.testing import lifecycle
 from joshua.testing.conformance import Checklist, name_of, refuses, require
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from joshua.api import LARGEST_OFFSET, TICKS_PER_TURN, DeviceError
+from joshua.api import DeviceError
+from joshua.api.calibration import LARGEST_OFFSET, TICKS_PER_TURN
 from joshua.testing import lifecycle
 from joshua.testing.conformance import ViolationError, require
 

@@ -1,0 +1,8 @@
+"""What a simulator puts in the place of devices, and its training environments."""
+
+from joshua.plugins.sim_adapter import CoupledArm as CoupledArm
+from joshua.plugins.sim_adapter import CoupledCamera as CoupledCamera
+from joshua.plugins.sim_adapter import RealDevice as RealDevice
+from joshua.plugins.sim_adapter import SimAdapterError as SimAdapterError
+from joshua.plugins.specs import Environment as Environment
+from joshua.plugins.specs import EnvironmentSpec as EnvironmentSpec
