@@ -179,7 +179,7 @@ def test_a_follower_takes_the_fraction_of_its_leaders_range(run: Any) -> None:
             JointRange("l2", 0.0, 1.0),
         ],
     }
-    node = run(block={"position_min": 2048, "position_max": 2148}, facts={"leader": leader})
+    node = run(block={"position_min": 2048, "position_max": 2148}, facts={"commanders": [leader]})
     high = node.actuator.limits.position_max_rad[0]
     for _ in range(600):
         node.cycles(1, send=joint_state(["l1", "l2"], [0.5, 1.0]), publisher="/leader")
@@ -195,7 +195,7 @@ def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
         "joints": [JointRange("joint_1", 0.0, 1.0)],
     }
     other = TopicSpec(name="/leader/state", type_name="sensor_msgs/msg/JointState")
-    node = run(facts={"leader": leader}, subscriptions=(COMMAND, other))
+    node = run(facts={"commanders": [leader]}, subscriptions=(COMMAND, other))
     for _ in range(600):
         node.cycles(1, send=joint_state(["joint_1"], [0.02]))
         if abs(node.written[-1].position[0] - 0.02) < 1e-6:
@@ -205,7 +205,7 @@ def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
 
 def test_whoever_is_declared_takes_over_and_gives_back(run: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
-    node = run(facts={"take_over": [{"node": "/gamepad", "topic": "/arm/command"}]})
+    node = run(facts={"commanders": [{"node": "/gamepad", "topic": "/arm/command", "override": True}]})
     model, person = joint_state(["joint_1"], [0.4]), joint_state(["joint_1"], [-0.4])
     node.cycles(600, send=model, publisher="/model")
     assert node.written[-1].position[0] == pytest.approx(0.4)
@@ -231,7 +231,7 @@ def test_a_leader_without_a_range_is_refused() -> None:
         "topic": "/arm/command",
         "joints": [JointRange("a", 1.0, 1.0)],
     }
-    context = RecordingContext(spec(facts={"leader": leader}))
+    context = RecordingContext(spec(facts={"commanders": [leader]}))
     node = ActuatorNode(context)
     with pytest.raises(DeviceError, match="/arm cannot follow /l: joint a of the leader has no range"):
         node.configure()

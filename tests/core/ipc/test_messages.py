@@ -34,8 +34,11 @@ SPEC = NodeSpec(
     settings={"ports": [1, 2.5, None, "ä"], "velocity_max_rad_s": [math.inf, 1.0]},
     facts=ActuatorFacts(
         joints=(JointRange("pan", -1.0, math.inf),),
-        leader=Commander("/leader", "/leader/joint_states", (JointRange("pan", 0.0, 1.0),)),
-        take_over=(Commander("/gamepad", "/leader/joint_states"),),
+        commanders=(
+            Commander("/leader", "/leader/joint_states", (JointRange("pan", 0.0, 1.0),)),
+            Commander("/gamepad", "/leader/joint_states", override=True),
+        ),
+        external=("/moveit/joint_commands",),
         safe_stop=SafeStop("a:stop", "PARK_THEN_RELEASE", (0.5,), 5.0),
         on_stale=OnStale("RELEASE", 1.0, (), 5.0),
         simulation={"model_path": "arm.xml"},

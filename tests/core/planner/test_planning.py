@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from joshua.features import FeatureSet
-from joshua.plan import Commander, NodeKind, Severity
+from joshua.plan import NodeKind, Severity
 from joshua.planner.pipeline import PipelineResult, examine
 from joshua.planner.request import Purpose, Request
 
@@ -71,46 +71,6 @@ def test_topics_carry_type_rate_and_the_profile_in_force(tmp_path):
     )
     assert state.qos.depth == 10
     assert follower.subscriptions[0].qos.depth == 3
-
-
-def test_a_follower_knows_its_leader_and_both_know_their_joints(tmp_path):
-    leader, follower = examine(Request(teleoperation(tmp_path))).plan.nodes
-    assert [joint.name for joint in leader.facts.joints] == ["joint_1", "joint_2"]
-    low = leader.facts.joints[0].min_rad
-    assert low == pytest.approx((1024 - 2048) * 2 * 3.141592653589793 / 4096)
-    assert follower.facts.leader.node == "/leader"
-    assert follower.facts.leader.topic == "/leader/joint_states"
-    assert follower.facts.leader.joints == leader.facts.joints
-    assert leader.facts.leader is None
-
-
-def test_a_calibration_names_the_joints(tmp_path):
-    calibration = """
-calibration { arms { node_name: "leader"
-  motors { id: 1 joint_name: "shoulder_pan" range_min: 100 range_max: 4000 }
-  motors { id: 2 joint_name: "gripper" range_min: 200 range_max: 3000 } } }
-"""
-    leader, follower = examine(Request(teleoperation(tmp_path, calibration))).plan.nodes
-    assert [joint.name for joint in leader.facts.joints] == ["shoulder_pan", "gripper"]
-    assert [joint.name for joint in follower.facts.leader.joints] == ["shoulder_pan", "gripper"]
-
-
-def test_an_actuator_knows_who_may_take_over(tmp_path):
-    path = teleoperation(tmp_path)
-    second = """actions {
-    node { node_name: "second" node_id: 7
-      publishers { data_type: JOINT_STATE topic_name: "/leader/joint_states" publish_rate_hz: 50
-        override: true } }
-    action_type: ACTION_LEADER
-    mock_motor_config { num_motors: 2 position_max: 4095 } }
-"""
-    text = Path(path).read_text()
-    Path(path).write_text(text.replace("robot {", "robot { " + second, 1))
-    nodes = {node.name: node for node in examine(Request(path)).plan.nodes}
-    leader, other, follower = (nodes[name] for name in ("leader", "second", "follower"))
-    assert follower.facts.leader.node == "/leader"
-    assert follower.facts.take_over == (Commander("/second", "/leader/joint_states", other.facts.joints),)
-    assert leader.facts.take_over == ()
 
 
 def test_random_noise_needs_no_block_of_its_own(tmp_path):

@@ -114,7 +114,7 @@ class ActuatorNode(NodeBehaviour):
             self.context, lambda: self._test.diagnosed(self._status.rows(actuator))
         )
         if not self._is_leader:
-            overriding = [other.node for other in self._facts.take_over]
+            overriding = [other.node for other in self._facts.commanders if other.override]
             take_over = TakeOver(overriding, self.context.log) if overriding else None
             for topic in spec.subscriptions:
                 self._subscribe(actuator, topic, take_over)

@@ -184,11 +184,10 @@ def leader_mappings(context: NodeContext, topic: str) -> dict[str, LeaderMapping
         DeviceError: leader and follower cannot be paired.
     """
     facts = context.spec.facts_as(ActuatorFacts)
-    candidates = (facts.leader, *facts.take_over)
     return {
         leader.node: _mapping(context, facts, leader)
-        for leader in candidates
-        if leader is not None and leader.topic == topic and leader.joints is not None
+        for leader in facts.commanders
+        if leader.topic == topic and leader.joints is not None
     }
 
 

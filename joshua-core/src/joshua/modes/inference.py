@@ -67,7 +67,9 @@ def _commands(context: Context) -> Iterator[Diagnostic]:
     driving = [topic for topic, group in sources.items() if any(item.entry.is_model for item in group)]
     heard = [item for entry in context.graph.actuators for item in context.graph.commands(entry)]
     if any(item.topic in driving for item in heard):
-        yield from (unpublished(context, item) for item in heard if item.topic not in sources)
+        for item in heard:
+            if item.topic not in sources:
+                yield from unpublished(context, item)
 
 
 def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterator[Diagnostic]:

@@ -26,7 +26,8 @@ def check(context: Context) -> Iterator[Diagnostic]:
     driven = [entry for entry in context.graph.actuators if not entry.leads]
     followed = {entry.path for entry in driven}
     leading = [item for group in sources.values() for item in group if item.entry.path not in followed]
-    if not leading:
+    followers = [entry for entry in driven if entry.owner.action_type == pb.ACTION_FOLLOWER]
+    if not leading and not (driven and all(map(context.graph.is_external, followers or driven))):
         yield _no_leader(context)
     if not driven:
         yield lacks(
@@ -40,7 +41,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
     if not leading or not driven:
         return
-    followers = [entry for entry in driven if entry.owner.action_type == pb.ACTION_FOLLOWER]
     for entry in followers:
         yield from _follower(context, entry, sources, leading[:_MOST_LEADERS])
     others = [
@@ -49,10 +49,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
         if entry.owner.action_type != pb.ACTION_FOLLOWER
         for item in context.graph.commands(entry)
     ]
-    if not followers and not any(item.topic in sources for item in others):
+    if not followers and not any(item.block.external or item.topic in sources for item in others):
         yield _nobody_listens(context, driven[0], leading[:_MOST_LEADERS])
     else:
-        yield from (unpublished(context, item) for item in others if item.topic not in sources)
+        for item in others:
+            if item.topic not in sources:
+                yield from unpublished(context, item)
     for entry in driven:
         yield from joint_counts(context, entry, sources)
 
@@ -94,12 +96,12 @@ def _follower(
 ) -> Iterator[Diagnostic]:
     heard = context.graph.commands(entry)
     topics = tuple(dict.fromkeys(item.topic for item in leading))
-    if any(item.topic in sources for item in heard):
+    if any(item.block.external or item.topic in sources for item in heard):
         return
     if not heard:
         yield context.error(
             "follower-without-leader",
-            f"{title(entry)} follows nobody: it subscribes to no JOINT_STATE topic",
+            f"{title(entry)} has no leader: it subscribes to no JOINT_STATE topic",
             f"{entry.path}.subscriptions",
             position=context.block_position(entry.path),
             allowed=topics,
@@ -110,13 +112,13 @@ def _follower(
     nearby = nearest_first(heard[0].topic, topics)
     yield context.error(
         "follower-without-leader",
-        f"{title(entry)} follows {heard[0].topic}, which nobody in this file publishes, "
+        f"{title(entry)} subscribes to {heard[0].topic}, which no node in this file publishes, "
         "so it would never move",
         path,
         found=context.found(path, heard[0].block.topic_name),
         allowed=tuple(nearby),
         remedy=f"Subscribe to the leader's topic {nearby[0]}, "
-        "or choose ACTION_SINGLE for an actuator that another ROS 2 system commands",
+        "or set external: true if a node outside this file publishes it",
         related=context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}"),
     )
 

@@ -39,16 +39,18 @@ class NodeFacts:
 
 @dataclass(frozen=True)
 class Commander:
-    """A node that publishes what an actuator follows.
+    """A node that may command an actuator.
 
     Attributes:
         node: its full name; topic: on which it publishes.
-        joints: of a leader, whose positions are mapped; None for one that sends positions as they are.
+        joints: of a leader arm, whose positions are mapped; None for a node that sends radians.
+        override: it takes over from the others while a person drives with it.
     """
 
     node: str
     topic: str
     joints: tuple[JointRange, ...] | None = None
+    override: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,8 @@ class ActuatorFacts(NodeFacts):
 
     Attributes:
         joints: of the device, in joint order.
-        leader: whom it follows; take_over: publishers that are declared as override.
+        commanders: every node of the run whose commands count, overrides included, in the order of the file.
+        external: command topics on which publishers outside the file count, too; they send radians.
         stale_after_s: age of a command that holds the joints; None takes the usual one.
         safe_state: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``.
         safe_stop: of its guardian; None where it has none.
@@ -114,8 +117,8 @@ class ActuatorFacts(NodeFacts):
 
     kind: Literal["actuator"] = "actuator"
     joints: tuple[JointRange, ...] = ()
-    leader: Commander | None = None
-    take_over: tuple[Commander, ...] = ()
+    commanders: tuple[Commander, ...] = ()
+    external: tuple[str, ...] = ()
     stale_after_s: float | None = None
     safe_state: str = "HOLD"
     safe_stop: SafeStop | None = None

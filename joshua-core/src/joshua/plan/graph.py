@@ -198,6 +198,10 @@ class RobotGraph:
         """Subscriptions by which an actuator takes commands."""
         return [item for item in self.of_entry(entry) if item.is_command]
 
+    def is_external(self, entry: NodeEntry) -> bool:
+        """Whether nodes outside the file may command an actuator."""
+        return any(item.block.external for item in self.commands(entry))
+
     @cached_property
     def command_sources(self) -> dict[str, list[Endpoint]]:
         """Publishers that can command an actuator, by topic."""

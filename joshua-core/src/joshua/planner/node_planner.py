@@ -19,7 +19,7 @@ from joshua.plan import (
     TopicSpec,
 )
 from joshua.plan.facts import Facts
-from joshua.plan.graph import Endpoint, RobotGraph
+from joshua.plan.graph import Endpoint, NodeEntry, RobotGraph
 from joshua.planner.devices import Wanted
 from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.request import Request
@@ -69,6 +69,7 @@ class NodePlanner:
         self._graph = graph
         self._physics = physics
         self._testing = mode.verdict
+        self._runs_models = mode.models
 
     def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
         """Makes the specs of all resolved nodes."""
@@ -152,27 +153,32 @@ class NodePlanner:
         if isinstance(spec, SensorSpec):
             return SensorFacts(joints=resolved.joints, terminal=spec.terminal, **common)
         assert isinstance(spec, ActuatorSpec)
-        leader, take_over = self._commanders(want)
         return ActuatorFacts(
             joints=tuple(self._joints[want.entry.path]),
-            leader=leader,
-            take_over=take_over,
+            commanders=tuple(commanders(self._graph, want.entry, self._joints, models=self._runs_models)),
+            external=tuple(item.topic for item in self._graph.commands(want.entry) if item.block.external),
             allow_uncalibrated=self._allow_uncalibrated,
             dry_run=self._request.dry_run,
             **common,
             **safety_facts(want.entry.owner, spec),
         )
 
-    def _commanders(self, want: Wanted) -> tuple[Commander | None, tuple[Commander, ...]]:
-        """Of those who publish what an actuator subscribes to: its leader, and who may take over."""
-        leader: Commander | None = None
-        take_over = []
-        for source in self._graph.commanders(want.entry):
+
+def commanders(
+    graph: RobotGraph, entry: NodeEntry, joints: Mapping[str, Sequence[JointRange]], *, models: bool
+) -> Iterable[Commander]:
+    """The nodes and services of a run whose commands an actuator accepts.
+
+    Args:
+        joints: of each actuator, by the field path of its node block; models: the run starts the models.
+    """
+    topics = {item.topic for item in graph.commands(entry)}
+    for source in graph.commanders(entry):
+        if source.topic in topics and (models or not source.entry.is_model):
             maps = source.entry.leads and source.block.data_type == data_type_pb2.JOINT_STATE
-            joints = tuple(self._joints.get(source.entry.path, ())) if maps else None
-            commander = Commander(source.entry.full_name, source.topic, joints)
-            if source.block.override:
-                take_over.append(commander)
-            elif maps and leader is None:
-                leader = commander
-        return leader, tuple(take_over)
+            ranges = tuple(joints.get(source.entry.path, ())) if maps else None
+            yield Commander(source.entry.full_name, source.topic, ranges, source.block.override)
+    for service in graph.services:
+        for topic in service.topics:
+            if topic.is_publisher and topic.name in topics:
+                yield Commander(f"/{service.name}", topic.name)

@@ -759,14 +759,16 @@ class Publisher(_message.Message):
     def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., publish_rate_hz: _Optional[float] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., override: _Optional[bool] = ...) -> None: ...
 
 class Subscription(_message.Message):
-    __slots__ = ("data_type", "topic_name", "qos")
+    __slots__ = ("data_type", "topic_name", "qos", "external")
     DATA_TYPE_FIELD_NUMBER: _ClassVar[int]
     TOPIC_NAME_FIELD_NUMBER: _ClassVar[int]
     QOS_FIELD_NUMBER: _ClassVar[int]
+    EXTERNAL_FIELD_NUMBER: _ClassVar[int]
     data_type: _data_type_pb2.DataType
     topic_name: str
     qos: QoSSettings
-    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ...) -> None: ...
+    external: bool
+    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., external: _Optional[bool] = ...) -> None: ...
 
 class TestConfig(_message.Message):
     __slots__ = ("duration_s",)

@@ -25,6 +25,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         publishers = [item for item in group if item.is_publisher]
         yield from _types(context, group)
         yield from _publishers(context, publishers, group)
+        yield from _external(context, publishers, group)
     yield from _unpublished(context)
     yield from _feedback(context)
 
@@ -77,6 +78,32 @@ def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoi
             yield _two_publishers(context, same[0], item, commanded, overriding=kind)
 
 
+def _external(context: Context, publishers: list[Endpoint], group: list[Endpoint]) -> Iterator[Diagnostic]:
+    """Nodes outside the file that would command an actuator beside one of the file."""
+    first = next((item for item in publishers if not item.block.override), None)
+    for item in group:
+        if first is None or item.is_publisher or not item.block.external:
+            continue
+        path, related = f"{item.path}.external", context.see(f"{first.path}.topic_name", "published here")
+        if item.is_command:
+            yield context.warning(
+                "command-topic-two-publishers",
+                f"external: true lets any node command {title(item.entry)} on {item.topic} beside "
+                f"{title(first.entry)}; the actuator would jerk between the two",
+                path,
+                remedy="Remove external, or subscribe to a topic of its own for commands from outside",
+                related=related,
+            )
+        else:
+            yield context.note(
+                "field-unused",
+                f"external has no effect: {title(first.entry)} publishes {item.topic}",
+                path,
+                remedy="Remove it",
+                related=related,
+            )
+
+
 def _two_publishers(
     context: Context, first: Endpoint, item: Endpoint, commanded: Endpoint | None, *, overriding: bool
 ) -> Diagnostic:
@@ -121,11 +148,13 @@ def _unpublished(context: Context) -> Iterator[Diagnostic]:
         if item.is_publisher or item.topic in context.graph.published or item.topic in _SYSTEM_TOPICS:
             continue
         if not (by_mode and item.is_command):
-            yield unpublished(context, item)
+            yield from unpublished(context, item)
 
 
-def unpublished(context: Context, item: Endpoint) -> Diagnostic:
-    """Makes the warning that nobody publishes what a subscription wants."""
+def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
+    """Warns of a subscription to a topic that no node publishes, unless the file says that others do."""
+    if item.block.external:
+        return
     path = f"{item.path}.topic_name"
     written = item.block.topic_name
     found = context.found(path, written)
@@ -137,14 +166,19 @@ def unpublished(context: Context, item: Endpoint) -> Diagnostic:
     others = [name for name in islice(context.graph.published_by_nodes, _MOST_NAMES) if name not in own]
     similar = nearest(item.topic, others)
     same_type = [name for name in others if number and context.graph.published_by_nodes[name] == number]
-    return context.warning(
+    outside = "set external: true if a node outside this file publishes it"
+    yield context.warning(
         "topic-unpublished",
-        f"Nobody in this file publishes {item.topic}, so {title(item.entry)} waits for another "
-        "ROS 2 system to do so",
+        f"No node in this file publishes {item.topic}, so "
+        + (
+            f"{title(item.entry)} never moves"
+            if item.is_command
+            else f"{title(item.entry)} waits for a node outside this file"
+        ),
         path,
         found=found,
         allowed=tuple(dict.fromkeys([*similar, *same_type])),
-        remedy=f"Did you mean {similar[0]}?" if similar else "Correct the name, or add the publisher",
+        remedy=(f"Did you mean {similar[0]}? Otherwise " if similar else "Correct the name, or ") + outside,
     )
 
 
