@@ -112,7 +112,6 @@ def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
                     "field-unused",
                     f"{name} has no effect: it belongs to MODE_PLUGIN",
                     f"general.{name}",
-                    position=context.block_position(f"general.{name}"),
                     remedy="Remove it, or set mode: MODE_PLUGIN in general",
                 )
 
@@ -129,4 +128,4 @@ def _without_plugin(context: Context, registry: Registry, reason: str | None, la
         code, message = "plugin-missing", registry.missing(path, ModeOffer, "", name)
         remedy = f"Did you mean {near[0]}?" if near else registry.remedy(ModeOffer, "", name)
     make = context.error if launch else context.note
-    return make(code, message, path, found=context.found(path, name), allowed=tuple(near), remedy=remedy)
+    return make(code, message, path, allowed=tuple(near), remedy=remedy)

@@ -57,7 +57,6 @@ def _upload(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
             "mode-lacks-field",
             "An upload needs remote_url, the address that the data set is sent to",
             f"{_STORE}.remote_url",
-            position=context.block_position(_STORE),
             remedy='Add remote_url: "hf://datasets/my-name/my-data"',
         )
 
@@ -80,7 +79,6 @@ def _lacks_path(context: Context, what: str) -> Diagnostic:
         "mode-lacks-field",
         f"{what} needs local_path, the folder of the data set",
         f"{_STORE}.local_path",
-        position=context.block_position(_STORE),
         remedy='Add local_path: "datasets/my_data"',
     )
 

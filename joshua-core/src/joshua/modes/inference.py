@@ -25,12 +25,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
     """Follows the road from observations through each model to an actuator."""
     if not context.graph.models:
         yield lacks(
-            context,
-            "mode-lacks-model",
-            "a model that drives the robot",
-            "ai.models",
-            allowed=_model_types(),
-            remedy="Add ai { models { ... } } with a node that publishes the actions",
+            context, "mode-lacks-model", "a model that drives the robot", "ai.models", allowed=_model_types()
         )
     if not context.graph.actuators:
         yield lacks(
@@ -84,7 +79,7 @@ def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterato
             "mode-lacks-publisher",
             f"the model {title(entry)} to publish its actions, and it publishes no topic",
             entry.path,
-            position=context.block_position(entry.path),
+            position=context.position(entry.path),
             remedy='Add publishers { data_type: JOINT_STATE topic_name: "/ai/actions" '
             "publish_rate_hz: 10.0 }",
         )
@@ -94,7 +89,6 @@ def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterato
             "model-drives-nothing",
             f"No actuator subscribes to {own[0].topic}, so {title(entry)} drives nothing",
             f"{own[0].path}.topic_name",
-            found=context.found(f"{own[0].path}.topic_name", own[0].block.topic_name),
             allowed=tuple(sorted(heard)[:_MOST_NAMES]),
             remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{own[0].topic}" }} to the node '
             f"{title(actuators[0])}" + (", or publish on the topic that it subscribes to" if heard else ""),
@@ -112,7 +106,6 @@ def _observations_in(context: Context, entry: NodeEntry, cameras: tuple[str, ...
         "model-without-camera",
         f"{title(entry)} is a vision model and subscribes to no camera",
         f"{entry.path}.subscriptions",
-        position=context.block_position(entry.path),
         allowed=cameras,
         remedy=f'Add subscriptions {{ data_type: IMAGE topic_name: "{sample}" }}',
     )

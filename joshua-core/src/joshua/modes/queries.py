@@ -29,14 +29,13 @@ def mode_name(config: pb.Config) -> str:
     return pb.OperationMode.Name(mode) if mode in pb.OperationMode.values() else ""
 
 
-def lacks(context: Context, code: str, what: str, path: str, *, remedy: str, **details: object) -> Diagnostic:
+def lacks(context: Context, code: str, what: str, path: str, **details: object) -> Diagnostic:
     """Makes the error that the mode needs something which the file does not have."""
     return context.error(
         code,
         f"{mode_name(context.config)} needs {what}",
         path,
         position=details.pop("position", None) or mode_position(context),
-        remedy=remedy,
         **details,
     )
 
@@ -66,7 +65,6 @@ def _unused(context: Context, path: str, place: str, reason: str) -> Diagnostic:
         "block-unused",
         f"{path.rpartition('.')[2]} has no effect in {mode_name(context.config)}; {reason}",
         path,
-        position=context.block_position(place),
         remedy="Remove it, or change general.mode",
         related=context.see("general.mode", "mode"),
     )

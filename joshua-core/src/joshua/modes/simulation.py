@@ -46,7 +46,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "mode-lacks-field",
             "PASSIVE replays the data set of ai.data_store, which has no local_path",
             "ai.data_store.local_path",
-            position=context.block_position("ai.data_store"),
             remedy='Add local_path: "datasets/my_data"',
         )
     if simulation.HasField("generate") and not context.config.ai.data_store.local_path:
@@ -54,7 +53,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "mode-lacks-block",
             "generate makes episodes, and no ai.data_store with a local_path says where they are kept",
             "ai.data_store",
-            position=context.block_position("simulation.generate"),
             remedy="Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
             'dataset_name: ... local_path: "datasets/mine" task: ... } }',
         )
@@ -66,7 +64,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             f"mirror_topic_mappings have an effect only with mode: MIRROR, and the mode is "
             f"{sim.SimulationMode.Name(simulation.mode)}",
             f"{_MAPPINGS}[0]",
-            position=context.block_position(f"{_MAPPINGS}[0]"),
             remedy="Remove them, or set mode: MIRROR in simulation",
             related=context.see("simulation.mode", "mode"),
         )
@@ -93,8 +90,6 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
                 "mapping-duplicate",
                 f"The actuator {name} of the model is driven twice",
                 f"{path}.mujoco_actuator",
-                found=context.found(f"{path}.mujoco_actuator", name),
-                remedy="Drive each actuator of the model from one topic",
                 related=context.see(f"{_MAPPINGS}[{first[name]}].mujoco_actuator", "first mapping"),
             )
         yield from _topic(context, f"{path}.ros_topic", mapping.ros_topic, published, noted)
@@ -117,7 +112,6 @@ def _topic(
             "mapping-unpublished",
             f"No node of this file publishes {name}; the mirror waits for a robot that runs elsewhere",
             path,
-            found=context.found(path, topic),
             allowed=tuple(similar),
             remedy=f"Did you mean {similar[0]}?" if similar else "Start the robot's own file beside this one",
         )
@@ -126,9 +120,7 @@ def _topic(
             "mapping-type",
             f"A mirror follows JOINT_STATE topics, and {name} is {type_text(published[name])}",
             path,
-            found=context.found(path, topic),
             allowed=tuple(other for other, number in published.items() if number == types.JOINT_STATE),
-            remedy="Map a JOINT_STATE topic",
         )
 
 

@@ -36,8 +36,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "an actuator that follows",
             "robot.actions",
             allowed=("ACTION_FOLLOWER", "ACTION_SINGLE", "ACTION_SPIKE", "ACTION_MOCK"),
-            remedy="Add an actions block with action_type: ACTION_FOLLOWER "
-            "that subscribes to the leader's topic",
         )
     if not leading or not driven:
         return
@@ -76,7 +74,7 @@ def _no_leader(context: Context) -> Diagnostic:
             "mode-lacks-publisher",
             f"the leader {title(silent)} to publish its joints, and it publishes no JOINT_STATE",
             silent.path,
-            position=context.block_position(silent.path),
+            position=context.position(silent.path),
             remedy=f'Add publishers {{ data_type: JOINT_STATE topic_name: "/{title(silent)}/joint_states" '
             "publish_rate_hz: 50.0 }",
         )
@@ -103,7 +101,6 @@ def _follower(
             "follower-without-leader",
             f"{title(entry)} has no leader: it subscribes to no JOINT_STATE topic",
             f"{entry.path}.subscriptions",
-            position=context.block_position(entry.path),
             allowed=topics,
             remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topics[0]}" }}',
         )
@@ -115,7 +112,6 @@ def _follower(
         f"{title(entry)} subscribes to {heard[0].topic}, which no node in this file publishes, "
         "so it would never move",
         path,
-        found=context.found(path, heard[0].block.topic_name),
         allowed=tuple(nearby),
         remedy=f"Subscribe to the leader's topic {nearby[0]}, "
         "or set external: true if a node outside this file publishes it",
@@ -129,7 +125,6 @@ def _nobody_listens(context: Context, entry: NodeEntry, leading: list[Endpoint])
         "follower-without-leader",
         f"{mode_name(context.config)} needs an actuator that follows, and none subscribes to {topic}",
         f"{entry.path}.subscriptions",
-        position=context.block_position(entry.path),
         allowed=tuple(dict.fromkeys(item.topic for item in leading)),
         remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topic}" }} to {title(entry)}',
         related=context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}"),
@@ -155,9 +150,7 @@ def joint_counts(
                     f"{title(entry)} has {mine} motors and its leader {title(source.entry)} has {theirs}: "
                     "joints without a partner stay where they are",
                     path,
-                    position=context.block_position(path),
                     found=f"{mine} and {theirs} motors",
-                    remedy="List as many motors in both blocks, or ignore this if the arms differ",
                     related=context.see(f"{source.entry.owner_path}.{other}", "block of the leader"),
                 )
 

@@ -23,13 +23,7 @@ RAN = "runs to the end"
 def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for at least one device or model."""
     if not context.graph.entries:
-        yield lacks(
-            context,
-            "mode-lacks-device",
-            "at least one device to test",
-            "robot",
-            remedy="Add robot { actions { ... } } or robot { perceptions { ... } }",
-        )
+        yield lacks(context, "mode-lacks-device", "at least one device to test", "robot")
     sources = leaders(context)
     for entry in context.graph.actuators:
         yield from joint_counts(context, entry, sources)

@@ -45,7 +45,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "block-unused",
             "environment_id has no effect here: environments are simulated, and a data set needs none",
             path,
-            found=context.found(path, ai.training.environment_id),
             remedy="Remove it, or set environment: ENV_SIMULATION with METHOD_RL or METHOD_EVAL",
         )
 
@@ -61,9 +60,7 @@ def _data_set(context: Context) -> Iterator[Diagnostic]:
         "dataset-mismatch",
         f"The data store beside the training holds {stored}, not {wanted}",
         path,
-        found=context.found(path, wanted),
         allowed=(f'"{stored}"',),
-        remedy="Write the same name in both blocks, or remove data_store to take the data set from the hub",
         related=context.see("ai.data_store.dataset_name", "data set of the store"),
     )
 

@@ -29,7 +29,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             "mode-lacks-field",
             "general.id, after which the calibration file is named",
             "general.id",
-            position=context.block_position("general"),
+            position=context.position("general"),
             remedy='Add id: "joshua-arm-001" to general',
         )
 

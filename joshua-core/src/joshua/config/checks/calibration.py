@@ -27,8 +27,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
                 "calibration-duplicate",
                 f"{arm.node_name} is calibrated twice, and only one calibration can hold",
                 f"{path}.node_name",
-                found=context.found(f"{path}.node_name", arm.node_name),
-                remedy="Remove the older one",
                 related=context.see(f"{other}.node_name", "first calibration"),
             )
         elif arm.node_name not in actuators:
@@ -38,9 +36,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
                 "calibration-unknown-node",
                 f"No actuator of this file is called {arm.node_name}, so this calibration has no effect",
                 f"{path}.node_name",
-                found=context.found(f"{path}.node_name", arm.node_name),
                 allowed=tuple(f'"{name}"' for name in nearest_first(arm.node_name, actuators)),
-                remedy="Correct the name, or leave it if the calibration is shared with other files",
             )
         else:
             yield from _motors(context, path, arm, actuators[arm.node_name])
@@ -61,8 +57,6 @@ def _joints(context: Context, path: str, arm: calibration_pb.ArmCalibration) -> 
                 "duplicate-joint-name",
                 f"Two motors of one arm move the joint {name}; joints are matched by name",
                 field,
-                found=context.found(field, name),
-                remedy="Give each joint its own name",
                 related=context.see(f"{path}.motors[{first[name]}].joint_name", "first use of this name"),
             )
 
@@ -87,7 +81,6 @@ def _motors(
                 f"{path}.motors[{index}].id",
                 found=str(motor.id),
                 allowed=tuple(str(number) for number in bus),
-                remedy="Calibrate this arm again with MODE_CALIBRATION, or correct motor_ids",
                 related=related,
             )
     absent = [str(number) for number in bus if number not in calibrated]
@@ -98,9 +91,8 @@ def _motors(
             "calibration-incomplete",
             f"The calibration of {arm.node_name} lacks {motors}",
             f"{path}.motors",
-            position=context.block_position(path),
+            position=context.position(path),
             found=f"{len(arm.motors)} motor{'s' if len(arm.motors) > 1 else ''}: "
             + ", ".join(str(motor.id) for motor in arm.motors),
-            remedy="Calibrate this arm again with MODE_CALIBRATION",
             related=related,
         )

@@ -10,24 +10,22 @@ from joshua.config.checks.blocks import Block, all_blocks
 from joshua.config.names import NameFault
 from joshua.plan import Diagnostic, Position, Related, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
-from joshua.textproto.field_facts import number_text
 
 if TYPE_CHECKING:
     from joshua.config.loading import LoadedConfig
 
 
 class Context:
-    """One configuration under check.
+    """One configuration under check, and the maker of diagnostics about it.
 
     Attributes:
-        loaded: what loading returned; config: the merged message; graph: of its nodes and topics.
+        loaded: what loading returned; config: the merged message; graph: its nodes and topics.
+        launch: nodes are about to be started.
     """
 
-    def __init__(self, loaded: LoadedConfig) -> None:
-        self.loaded = loaded
-        self.config = loaded.config
-        self.graph = loaded.graph
-        self._lines: dict[str, list[str]] = {}
+    def __init__(self, loaded: LoadedConfig, *, launch: bool = False) -> None:
+        self.loaded, self.launch = loaded, launch
+        self.config, self.graph = loaded.config, loaded.graph
 
     @cached_property
     def blocks(self) -> list[Block]:
@@ -47,78 +45,62 @@ class Context:
         return (value != 0 or positions.is_set(path)) and not positions.is_broken(path)
 
     def position(self, path: str) -> Position | None:
-        """Place of a field's value, else of the innermost block around it, else the start of the file."""
-        positions = self.loaded.positions
-        return positions.value(path) or positions.name(path) or self._enclosing(path)
+        """Position of a field's value or a block's name, else of the block around it, else of the file."""
+        place = self.loaded.positions.nearest(path)
+        if place is None and path:
+            place = next((Position(file, 1, 1) for file in self.loaded.sources), None)
+        return place
 
-    def block_position(self, path: str) -> Position | None:
-        """Place of the name of a block, else of the innermost block around it."""
-        positions = self.loaded.positions
-        return positions.name(path) or positions.value(path) or self._enclosing(path)
-
-    def text_at(self, position: Position | None) -> str:
-        """The source text of a span; "" where it is not known."""
-        if position is None or position.file not in self.loaded.sources:
+    def found(self, path: str) -> str:
+        """The value of a field as the user wrote it; "" for a block and for a field that is not written."""
+        entry = self.loaded.positions.entry(path)
+        if entry is None or entry.value == entry.name:
             return ""
-        if position.file not in self._lines:
-            self._lines[position.file] = self.loaded.sources[position.file].split("\n")
-        lines = self._lines[position.file]
-        if not 1 <= position.line <= len(lines):
-            return ""
-        return lines[position.line - 1][position.column - 1 : position.column - 1 + position.length]
-
-    def found(self, path: str, value: object) -> str:
-        """The text of a value as the user wrote it, else the value itself."""
-        if isinstance(value, str) and len(value) > 200:
-            return f'"{value}"'
-        written = self.text_at(self.loaded.positions.value(path))
-        if written:
-            return written
-        if isinstance(value, str):
-            return f'"{value}"'
-        return number_text(value) if isinstance(value, float) else str(value)
+        return entry.value.source.text[entry.value.start : entry.value.end].partition("\n")[0]
 
     def name_position(self, path: str, value: str, fault: NameFault) -> Position | None:
-        """Place of the part of a name that breaks a rule, else of the whole value."""
+        """Position of the part of a name that breaks a rule, else of the whole value."""
         place = self.position(path)
-        if place is not None and self.text_at(place)[1:-1] == value:
+        if place is not None and self.found(path)[1:-1] == value:
             return replace(place, column=place.column + 1 + fault.offset, length=max(fault.length, 1))
         return place
 
     def see(self, path: str, label: str) -> tuple[Related, ...]:
-        """A related place, for ``Diagnostic.related``; empty where the place is not known."""
+        """A related position, for ``Diagnostic.related``; empty where none is known."""
         place = self.position(path)
-        return () if place is None else (Related(position=place, label=label),)
+        return () if place is None else (Related(place, label),)
 
-    def error(self, code: str, message: str, path: str, **details: Any) -> Diagnostic:
-        """Makes an error; ``details`` are further attributes of the Diagnostic."""
-        return self._finding(Severity.ERROR, code, message, path, details)
+    def error(self, code: str, message: str, path: str = "", **details: Any) -> Diagnostic:
+        """Make an error about a field.
 
-    def warning(self, code: str, message: str, path: str, **details: Any) -> Diagnostic:
-        """Makes a warning."""
-        return self._finding(Severity.WARNING, code, message, path, details)
+        Args:
+            details: further attributes of the Diagnostic. Position and ``found`` are those of the field
+                unless given, the remedy is that of the code's table row.
+        """
+        return self._make(Severity.ERROR, code, message, path, details)
 
-    def note(self, code: str, message: str, path: str, **details: Any) -> Diagnostic:
-        """Makes a note."""
-        return self._finding(Severity.NOTE, code, message, path, details)
+    def warning(self, code: str, message: str, path: str = "", **details: Any) -> Diagnostic:
+        """Make a warning, with the arguments of ``error``."""
+        return self._make(Severity.WARNING, code, message, path, details)
 
-    def _finding(
+    def note(self, code: str, message: str, path: str = "", **details: Any) -> Diagnostic:
+        """Make a note, with the arguments of ``error``."""
+        return self._make(Severity.NOTE, code, message, path, details)
+
+    def missing(self, code: str, message: str, path: str = "", **details: Any) -> Diagnostic:
+        """Make an error about what a run needs, with the arguments of ``error``; a note without a launch."""
+        severity = Severity.ERROR if self.launch else Severity.NOTE
+        return self._make(severity, code, message, path, details)
+
+    def _make(
         self, severity: Severity, code: str, message: str, path: str, details: dict[str, Any]
     ) -> Diagnostic:
-        if "position" not in details:
-            details["position"] = self.position(path)
-        if "remedy" in details:
-            details["remedy"] = as_instruction(details["remedy"])
-        return Diagnostic(
-            code=code, severity=severity, message=as_sentence(message), field_path=path, **details
-        )
+        given = {"position": self.position(path), "found": self.found(path), **details}
+        given["remedy"] = as_instruction(given.get("remedy") or _next_step(code))
+        return Diagnostic(code, severity, as_sentence(message), field_path=path, **given)
 
-    def _enclosing(self, path: str) -> Position | None:
-        positions = self.loaded.positions
-        while path:
-            path = path[: path.rfind("[")] if path.endswith("]") else path.rpartition(".")[0]
-            if path and (place := positions.name(path) or positions.value(path)):
-                return place
-        for file in self.loaded.sources:
-            return Position(file=file, line=1, column=1)
-        return None
+
+def _next_step(code: str) -> str:
+    from joshua.config.codes import CODES
+
+    return CODES[code].next_step

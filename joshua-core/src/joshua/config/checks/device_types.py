@@ -37,9 +37,7 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
             "subscription-unfit",
             f"{device} listens to no topic, so this subscription would have no effect",
             item.path,
-            position=context.block_position(item.path),
             found=f"subscription to {item.topic} as {type_text(number)}",
-            remedy="Remove the subscription",
         )
         return
     verb = "publish" if item.is_publisher else "take commands as"
@@ -47,7 +45,6 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
         "data-type-unfit",
         f"{device} cannot {verb} {type_text(number)}",
         path,
-        found=context.found(path, type_text(number)),
         allowed=tuple(type_text(entry) for entry in allowed),
         remedy=f"Write data_type: {type_text(allowed[0])}",
     )
@@ -64,6 +61,5 @@ def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
                 "sensor-unpublished",
                 f"{title(entry)} publishes no topic, so nobody gets what it measures",
                 entry.path,
-                position=context.block_position(entry.path),
                 remedy=f"Add publishers {{ {sample} }}",
             )

@@ -61,7 +61,6 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
         "required-missing",
         f"{subject} lacks {what}",
         block.field_path(single.name) if single else block.path,
-        position=context.block_position(block.path),
         allowed=allowed,
         remedy=f"Add {in_words([_link(block, facts) or endpoint.sample(facts) for facts in missing])}",
     )
@@ -113,7 +112,6 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
                 f"{facts.name} of {block_name(block)} needs at least {facts.min_items} "
                 f"entr{'y' if facts.min_items == 1 else 'ies'}",
                 path,
-                position=context.block_position(path),
                 found=f"{count} entries",
                 remedy=f"Add {facts.sample()}",
             )
@@ -126,7 +124,6 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
                 position=context.position(last),
                 found=f"{count} entries",
                 allowed=(f"1 to {facts.max_items} entries",),
-                remedy="Remove the entries from here on, or divide them among several blocks",
             )
     if facts.is_message:
         return
@@ -139,9 +136,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
                 "duplicate-entry",
                 f'"{value}" stands twice in {facts.name}, where each entry may stand once',
                 f"{path}[{index}]",
-                found=context.found(f"{path}[{index}]", value),
                 allowed=tuple(f'"{entry}"' for entry in facts.allowed if entry not in used),
-                remedy="Remove one of the two",
                 related=context.see(f"{path}[{seen[value]}]", "first entry"),
             )
         seen.setdefault(value, index)
@@ -163,7 +158,6 @@ def _number(context: Context, facts: FieldFacts, path: str, value: float) -> Ite
             "not-finite",
             f"{_subject(facts)} must be a finite number",
             path,
-            found=context.found(path, value),
             allowed=(limits,) if limits else ("any finite number",),
             remedy=f"Write a number such as {facts.example or facts.default or '1.0'}",
         )
@@ -172,7 +166,6 @@ def _number(context: Context, facts: FieldFacts, path: str, value: float) -> Ite
             "out-of-range",
             f"{_subject(facts)} must be {limits}",
             path,
-            found=context.found(path, value),
             allowed=(limits,),
             remedy=_range_remedy(facts, value),
         )
@@ -219,7 +212,5 @@ def _string(context: Context, facts: FieldFacts, path: str, value: str) -> Itera
             "not-allowed",
             f'"{value}" is no value of {facts.name}',
             path,
-            found=context.found(path, value),
             allowed=tuple(f'"{entry}"' for entry in nearest_first(value, facts.allowed)),
-            remedy="Write one of the allowed values",
         )

@@ -55,7 +55,6 @@ def _device(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
             if is_action
             else f"{title(entry)} has no settings block, so nothing says which device it reads",
             entry.owner_path,
-            position=context.block_position(entry.owner_path),
             allowed=blocks,
             remedy=f"Add {needed}" + (f", which {type_name} needs" if chosen and len(blocks) == 1 else ""),
         )
@@ -67,7 +66,6 @@ def _device(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
             "block-unfit",
             f"{type_name} does not go with {name}",
             path,
-            position=context.block_position(path),
             found=name,
             allowed=blocks,
             remedy=f"Write {_one_of(blocks)} in its place{hint}",
@@ -87,9 +85,7 @@ def _simulated(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
             "simulation-missing",
             f"{title(entry)} is part of a simulated robot, and the file has no simulation block",
             path,
-            position=context.block_position(path),
             found=name,
-            remedy='Add simulation { mode: OFFSCREEN model_path: "so_arm100/scene.xml" }',
         )
 
 
@@ -103,7 +99,6 @@ def _link(context: Context, block: Block, device: Block) -> Iterator[Diagnostic]
             "link-missing",
             "comm names no link to the device",
             block.path,
-            position=context.block_position(block.path),
             allowed=allowed,
             remedy="Add " + _one_of(_samples(block.facts, allowed)),
         )
@@ -113,7 +108,6 @@ def _link(context: Context, block: Block, device: Block) -> Iterator[Diagnostic]
             "link-unfit",
             f"{owner} needs a {needed} link; the device has no other",
             path,
-            position=context.block_position(path),
             found=link,
             allowed=(needed,),
             remedy=f"Write {_samples(block.facts, (needed,))[0]} in its place, or choose another device",
@@ -145,7 +139,6 @@ def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
             "weights-missing",
             f"{chosen} has no weights: an untrained model would move the robot at random",
             f"{path}.{weights}",
-            position=context.block_position(path),
             allowed=('"lerobot/smolvla_base"', "a folder of trained weights"),
             remedy=f'Add {weights}: "lerobot/smolvla_base"',
         )
@@ -168,7 +161,6 @@ def _unused(context: Context, path: str, needed: str, type_path: str) -> Diagnos
         "block-unfit",
         f"{name} has an effect only with {needed}",
         path,
-        position=context.block_position(path),
         found=name,
         remedy=f"Remove {name}, or change {type_path.rpartition('.')[2]} to {needed}",
         related=context.see(type_path, type_path.rpartition(".")[2]),
@@ -224,7 +216,6 @@ def _training(context: Context) -> Iterator[Diagnostic]:
             f"{name} has no effect: it belongs to {pb.TrainingMethod.Name(number)}, "
             f"and the method is {method}",
             f"{path}.{name}",
-            position=context.block_position(f"{path}.{name}"),
             remedy="Remove it, or change the method",
         )
     if training.environment == pb.ENV_SIMULATION and training.method == pb.METHOD_RL:

@@ -41,9 +41,7 @@ def _ids(context: Context) -> Iterator[Diagnostic]:
                 "duplicate-node-id",
                 f"{title(entry)} and {title(other)} have the same node_id; each node needs its own",
                 path,
-                found=context.found(path, number),
                 allowed=(f"{free} (the smallest free id)",),
-                remedy="Give this node an id that no other node has",
                 related=context.see(f"{other.path}.node_id", f"{title(other)} has this id"),
             )
 
@@ -67,9 +65,7 @@ def _names(context: Context) -> Iterator[Diagnostic]:
                 "duplicate-node-name",
                 f"Two nodes are called {entry.full_name}; names are unique in a ROS 2 graph",
                 path,
-                found=context.found(path, entry.node.node_name),
                 allowed=(f'"{suggestion}"', "the same name in another ros_namespace"),
-                remedy="Rename one of the two",
                 related=context.see(f"{other.path}.node_name", "first node of this name"),
             )
 
@@ -93,9 +89,7 @@ def _arms(context: Context) -> Iterator[Diagnostic]:
             f"{entry.full_name} and {other.full_name} have one node_name, and a calibration knows its "
             "actuator by that alone: both would take the same one",
             path,
-            found=context.found(path, name),
             allowed=(f'"{entry.namespace.strip("/").replace("/", "_") or "other"}_{name}"',),
-            remedy="Give each actuator a node_name of its own",
             related=context.see(f"{other.path}.node_name", "first actuator of this name"),
         )
 

@@ -36,7 +36,5 @@ def check(context: Context) -> Iterator[Diagnostic]:
         "loopback, so they do not meet",
         path,
         found=", ".join(names),
-        remedy="Add a transport block with listen_endpoints for one machine "
-        "and connect_endpoints for the others",
         related=context.see(f"{first[names[0]]}.host", f"first machine, {names[0]}"),
     )

@@ -63,7 +63,6 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
                 fault.rule,
                 path,
                 position=context.name_position(path, value, fault),
-                found=context.found(path, value),
                 allowed=(f'"{fault.suggestion}"',) if fault.suggestion else (),
                 remedy=f"Rename it; {'tf2' if facts.kind == rules.KIND_FRAME else 'ROS 2'} refuses this name",
             )
@@ -74,35 +73,27 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
             "uuid-invalid",
             f"{facts.name} must be a UUID of 36 characters: 8-4-4-4-12 hexadecimal digits",
             path,
-            found=context.found(path, value),
             allowed=(facts.example,) if facts.example else (),
-            remedy="Copy the service's UUID in full from the device's documentation",
         )
     elif facts.kind == rules.KIND_HOST and not re.fullmatch(_HOST, value):
         yield context.error(
             "host-invalid",
             "A host name may contain only letters, digits, underscores, dots and hyphens",
             path,
-            found=context.found(path, value),
-            remedy="Write the name that this machine's `joshua --host NAME` is given",
         )
     elif facts.name == "pixel_format" and not (len(value) == 4 and value.isascii() and value.isprintable()):
         yield context.error(
             "pixel-format-invalid",
             "A pixel format is a code of exactly four ASCII characters",
             path,
-            found=context.found(path, value),
             allowed=('"MJPG"', '"YUYV"', '"RGB3"', '"H264"'),
-            remedy="Write one of the codes that the camera lists: `joshua find-cameras` shows them",
         )
     elif facts.name == "vid_pid" and not re.fullmatch(_VID_PID, value):
         yield context.error(
             "usb-id-invalid",
             "vid_pid must be vendor and product id, four hexadecimal digits each, with a colon between",
             path,
-            found=context.found(path, value),
             allowed=(facts.example,) if facts.example else (),
-            remedy="Copy the ids from the list of `joshua find-port` or lsusb",
         )
 
 
@@ -114,8 +105,6 @@ def _unwise_topic(context: Context, path: str, value: str) -> Iterator[Diagnosti
             "The conventions of ROS 2 keep repeated underscores in topic names for its own use",
             path,
             position=context.name_position(path, value, NameFault("", at, 2, "")),
-            found=context.found(path, value),
-            remedy="Use single underscores",
         )
     elif is_hidden(value):
         yield context.note(
@@ -123,8 +112,6 @@ def _unwise_topic(context: Context, path: str, value: str) -> Iterator[Diagnosti
             "A topic with a part that starts with an underscore is hidden: "
             "ROS 2 tools list it only on request",
             path,
-            found=context.found(path, value),
-            remedy="Remove the leading underscore, unless the topic is meant to be hidden",
         )
 
 
@@ -138,9 +125,7 @@ def _robot_id(context: Context) -> Iterator[Diagnostic]:
             "digits, underscores, dots and hyphens, must start with a letter or digit, "
             "and has at most 100 characters",
             "general.id",
-            found=context.found("general.id", value),
             allowed=(f'"{_as_file_name(value)}"',),
-            remedy="Rename it",
         )
 
 

@@ -31,23 +31,13 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 def _note(context: Context, block: Block, name: str, reason: str, remedy: str) -> Diagnostic:
     path = block.field_path(name)
-    return context.note(
-        "field-unused",
-        f"{name} has no effect: {reason}",
-        path,
-        found=context.text_at(context.loaded.positions.value(path)),
-        remedy=remedy,
-    )
+    return context.note("field-unused", f"{name} has no effect: {reason}", path, remedy=remedy)
 
 
 def _qos(context: Context, block: Block) -> Iterator[Diagnostic]:
     if block.message.history == pb.KEEP_ALL and block.message.depth > 0:
         yield _note(
-            context,
-            block,
-            "depth",
-            "KEEP_ALL keeps every message",
-            "Remove depth, or set history: KEEP_LAST",
+            context, block, "depth", "KEEP_ALL keeps every message", "Remove depth, or set history: KEEP_LAST"
         )
 
 
@@ -112,7 +102,6 @@ def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
             "controls-missing",
             f"{block.path.rpartition('.')[2]} has no controls, so nothing that a person does moves a joint",
             block.path,
-            position=context.block_position(block.path),
             remedy=f"Add {facts.sample()} for each joint",
         )
 

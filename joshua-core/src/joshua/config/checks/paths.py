@@ -51,11 +51,7 @@ def check_paths(
 
 class _Search:
     def __init__(
-        self,
-        context: Context,
-        launch: bool,
-        host: str,
-        is_packaged: Callable[[str], bool | None],
+        self, context: Context, launch: bool, host: str, is_packaged: Callable[[str], bool | None]
     ) -> None:
         self._context = context
         self._launch = launch
@@ -141,7 +137,6 @@ class _Search:
                 f"The {label} is no file (looked for {place}); whether it is one of the packaged models "
                 "shows when the simulator's plugin is installed",
                 path,
-                found=self._context.found(path, value),
                 remedy="Install the plugin, or correct the path",
             )
         elif not packaged:
@@ -249,7 +244,7 @@ class _Search:
 
     def _missing(self, code: str, message: str, path: str, value: str, remedy: str) -> Diagnostic:
         make = self._context.error if self._launch else self._context.note
-        return make(code, message, path, found=self._context.found(path, value), remedy=remedy)
+        return make(code, message, path, remedy=remedy)
 
     def _resolve(self, path: str, value: str) -> Path:
         """Makes a path absolute: relative ones start at the file that names them."""

@@ -144,8 +144,6 @@ def _deadline(context: Context) -> Iterator[Diagnostic]:
             f"{title(item.entry)} publishes {item.topic} every {number_text(1 / rate)} s, "
             "so each message misses this deadline",
             path,
-            found=context.found(path, deadline),
             allowed=(f"above {number_text(1 / rate)} s", "0 for none"),
-            remedy="Raise deadline_s or publish_rate_hz",
             related=context.see(f"{item.path}.publish_rate_hz", "publish rate"),
         )

@@ -42,7 +42,6 @@ def _camera(context: Context, entry: NodeEntry, fps_path: str, fps: int) -> Iter
                 "rate-above-camera",
                 f"The camera delivers {fps} pictures a second, so {number_text(rate)} cannot be published",
                 path,
-                found=context.found(path, rate),
                 allowed=(f"above 0, at most {fps} Hz",),
                 remedy=f"Lower publish_rate_hz to {fps}, or raise fps if the camera offers more",
                 related=context.see(fps_path, "pictures per second"),
@@ -70,13 +69,11 @@ def _bus(
         return
     path = f"{entry.path}.publishers[{index}].publish_rate_hz"
     related = context.see(f"{entry.owner_path}.{name}.comm.serial.baudrate", "line speed")
-    found = context.found(path, rate)
     if rate > cycle.max_rate_hz:
         yield context.error(
             "rate-above-bus",
             f"The servo bus cannot carry this rate ({cycle.calculation()})",
             path,
-            found=found,
             allowed=(f"above 0, at most {rate_text(cycle.max_rate_hz)} Hz",),
             remedy=f"Lower publish_rate_hz to {rate_text(cycle.practical_rate_hz)}, which leaves room for "
             "the adapter's delay, or raise the baud rate of the servos and of this block",
@@ -88,7 +85,6 @@ def _bus(
             f"The servo bus has no room for a USB adapter's delay of 1 to 2 ms at this rate "
             f"({cycle.calculation()})",
             path,
-            found=found,
             allowed=(f"above 0, at most {rate_text(cycle.practical_rate_hz)} Hz",),
             remedy=f"Lower publish_rate_hz to {rate_text(cycle.practical_rate_hz)} or less",
             related=related,

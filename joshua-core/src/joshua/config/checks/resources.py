@@ -77,8 +77,7 @@ def _devices(context: Context) -> Iterator[Diagnostic]:
                 kind.code,
                 kind.message.format(a=title(clash.entry), b=title(entry)),
                 path,
-                position=context.position(path),
-                found=context.text_at(context.loaded.positions.value(path)) or f"{identity}, the default",
+                found=context.found(path) or f"{identity}, the default",
                 remedy=kind.remedy,
                 related=context.see(clash.path, f"{title(clash.entry)} uses it"),
             )
@@ -151,8 +150,6 @@ def _duplicates(context: Context, places: list[tuple[str, int]]) -> Iterator[Dia
             "duplicate-motor-id",
             f"Motor id {value} stands twice on one bus, where each motor answers to an id of its own",
             path,
-            found=context.found(path, value),
             allowed=(f"{free} (the smallest free id)",) if free is not None else (),
-            remedy="Write each motor's own id once",
             related=context.see(other, "first use of this id"),
         )

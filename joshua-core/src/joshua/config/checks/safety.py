@@ -24,7 +24,6 @@ def check(context: Context) -> Iterator[Diagnostic]:
                 f"{path}.safe_state",
                 found=name,
                 allowed=("RELEASE",),
-                remedy="Remove safe_state, or write safe_state: RELEASE",
             )
         elif action.safe_state == pb.PARK_THEN_RELEASE:
             yield from _pose(context, action, path, "safe_state")
@@ -55,7 +54,6 @@ def _pose(context: Context, action: pb.SingleAction, path: str, field: str) -> I
             "PARK_THEN_RELEASE needs park_pose_rad, the pose in which the joints may lose their torque",
             f"{path}.{field}",
             found="PARK_THEN_RELEASE",
-            remedy="Add park_pose_rad: [...] with one angle in radians for each joint",
         )
 
 
@@ -68,8 +66,5 @@ def _unused(context: Context, action: pb.SingleAction, path: str) -> Iterator[Di
     ):
         if is_set:
             yield context.note(
-                "field-unused",
-                f"{name} has no effect: {name_of_node} follows no commands",
-                f"{path}.{name}",
-                remedy="Remove it",
+                "field-unused", f"{name} has no effect: {name_of_node} follows no commands", f"{path}.{name}"
             )

@@ -69,7 +69,6 @@ def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoi
                     "field-unused",
                     f"override has no effect: {item.topic} commands no actuator of this file",
                     f"{item.path}.override",
-                    remedy="Remove it",
                 )
             continue
         if len(same) < 2:
@@ -99,7 +98,6 @@ def _external(context: Context, publishers: list[Endpoint], group: list[Endpoint
                 "field-unused",
                 f"external has no effect: {title(first.entry)} publishes {item.topic}",
                 path,
-                remedy="Remove it",
                 related=related,
             )
 
@@ -117,8 +115,6 @@ def _two_publishers(
             "topic-two-publishers",
             f"{names} publish {item.topic}: subscribers get both streams mixed",
             path,
-            found=context.found(path, item.block.topic_name),
-            remedy="Give each publisher its own topic_name, unless the mixture is meant",
             related=related,
         )
     message = (
@@ -132,7 +128,6 @@ def _two_publishers(
         "command-topic-two-publishers",
         message,
         path,
-        found=context.found(path, item.block.topic_name),
         remedy=remedy,
         related=(
             *related,
@@ -157,7 +152,7 @@ def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
         return
     path = f"{item.path}.topic_name"
     written = item.block.topic_name
-    found = context.found(path, written)
+    found = context.found(path)
     if written != item.topic:
         found += f", which is {item.topic} in full"
     number = item.block.data_type
@@ -196,7 +191,6 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
             f"{title(item.entry)} subscribes to the topic that it publishes itself"
             + (", so its own state would command it" if actuator else ""),
             f"{item.path}.topic_name",
-            found=context.found(f"{item.path}.topic_name", item.block.topic_name),
             remedy="Subscribe to the topic of the leader, model or input device"
             if actuator
             else "Subscribe to another topic",

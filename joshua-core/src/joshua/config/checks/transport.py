@@ -50,14 +50,7 @@ def _bad_endpoint(context: Context, path: str, text: str, endpoint: EndpointText
     allowed: tuple[str, ...] = ('"tcp/localhost:7447"', '"tls/robot.local:7447"')
     if endpoint.protocol and endpoint.protocol not in PROTOCOLS:
         allowed = tuple(dict.fromkeys([*nearest(endpoint.protocol, PROTOCOLS), *PROTOCOLS]))
-    return context.error(
-        "endpoint-invalid",
-        endpoint.fault,
-        path,
-        found=context.found(path, text),
-        allowed=allowed,
-        remedy="Write protocol, address and port, such as tls/0.0.0.0:7447",
-    )
+    return context.error("endpoint-invalid", endpoint.fault, path, allowed=allowed)
 
 
 def _other_kind(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic]:
@@ -74,7 +67,6 @@ def _other_kind(context: Context, transport: pb.TransportConfig) -> Iterator[Dia
             "transport-field-unused",
             f"{field} is a setting of {owner} and has no effect with {kind}",
             path,
-            position=context.block_position(path),
             found=field,
             allowed=_ZENOH_FIELDS if transport.kind == pb.TRANSPORT_ZENOH else _DDS_FIELDS,
             remedy=f"Remove it, or change kind to TRANSPORT_{owner.upper()}",
@@ -89,13 +81,11 @@ def _tls(
         return  # reported as unused
     secure = [item for item in endpoints if item[2].protocol in SECURE_PROTOCOLS]
     if secure and not transport.HasField("tls"):
-        path, text, endpoint = secure[0]
+        path, _, endpoint = secure[0]
         yield context.error(
             "tls-missing",
             f"A {endpoint.protocol} endpoint needs certificates, and there is no tls block",
             path,
-            found=context.found(path, text),
-            remedy="Add tls { root_ca_file: ... certificate_file: ... private_key_file: ... } to transport",
         )
     if not transport.HasField("tls"):
         return
@@ -105,9 +95,7 @@ def _tls(
             "tls-unused",
             "The certificates protect nothing: no endpoint is a tls endpoint",
             "transport.tls",
-            position=context.block_position("transport.tls"),
             allowed=('listen_endpoints: "tls/0.0.0.0:7447"', 'connect_endpoints: "tls/robot.local:7447"'),
-            remedy="Write tls/ in place of tcp/ in the endpoints, or remove the tls block",
         )
     if secure and transport.kind == pb.TRANSPORT_AUTO:
         yield context.warning(
@@ -115,9 +103,7 @@ def _tls(
             "tls holds for Zenoh alone, and without a kind the environment may choose DDS, "
             "which is not encrypted",
             "transport.kind",
-            position=context.block_position("transport"),
             allowed=("TRANSPORT_ZENOH",),
-            remedy="Add kind: TRANSPORT_ZENOH",
         )
 
 
@@ -127,7 +113,6 @@ def _open_door(context: Context, path: str, text: str, endpoint: EndpointText) -
         f"Everyone who reaches {endpoint.host}:{endpoint.port} can read every topic and command the robot: "
         f"{endpoint.protocol} has neither encryption nor certificates",
         path,
-        found=context.found(path, text),
         allowed=(f'"tls/{endpoint.host}:{endpoint.port}"', f'"tcp/localhost:{endpoint.port}"'),
         remedy="Use a tls endpoint with a tls block, or listen on localhost only",
     )
@@ -143,9 +128,7 @@ def _dds(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic
                 "peer-invalid",
                 "A peer is a host name or an IP address without protocol and port",
                 path,
-                found=context.found(path, peer),
                 allowed=('"192.168.1.20"', '"robot.local"'),
-                remedy="Write the address alone",
             )
     name = transport.network_interface
     if name and name != "lo" and not is_loopback(name):
@@ -155,7 +138,6 @@ def _dds(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic
             f"Everyone on the network of {name} can read every topic and command the robot: "
             "DDS is not encrypted here",
             path,
-            found=context.found(path, name),
             allowed=('"lo"', "kind: TRANSPORT_ZENOH with tls endpoints"),
             remedy="Use it on a network that you trust alone, or use Zenoh with tls",
         )

@@ -89,13 +89,7 @@ def in_order(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) -> l
         if item.position is None:
             return (-1, "", 0, 0, _WEIGHT[item.severity])
         place = item.position
-        return (
-            rank.get(place.file, len(rank)),
-            place.file,
-            place.line,
-            place.column,
-            _WEIGHT[item.severity],
-        )
+        return (rank.get(place.file, len(rank)), place.file, place.line, place.column, _WEIGHT[item.severity])
 
     return sorted(diagnostics, key=key)
 
