@@ -20,11 +20,11 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "plugins": ("schema", "plan"),
     "features": ("schema", "plan"),
     "messages": ("schema", "plan"),
-    "ipc": ("plan", "guardian"),
+    "ipc": ("plan",),
     "transport": ("messages",),
     "node": ("transport", "plugins", "ipc", "guardian"),
     # The process beside an actuator, the driver's link to it, and the judge of silence.
-    "guardian": (),
+    "guardian": ("ipc",),
     "devices": ("node",),
     "mock": ("devices",),
     "models": ("node", "features"),

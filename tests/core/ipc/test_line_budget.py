@@ -12,18 +12,18 @@ class Clock:
         return self.now_s
 
 
-def test_lines_above_the_limit_are_counted_and_told_with_the_next_that_passes():
+def test_lines_above_the_limit_are_counted_until_lines_are_allowed_again():
     clock = Clock()
     budget = LineBudget(3, clock)
 
-    assert [budget.take() for _ in range(5)] == [(True, 0)] * 3 + [(False, 0)] * 2
-    assert budget.exhausted
-    budget.drop(10)
+    assert [budget.take() for _ in range(5)] == [True] * 3 + [False] * 2
+    assert budget.drop_if_exhausted(10)
     assert budget.settle() == 0
     clock.now_s += 1.0
-    assert not budget.exhausted
-    assert budget.take() == (True, 12)
-    assert budget.take() == (True, 0)
+    assert not budget.drop_if_exhausted(10)
+    assert budget.settle() == 12
+    assert budget.take()
+    assert budget.settle() == 0
 
 
 def test_a_flood_that_ends_is_told_all_the_same():
@@ -37,4 +37,4 @@ def test_a_flood_that_ends_is_told_all_the_same():
     assert budget.settle() == 0
     budget.take()
     budget.take()
-    assert budget.close() == 1
+    assert budget.settle(ended=True) == 1

@@ -67,14 +67,14 @@ TO_CHILD = [
 TO_SUPERVISOR = [
     ipc.Hello(version="1", process_id=2, python="3.10.1"),
     ipc.Step(node="/a", step="configured"),
-    ipc.Waiting(node="/a", text="motor 3"),
+    ipc.Said(kind="waiting", node="/a", text="motor 3"),
     ipc.Heartbeat(node="/a", stamp_ns=5, threads=(ipc.ThreadAge(name="r", age_s=0.1, limit_s=2.0),)),
     ipc.Log(node="/a", time_ns=1, level=30, text="ä\n"),
     ipc.Topics(node="/a", stamp_ns=1, published={"/x": 3}, received={}),
     ipc.FirstMessage(node="/a", topic="/x", stamp_ns=1),
-    ipc.NodeWarning(node="/a", text="w"),
+    ipc.Said(kind="warning", node="/a", text="w"),
     ipc.Failure(node="/a", step="configure", exit_code=4, text="t", traceback="b", unexpected=False),
-    ipc.StopRun(node="/a", reason="done"),
+    ipc.Said(kind="stop-run", node="/a", text="done"),
     ipc.Report(
         report=NodeReport(
             full_name="/a",

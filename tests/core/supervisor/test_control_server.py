@@ -8,7 +8,7 @@ import threading
 
 import pytest
 from joshua.ipc.client import ask
-from joshua.supervisor.control_server import MAX_CLIENTS, MAX_REQUEST_BYTES, ControlServer, Deferred
+from joshua.supervisor.control_server import MAX_CLIENTS, MAX_REQUEST_BYTES, ControlServer
 from joshua.supervisor.reactor import Reactor
 
 
@@ -17,22 +17,21 @@ def served(tmp_path):
     folder = tmp_path / ("deep" * 30)
     folder.mkdir()
     reactor = Reactor()
-    handlers = {"echo": lambda request: {"got": request.get("text")}, "big": lambda _: {"x": "y" * 2_000_000}}
+    handlers = {
+        "echo": lambda request, _: {"got": request.get("text")},
+        "big": lambda *_: {"x": "y" * 2_000_000},
+    }
     server = ControlServer(reactor, folder / "control.sock", handlers)
     ended = threading.Event()
 
-    def turn():
-        reactor.call_later(0.01, turn)
-
     def loop():
-        turn()
         while not ended.is_set():
             reactor.turn()
 
     thread = threading.Thread(target=loop)
     thread.start()
     yield folder / "control.sock"
-    ended.set()
+    reactor.post(ended.set)
     thread.join()
     server.close()
     server.close()
@@ -112,18 +111,17 @@ def test_too_many_clients_are_turned_away_and_the_others_served(served):
 
 
 def test_an_answer_is_abandoned_when_who_asked_has_gone(tmp_path):
-    reactor, answers = Reactor(), []
-    server = ControlServer(
-        reactor, tmp_path / "control.sock", {"later": lambda _: answers.append(Deferred()) or answers[-1]}
-    )
+    reactor, clients = Reactor(), []
+    later = {"later": lambda _, client: clients.append(client)}
+    server = ControlServer(reactor, tmp_path / "control.sock", later)
     with connect(tmp_path / "control.sock") as connection:
         connection.sendall(b'{"request": "later"}\n')
-        while not answers:
+        while not clients:
             reactor.turn()
-        assert not answers[0].abandoned
-    while not answers[0].abandoned:
+        assert not clients[0].closed
+    while not clients[0].closed:
         reactor.turn()
-    answers[0].answer({"too": "late"})
+    clients[0].send({"too": "late"})
     server.close()
     reactor.close()
 

@@ -6,14 +6,15 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from joshua.guardian.socket_address import socket_address
 from joshua.ipc.client import CallError, RunInfo, RunningSystem, ask, running_systems
+from joshua.ipc.run_bases import socket_address
 from joshua.plan import RunReport
 from joshua.plan.events import (
     EVENT_NAMES,
@@ -30,7 +31,7 @@ from joshua.plan.events import (
     event_record,
 )
 from joshua.supervisor.control_server import STREAM_BACKLOG_BYTES, ControlServer
-from joshua.supervisor.event_bus import MAX_STREAMS, EventBus, EventStream
+from joshua.supervisor.event_bus import MAX_STREAMS, EventBus
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
 from joshua.supervisor.tables import progress_text, status_line
@@ -78,7 +79,7 @@ def test_a_display_that_fails_is_cut_off_and_the_others_go_on() -> None:
     bus.publish(READY)
     bus.publish(STATUS)
     assert heard == [READY, STATUS]
-    assert said == ["the user interface function failed and is cut off: ValueError: no paint"]
+    assert said == ["the user interface function failed and is disconnected: ValueError: no paint"]
 
 
 class Served:
@@ -87,34 +88,25 @@ class Served:
     def __init__(self, folder: Path) -> None:
         self.reactor = Reactor()
         self.bus = EventBus()
-        run: Any = SimpleNamespace(status=lambda: STATUS)
         logbook: Any = SimpleNamespace(events=self.bus)
-        handlers = RunRequests(run, logbook, self.reactor).handlers()
+        handlers = RunRequests(logbook, self.reactor, (), lambda: STATUS, lambda _: None).handlers()
         self.path = folder / "control.sock"
         self.server = ControlServer(self.reactor, self.path, handlers)
         self.system = RunningSystem(folder, RunInfo("x", 7, "r.pbtxt", "", 0, ("/a",)))
-        self._jobs: list[Callable[[], None]] = []
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
     def _serve(self) -> None:
         while not self._over.is_set():
-            self.reactor.call_later(0.005, lambda: None)
             self.reactor.turn()
-            while self._jobs:
-                self._jobs.pop(0)()
 
     def publish(self, *events: Event) -> None:
         """On the loop's thread, as the supervisor does; returns when that is done."""
         done = threading.Event()
-
-        def publish() -> None:
-            for event in events:
-                self.bus.publish(event)
-            done.set()
-
-        self._jobs.append(publish)
+        for event in events:
+            self.reactor.post(partial(self.bus.publish, event))
+        self.reactor.post(done.set)
         assert done.wait(30)
 
     def connect(self) -> socket.socket:
@@ -126,7 +118,7 @@ class Served:
         return connection
 
     def close(self) -> None:
-        self._over.set()
+        self.reactor.post(self._over.set)
         self._thread.join()
         self.server.close()
         self.reactor.close()
@@ -163,12 +155,12 @@ def test_who_does_not_read_misses_events_and_is_told_how_many(served: Served) ->
         for _ in range(3 * STREAM_BACKLOG_BYTES // 10_000 + 100):
             served.publish(long)
         assert time.monotonic() - began_s < 30
-        client = next(iter(served.server._clients.values()))
+        client = next(iter(served.server.clients))
         assert client.dropped > 0
-        assert len(client.outgoing) < STREAM_BACKLOG_BYTES + 20_000
+        assert len(client._outgoing) < STREAM_BACKLOG_BYTES + 20_000
         assert ask(served.path, {"request": "status"}, 60.0)["status"]["phase"] == "running"
         seen = 0
-        while client.outgoing:
+        while client._outgoing:
             seen += json.loads(lines.readline())["event"] == "failed"
         dropped = client.dropped
         served.publish(READY)
@@ -205,9 +197,9 @@ def test_what_is_no_event_is_said(served: Served) -> None:
 
 
 def test_a_stream_that_nobody_reads_any_more_is_forgotten() -> None:
-    bus, stream = EventBus(), EventStream()
-    assert bus.subscribe(stream)
-    stream.abandoned = True
+    bus = EventBus()
+    client: Any = SimpleNamespace(closed=True)
+    assert bus.subscribe(client)
     bus.publish(READY)
     assert bus._streams == []
 

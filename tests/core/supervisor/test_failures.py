@@ -212,7 +212,7 @@ def test_a_node_that_hangs_is_named_with_the_place_and_brought_into_its_safe_sta
     assert "runtime_behaviours.py" in failed.text
     assert f"{behaviour.lower()} deactivate" in robot.noted()
     shown = [entry.text for entry in robot.ui.entries if entry.node == name and entry.level >= 40]
-    assert [text.split(" (")[0] for text in shown if text.startswith("it stands")] == ["it stands in act"]
+    assert [text.split(" (")[0] for text in shown if text.startswith("it hangs in")] == ["it hangs in act"]
     assert any(text.startswith("it hangs: its loop") for text in shown)
     assert not any("stop request" in text for text in shown)  # nobody asked it to stop
     assert report.nodes[0].restarts == 1

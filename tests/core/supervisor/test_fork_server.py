@@ -46,7 +46,7 @@ def descriptors():
 
 def shell(server, descriptors, script):
     arguments = [sys.executable, "-S", "-c", script]
-    return server.execute(arguments, dict(os.environ), descriptors)
+    return server.ask("execute", descriptors, arguments=arguments, environment=dict(os.environ))
 
 
 def test_the_server_has_one_thread_after_it_has_loaded_everything():
@@ -111,7 +111,7 @@ def test_the_end_of_a_child_is_told_with_its_status(server, descriptors, script,
 
 
 def test_a_program_that_cannot_be_run_says_so_on_its_standard_error(server, descriptors):
-    server.execute(["/nowhere/python"], {}, descriptors[0])
+    server.ask("execute", descriptors[0], arguments=["/nowhere/python"], environment={})
     exited = wait_for(server, "exited")
     assert os.waitstatus_to_exitcode(exited.status) == 70
     assert b"/nowhere/python" in os.read(descriptors[1], 65536)
@@ -128,8 +128,8 @@ def test_a_child_has_no_descriptors_but_its_own(server, descriptors):
 def test_a_signal_reaches_a_child_and_a_stranger_gets_none(server, descriptors):
     shell(server, descriptors[0], "import time; time.sleep(1000)")
     started = wait_for(server, "started")
-    server.signal(os.getpid(), signal.SIGKILL)
-    server.signal(started.process_id, signal.SIGTERM)
+    server.ask("signal", process_id=os.getpid(), number=signal.SIGKILL)
+    server.ask("signal", process_id=started.process_id, number=signal.SIGTERM)
     exited = wait_for(server, "exited")
     assert os.waitstatus_to_exitcode(exited.status) == -signal.SIGTERM
 

@@ -19,11 +19,10 @@ class Clock:
 @pytest.fixture
 def stream():
     reading, writing = os.pipe()
-    clock, lines, dropped, floods = Clock(), [], [], []
-    pipe = LinePipe(
-        reading, LineBudget(5, clock), lines.append, dropped.append, lambda: floods.append(clock.now_s)
-    )
-    parts = {"clock": clock, "lines": lines, "dropped": dropped, "floods": floods, "writing": writing}
+    clock, lines = Clock(), []
+    budget = LineBudget(5, clock)
+    pipe = LinePipe(reading, budget, lines.append)
+    parts = {"clock": clock, "lines": lines, "budget": budget, "writing": writing}
     vars(pipe).update(parts)
     yield pipe
     pipe.close()
@@ -65,18 +64,18 @@ def test_a_flood_is_counted_not_split_and_told_later(stream):
     assert stream.lines == ["line"] * 5
     os.write(stream.writing, b"line\n" * 100)
     stream.read()
-    assert stream.floods == [0.0]
+    assert stream.budget.settle() == 0
     stream.clock.now_s = 2.0
     os.write(stream.writing, b"after\n")
     stream.read()
-    assert stream.dropped == [103]
+    assert stream.budget.settle() == 103
     assert stream.lines[-1] == "after"
 
 
 def test_the_end_of_the_stream_is_told():
     reading, writing = os.pipe()
     lines = []
-    pipe = LinePipe(reading, LineBudget(), lines.append, print, print)
+    pipe = LinePipe(reading, LineBudget(), lines.append)
     os.write(writing, b"unfinished")
     os.close(writing)
     assert pipe.read()

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from joshua.ipc import messages as ipc
-from joshua.supervisor.control_server import Deferred
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
 
@@ -23,9 +22,13 @@ class Process:
     def __init__(self, state: str = "ready", reason: str = "") -> None:
         self.records = {ARM: SimpleNamespace(state=state, reason=reason, doing="in its loop")}
         self.sent: list[ipc.Call] = []
+        self.revived = 0
 
-    def call(self, message: ipc.Call) -> None:
+    def send(self, message: ipc.Call) -> None:
         self.sent.append(message)
+
+    def revive(self) -> None:
+        self.revived += 1
 
 
 class Desk:
@@ -34,23 +37,21 @@ class Desk:
     def __init__(self, process: Process, phase: str = "running") -> None:
         self.lines: list[str] = []
         self.answers: list[dict[str, Any]] = []
-        self.revived: list[object] = []
         self.reactor = Reactor()
         status = SimpleNamespace(phase=phase, nodes=[SimpleNamespace(full_name=ARM)])
-        run: Any = SimpleNamespace(
-            status=lambda: status, process_of=lambda _: process, revive=self.revived.append
-        )
+        processes: Any = [process]
         logbook: Any = SimpleNamespace(write=lambda level, text, node="": self.lines.append(text))
-        self.requests = RunRequests(run, logbook, self.reactor)
+        run_status: Any = lambda: status  # noqa: E731
+        self.requests = RunRequests(logbook, self.reactor, processes, run_status, self.lines.append)
 
-    def call(self, **request: Any) -> Deferred:
-        answer = self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request})
-        assert isinstance(answer, Deferred), answer
-        answer.deliver = self.answers.append
-        return answer
+    def call(self, **request: Any) -> Any:
+        client: Any = SimpleNamespace(closed=False, send=self.answers.append)
+        assert self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request}, client) is None
+        return client
 
     def refused(self, **request: Any) -> dict[str, Any]:
-        answer = self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request})
+        client: Any = None
+        answer = self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request}, client)
         assert isinstance(answer, dict)
         return answer
 
@@ -60,10 +61,10 @@ def test_a_node_is_asked_only_if_somebody_still_waits_for_it(waits: list[bool], 
     process = Process("restarting")
     desk = Desk(process)
     for still_waits in waits:
-        desk.call(start=True).abandoned = not still_waits
+        desk.call(start=True).closed = not still_waits
     desk.requests.ready(process)  # type: ignore[arg-type]
     assert [message.node for message in process.sent] == [ARM] * sent
-    assert desk.revived == []
+    assert process.revived == 0
 
 
 def test_a_late_reply_is_nobodys_answer() -> None:
@@ -108,7 +109,7 @@ def test_a_node_that_stays_down_is_started_only_on_demand() -> None:
     desk = Desk(process)
     assert desk.refused() == {"error": "/arm stays down: the cable is gone", "code": "not-running"}
     desk.call(start=True)
-    assert desk.revived == [process]
+    assert process.revived == 1
     assert process.sent == []
 
 
@@ -117,7 +118,7 @@ def test_a_node_that_stays_down_is_started_only_on_demand() -> None:
     [
         ("running", "starting", "/arm is starting: try again"),
         ("running", "restarting", "/arm is restarting: try again"),
-        ("stopping", "ready", "the run is stopping and /arm has no part in it any more: start the run again"),
+        ("stopping", "ready", "the run is stopping and /arm is not running: start the run again"),
     ],
 )
 def test_a_node_that_cannot_answer_now_is_said(phase: str, state: str, text: str) -> None:

@@ -32,7 +32,7 @@ from joshua.guardian.order import (
 )
 from joshua.guardian.safe_stop import SafeStopRequest, perform
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
-from joshua.guardian.socket_address import socket_address
+from joshua.ipc.client import ask
 
 Action = Callable[[dict[str, Any]], dict[str, Any]]
 
@@ -143,8 +143,10 @@ SUPERVISOR_TIMEOUT_S = 0.5
 def report_to_run(order: GuardianOrder, level: int, text: str, report: dict[str, Any]) -> None:
     """Has the supervisor write the report into the log; writes it there itself where nobody answers."""
     message = {"request": "guardian", "node": order.node, "level": level, "text": text}
-    if order.control_socket and _told(order.control_socket, message):
-        return
+    if order.control_socket:
+        with contextlib.suppress(OSError, ValueError):
+            if ask(Path(order.control_socket), message, SUPERVISOR_TIMEOUT_S).get("written"):
+                return
     if order.log:
         entry = {
             "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -160,19 +162,6 @@ def report_to_run(order: GuardianOrder, level: int, text: str, report: dict[str,
                 os.write(descriptor, json.dumps(entry).encode() + b"\n")
             finally:
                 os.close(descriptor)
-
-
-def _told(path: str, message: dict[str, Any]) -> bool:
-    try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.settimeout(SUPERVISOR_TIMEOUT_S)
-            with socket_address(Path(path)) as address:
-                connection.connect(address)
-            connection.sendall(json.dumps(message).encode() + b"\n")
-            answer = json.loads(connection.recv(65536) or b"{}")
-    except (OSError, ValueError):
-        return False
-    return bool(isinstance(answer, dict) and answer.get("written"))
 
 
 #: Signals that end other programs; the guardian ends when its work is done.

@@ -1,4 +1,4 @@
-"""The running systems of this user, seen from another process: which there are, and what they answer."""
+"""Client of this user's running systems: finds them and sends requests to their control sockets."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.guardian.socket_address import socket_address
-from joshua.ipc.run_bases import base_directories
+from joshua.ipc.run_bases import base_directories, socket_address
 
 if TYPE_CHECKING:
     from joshua.ipc.messages import VerbInfo
@@ -24,18 +23,18 @@ LOCK_NAME = "lock"
 INFO_NAME = "run.json"
 SOCKET_NAME = "control.sock"
 
-#: How much longer than a call itself its answer may take: the supervisor says why there is none.
+#: Extra time for the answer to a call: after its timeout the supervisor answers with the reason.
 GRACE_S = 2.0
 
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Who runs what.
+    """Description of a run.
 
     Attributes:
-        run: name of the run; process_id: of its supervisor; source: its file, as given.
-        since: local time of its start; domain_id: ROS 2 domain; nodes: fully qualified names.
-        robot: ``general.id`` of its file; actuators: those of the nodes that have joints.
+        run: its name; process_id: of its supervisor; source: its file, as given.
+        since: local start time; domain_id: ROS 2 domain; nodes: fully qualified names.
+        robot: ``general.id`` of its file; actuators: the nodes with joints.
     """
 
     run: str
@@ -49,13 +48,13 @@ class RunInfo:
 
 
 class CallError(Exception):
-    """A running system does not do what it was asked for; the message says why.
+    """A running system refused a request or did not answer. The message says why.
 
     Attributes:
-        code: ``unreachable`` (nobody answers), ``unknown-node``, ``unknown-verb``, ``invalid`` (the request
-            does not fit), ``not-allowed``, ``not-running``, ``refused``, ``failed``, ``gone`` (the node ended
-            meanwhile) or ``timeout``.
-        allowed: what could be asked for, the nearest first.
+        code: ``unreachable``, ``unknown-node``, ``unknown-verb``, ``invalid`` (the request does not match the
+            verb), ``not-allowed``, ``not-running``, ``refused``, ``failed``, ``gone`` (the node ended) or
+            ``timeout``.
+        allowed: alternatives, the nearest first.
     """
 
     def __init__(self, code: str, message: str, allowed: Sequence[str] = ()) -> None:
@@ -68,7 +67,7 @@ class RunningSystem:
     """One run on this machine, for scripts, dashboards and the commands of ``joshua``.
 
     Args:
-        path: directory of the run; info: who runs what there.
+        path: directory of the run; info: its description.
     """
 
     def __init__(self, path: Path, info: RunInfo) -> None:
@@ -77,7 +76,7 @@ class RunningSystem:
 
     @classmethod
     def all(cls, environment: Mapping[str, str] = os.environ) -> list[RunningSystem]:
-        """Every system of this user that runs now, whatever environment it was started in."""
+        """Every running system of this user, whatever environment it was started in."""
         return [cls(path, info) for path, info in user_systems(environment)]
 
     @classmethod
@@ -85,7 +84,7 @@ class RunningSystem:
         """The system of a file or a process id; "" for the only one.
 
         Raises:
-            CallError: none is meant, or several.
+            CallError: no system matches, or several do.
         """
         systems = cls.all(environment)
         wanted = {word, os.path.abspath(word)}  # noqa: PTH100 (links stay as they are)
@@ -102,15 +101,15 @@ class RunningSystem:
 
     @property
     def name(self) -> str:
-        """The run, for messages."""
+        """Description for messages."""
         return f"process {self.info.process_id}, which runs {self.info.source}"
 
     def has(self, node: str) -> bool:
-        """Whether a user's word means a node of this run, as ``is_named`` says."""
+        """Whether a word names a node of this run, as in ``is_named``."""
         return any(is_named(name, node) for name in self.info.nodes)
 
     def status(self) -> RunStatus:
-        """The run just now. Raises CallError."""
+        """Current status. Raises CallError."""
         from joshua.plan.events import RunStatus, event_of
 
         answer = self.request({"request": "status"})
@@ -122,13 +121,13 @@ class RunningSystem:
         return status
 
     def events(self, names: Sequence[str] = ()) -> Iterator[Event]:
-        """What happens in the run from now on, its status first, until it ends.
+        """Yields the events of the run, its status first, until it ends.
 
         Args:
-            names: of the wanted events, such as ``progress``; none for all but log lines.
+            names: of events, such as ``progress``; empty for all but log lines.
 
         Raises:
-            CallError: nobody answers, or the run refuses.
+            CallError: the run does not answer or refuses.
         """
         from joshua.plan.events import event_of
 
@@ -140,15 +139,15 @@ class RunningSystem:
                     record = json.loads(line)
                     if "error" in record:
                         raise _error_of(record)
-                    with contextlib.suppress(ValueError):  # an event that this version does not know
+                    with contextlib.suppress(ValueError):  # unknown to this version
                         yield event_of(record)
         except ConnectionResetError:
-            return  # the run has ended, and with it the stream
+            return  # the run has ended
         except (OSError, ValueError) as error:
             raise self._unreachable(error) from error
 
     def verbs(self, node: str, *, timeout_s: float = 5.0) -> tuple[VerbInfo, ...]:
-        """What can be asked of a node. Raises CallError."""
+        """Verbs of a node. Raises CallError."""
         from joshua.ipc.messages import LIST_VERBS, VerbInfo
 
         infos = self.call(node, LIST_VERBS, timeout_s=timeout_s)["verbs"]
@@ -163,16 +162,16 @@ class RunningSystem:
         timeout_s: float = 10.0,
         start: bool = False,
     ) -> dict[str, Any]:
-        """Asks a node for what a verb does, and returns its reply.
+        """Calls a verb of a node and returns the reply.
 
         Args:
             node: its full name, or the last part of it.
             payload: fields of the verb's request, JSON-able.
-            timeout_s: for the reply; nothing is done later than that.
-            start: start a node that stays down, and wait for one that starts.
+            timeout_s: for the reply. An expired call is not executed.
+            start: start a node that is down, and wait for one that is starting.
 
         Raises:
-            CallError: no reply, within the timeout; ``code`` and message say why.
+            CallError: no reply within the timeout.
         """
         request = {"request": "call", "node": node, "verb": verb, "payload": dict(payload or {})}
         try:
@@ -185,7 +184,7 @@ class RunningSystem:
         return dict(answer.get("reply", {}))
 
     def stop(self, timeout_s: float = 15.0) -> bool:
-        """Asks the run to stop in good order; returns whether it has ended in time. Raises CallError."""
+        """Stops the run and returns whether it ended in time. Raises CallError."""
         self.request({"request": "stop"})
         deadline_s = time.monotonic() + timeout_s
         while self.path.exists():
@@ -195,11 +194,7 @@ class RunningSystem:
         return True
 
     def request(self, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[str, Any]:
-        """Sends one request of the control socket and returns its answer.
-
-        Raises:
-            CallError: nobody answers, or the answer is an error.
-        """
+        """Sends one request to the control socket and returns the answer. Raises CallError."""
         try:
             answer = ask(self.path / SOCKET_NAME, request, timeout_s)
         except (OSError, ValueError) as error:
@@ -217,16 +212,16 @@ class RunningSystem:
 
 
 def is_named(full_name: str, word: str) -> bool:
-    """Whether a user's word means a node: its full name, that without the first slash, or its last part."""
+    """Whether a word names a node: full name, with or without the first slash, or its last part."""
     return word in (full_name, full_name.lstrip("/"), full_name.rpartition("/")[2])
 
 
 def ask(path: Path, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[str, Any]:
-    """Sends one request to a control socket and returns its answer.
+    """Sends one request to a control socket and returns the answer.
 
     Raises:
-        OSError: nobody answers.
-        ValueError: the answer is not one of this protocol.
+        OSError: no answer.
+        ValueError: the answer does not belong to this protocol.
     """
     with _connected(path, timeout_s) as connection:
         connection.sendall(_line(request))
@@ -234,7 +229,7 @@ def ask(path: Path, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[
         while not data.endswith(b"\n"):
             part = connection.recv(65536)
             if not part:
-                raise ConnectionResetError("the run has closed the connection")
+                raise ConnectionResetError("the run closed the connection")
             data += part
     answer = json.loads(data)
     if not isinstance(answer, dict):
@@ -264,29 +259,29 @@ def _error_of(answer: Mapping[str, Any]) -> CallError:
 
 
 def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
-    """Lists the systems that run now, oldest first."""
+    """Running systems below a base directory, oldest first."""
     return [(path, info) for path, info in all_systems(base) if not is_free(path / LOCK_NAME)]
 
 
 def user_systems(environment: Mapping[str, str]) -> list[tuple[Path, RunInfo]]:
-    """Lists the systems of this user that run now, whatever environment they were started in."""
+    """Running systems of this user, whatever environment they were started in."""
     return [item for base in base_directories(environment) for item in running_systems(base)]
 
 
 def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
-    """Lists the systems that run, and those killed since the last start of one; oldest first."""
+    """Running systems and those killed since the last start of a run, oldest first."""
     found = [(path, read_info(path / INFO_NAME)) for path in sorted((base / "runs").glob("*/"))]
     return sorted(((path, info) for path, info in found if info), key=lambda item: item[1].since)
 
 
 def is_free(lock: Path) -> bool:
-    """Whether nobody holds a lock; one that cannot be opened is held by nobody."""
+    """Whether a lock file is not locked. A file that cannot be opened is free."""
     try:
         descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
     except OSError:
         return True
     try:
-        # Shared, so that two commands that look at the same time do not take each other for the run.
+        # Shared: two commands that check at the same time must not take each other for the run.
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
@@ -297,7 +292,7 @@ def is_free(lock: Path) -> bool:
 
 
 def read_info(path: Path) -> RunInfo | None:
-    """What a run says of itself; None where the file cannot be read."""
+    """Description of a run, None if the file cannot be read."""
     try:
         fields = json.loads(path.read_text())
         lists = {name: tuple(fields[name]) for name in ("nodes", "actuators")}

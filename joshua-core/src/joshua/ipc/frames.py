@@ -1,8 +1,7 @@
-"""Length-prefixed frames over a UNIX stream socket, with file descriptors where asked for."""
+"""Length-prefixed frames over a UNIX stream socket, with optional file descriptors."""
 
 from __future__ import annotations
 
-import array
 import socket
 import struct
 from collections import deque
@@ -10,76 +9,77 @@ from collections.abc import Sequence
 
 HEADER = struct.Struct("!I")
 
-#: Largest payload of one frame; the start frame of a large plan stays far below.
+#: Largest payload of one frame. The start frame of a large plan is far smaller.
 MAX_FRAME_BYTES = 8 * 1024 * 1024
 
-#: Bytes read at once; a bounded share of one turn of the loop.
+#: Bytes read at once, which bounds one turn of the loop.
 RECEIVE_BYTES = 65536
 
-#: File descriptors that one call may receive.
+#: File descriptors accepted in one call.
 MAX_DESCRIPTORS = 16
 
 
 class FrameError(Exception):
-    """The other side sent something that is not a frame of this protocol."""
+    """The peer sent something that is not a frame of this protocol."""
 
 
 class EndOfStreamError(Exception):
-    """The other side has closed the socket or died."""
+    """The peer closed the socket or died."""
 
 
 class FrameSocket:
-    """One end of a UNIX stream socket that carries frames; never blocks.
+    """One end of a UNIX stream socket that carries frames. It never blocks.
 
     Args:
-        sock: connected UNIX stream socket; this object owns it from now on.
+        sock: connected UNIX stream socket. This object owns it.
+
+    Attributes:
+        closed: whether ``close`` was called.
     """
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
+        self.closed = False
         self._socket = sock
         self._outgoing = bytearray()
         self._incoming = bytearray()
         self._descriptors: deque[int] = deque()
-        self._closed = False
 
     def fileno(self) -> int:
-        """The descriptor for a selector."""
+        """Descriptor for a selector."""
         return self._socket.fileno()
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes that wait for the other side to read."""
+        """Bytes not sent yet."""
         return len(self._outgoing)
 
-    @property
-    def closed(self) -> bool:
-        """Whether ``close`` has been called."""
-        return self._closed
-
     def send(self, payload: bytes, descriptors: Sequence[int] = ()) -> bool:
-        """Sends one frame, or queues what the socket does not take now.
+        """Sends one frame and queues what the socket does not take.
 
         Args:
             payload: content of the frame.
-            descriptors: file descriptors to pass along; the caller may close its copies afterwards.
+            descriptors: file descriptors to pass on. The caller may close its copies afterwards.
 
         Returns:
-            Whether everything has left; otherwise call ``flush`` when the socket becomes writable.
+            Whether everything was sent. If not, call ``flush`` when the socket becomes writable.
 
         Raises:
-            EndOfStreamError: the other side is gone.
+            EndOfStreamError: the peer is gone.
         """
         frame = HEADER.pack(len(payload)) + payload
         if descriptors:
             if self._outgoing:
                 raise FrameError("descriptors cannot be queued behind unsent bytes")
-            frame = frame[self._send_with(frame, descriptors) :]
+            try:
+                frame = frame[socket.send_fds(self._socket, [frame], list(descriptors)) :]
+            except OSError as error:
+                raise EndOfStreamError(str(error)) from error
         self._outgoing += frame
         return self.flush()
 
     def flush(self) -> bool:
-        """Sends what waits; returns whether nothing waits any more. Raises EndOfStreamError."""
+        """Sends queued bytes and returns whether none are left. Raises EndOfStreamError."""
         while self._outgoing:
             try:
                 sent = self._socket.send(self._outgoing)
@@ -91,51 +91,34 @@ class FrameSocket:
         return True
 
     def receive(self) -> list[bytes]:
-        """Reads once and returns the complete frames so far.
+        """Reads once and returns the complete frames.
 
         Raises:
-            EndOfStreamError: the other side is gone and every complete frame has been returned.
+            EndOfStreamError: the peer is gone and every complete frame has been returned.
             FrameError: the length prefix is out of range.
         """
         try:
-            data, descriptors = self._receive_once()
+            data, descriptors, _, _ = socket.recv_fds(self._socket, RECEIVE_BYTES, MAX_DESCRIPTORS)
         except (BlockingIOError, InterruptedError):
             return []
         except OSError as error:
             raise EndOfStreamError(str(error)) from error
         self._descriptors.extend(descriptors)
         if not data:
-            raise EndOfStreamError("the other side closed the socket")
+            raise EndOfStreamError("the peer closed the socket")
         self._incoming += data
         return self._split()
 
     def take_descriptors(self, count: int) -> list[int]:
-        """Hands over the oldest received descriptors; raises FrameError if fewer have arrived."""
+        """Returns the oldest received descriptors. Raises FrameError if there are fewer."""
         if len(self._descriptors) < count:
             raise FrameError(f"{count} descriptors were announced, {len(self._descriptors)} have arrived")
         return [self._descriptors.popleft() for _ in range(count)]
 
     def close(self) -> None:
-        """Closes the socket; a second call does nothing."""
-        self._closed = True
+        """Closes the socket. Idempotent."""
+        self.closed = True
         self._socket.close()
-
-    def _send_with(self, frame: bytes, descriptors: Sequence[int]) -> int:
-        rights = array.array("i", descriptors).tobytes()
-        try:
-            return self._socket.sendmsg([frame], [(socket.SOL_SOCKET, socket.SCM_RIGHTS, rights)])
-        except OSError as error:
-            raise EndOfStreamError(str(error)) from error
-
-    def _receive_once(self) -> tuple[bytes, list[int]]:
-        size = array.array("i").itemsize
-        space = socket.CMSG_SPACE(MAX_DESCRIPTORS * size)
-        data, ancillary, _flags, _address = self._socket.recvmsg(RECEIVE_BYTES, space)
-        received = array.array("i")
-        for level, kind, content in ancillary:
-            if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS:
-                received.frombytes(content[: len(content) - len(content) % size])
-        return data, received.tolist()
 
     def _split(self) -> list[bytes]:
         frames = []

@@ -1,4 +1,4 @@
-"""How many log lines a node may write: a flood is cut, and the cut is counted."""
+"""Rate limit of log lines. Lines above it are dropped and counted."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import threading
 import time
 from collections.abc import Callable
 
-#: Lines that a node may write within one second.
+#: Lines that a node may write in one second.
 LINES_PER_S = 200
 
 
 class LineBudget:
-    """Allows a number of lines in each second and counts those above it; thread-safe.
+    """Allows a number of lines in each second and counts the dropped ones. Thread-safe.
 
     Args:
         lines_per_s: lines allowed in each second.
-        clock: returns seconds of a clock that never goes back.
+        clock: monotonic seconds.
     """
 
     def __init__(self, lines_per_s: int = LINES_PER_S, clock: Callable[[], float] = time.monotonic) -> None:
@@ -26,49 +26,31 @@ class LineBudget:
         self._dropped = 0
         self._lock = threading.Lock()
 
-    @property
-    def exhausted(self) -> bool:
-        """Whether no more lines are allowed in this second."""
+    def take(self) -> bool:
+        """Returns whether one more line may be written, and counts it as dropped if not."""
         with self._lock:
-            self._renew()
-            return self._used >= self._lines_per_s
+            allowed = not self._exhausted()
+            self._used += allowed
+            self._dropped += not allowed
+            return allowed
 
-    def take(self) -> tuple[bool, int]:
-        """Asks for one line.
-
-        Returns:
-            Whether it may be written, and how many were dropped since the last one that was.
-        """
+    def drop_if_exhausted(self, lines: int) -> bool:
+        """Returns whether no line is allowed in this second, and counts ``lines`` as dropped if so."""
         with self._lock:
-            self._renew()
-            if self._used >= self._lines_per_s:
-                self._dropped += 1
-                return False, 0
-            self._used += 1
-            return True, self._forget_dropped()
+            exhausted = self._exhausted()
+            self._dropped += lines * exhausted
+            return exhausted
 
-    def drop(self, lines: int) -> None:
-        """Counts lines that were dropped unseen."""
+    def settle(self, *, ended: bool = False) -> int:
+        """Returns and resets the count of dropped lines, once lines are allowed again or at the end."""
         with self._lock:
-            self._dropped += lines
+            if self._exhausted() and not ended:
+                return 0
+            dropped, self._dropped = self._dropped, 0
+            return dropped
 
-    def settle(self) -> int:
-        """Returns and forgets the count of dropped lines once more lines are allowed; else 0."""
-        with self._lock:
-            self._renew()
-            return 0 if self._used >= self._lines_per_s else self._forget_dropped()
-
-    def close(self) -> int:
-        """Returns and forgets the count of dropped lines at the end of a node."""
-        with self._lock:
-            return self._forget_dropped()
-
-    def _renew(self) -> None:
+    def _exhausted(self) -> bool:
         now_s = self._clock()
         if now_s - self._window_began_s >= 1.0:
-            self._window_began_s = now_s
-            self._used = 0
-
-    def _forget_dropped(self) -> int:
-        dropped, self._dropped = self._dropped, 0
-        return dropped
+            self._window_began_s, self._used = now_s, 0
+        return self._used >= self._lines_per_s

@@ -1,4 +1,4 @@
-"""The messages between the supervisor and a child process, as values."""
+"""Messages between the supervisor and a child process."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from joshua.ipc.frames import FrameError
 from joshua.plan import NodeReport, NodeSpec, TransportSpec
 from joshua.plan.events import Progress
 
-#: The verb that every node has: it tells the others.
+#: Verb of every node, which lists its verbs.
 LIST_VERBS = "verbs"
 
-#: Raised whenever a message changes its meaning; both sides must agree.
-PROTOCOL_VERSION = 3
+#: Incremented when a message changes. Both sides must have the same.
+PROTOCOL_VERSION = 4
 
 
 class Message(BaseModel):
@@ -25,7 +25,7 @@ class Message(BaseModel):
 
 
 class Start(Message):
-    """Supervisor to child: what to run; ``facts.restarted`` of a node says that it ran before."""
+    """Supervisor to child: the nodes to run. ``facts.restarted`` of a node marks a restart."""
 
     kind: Literal["start"] = "start"
     protocol: int = PROTOCOL_VERSION
@@ -37,16 +37,13 @@ class Start(Message):
 
 
 class Activate(Message):
-    """Supervisor to child: every node is configured, start moving and publishing."""
+    """Supervisor to child: every node is configured; start to move and publish."""
 
     kind: Literal["activate"] = "activate"
 
 
 class Stop(Message):
-    """Supervisor to child: stop in good order.
-
-    ``urgent`` interrupts a node that does not notice it at once, such as one whose loop has hung.
-    """
+    """Supervisor to child: shut down cleanly. ``urgent`` interrupts a node that does not react."""
 
     kind: Literal["stop"] = "stop"
     reason: str
@@ -54,9 +51,9 @@ class Stop(Message):
 
 
 class Call(Message):
-    """Supervisor to child: do what a verb of a node does; answered with the ``CallReply`` of the same id.
+    """Supervisor to child: call a verb of a node. The ``CallReply`` has the same id.
 
-    After ``deadline_ns``, on the monotonic clock, nobody waits any more, and nothing is done.
+    The call expires at ``deadline_ns`` of the monotonic clock: then it is not executed.
     """
 
     kind: Literal["call"] = "call"
@@ -68,7 +65,7 @@ class Call(Message):
 
 
 class Hello(Message):
-    """Child to supervisor, first of all: who speaks."""
+    """Child to supervisor, first message: versions."""
 
     kind: Literal["hello"] = "hello"
     protocol: int = PROTOCOL_VERSION
@@ -78,41 +75,28 @@ class Hello(Message):
 
 
 class Step(Message):
-    """Child to supervisor: a node entered a step of its lifecycle."""
+    """Child to supervisor: a node entered a lifecycle step."""
 
     kind: Literal["step"] = "step"
     node: str
-    step: Literal[
-        "import",
-        "transport",
-        "configure",
-        "configured",
-        "activate",
-        "active",
-        "deactivate",
-        "cleanup",
-        "finished",
-    ]
+    step: str
 
 
-class Waiting(Message):
-    """Child to supervisor: what a node waits for just now; "" for nothing."""
+class Said(Message):
+    """Child to supervisor: a text of a node.
 
-    kind: Literal["waiting"] = "waiting"
-    node: str
-    text: str
+    ``waiting``: what it waits for ("" for nothing). ``shown``: text for its part of the status line.
+    ``warning``: for its row of the start-up table. ``fault``: why its device is stopped until it is resumed
+    ("" ends the fault). ``stop-run``: its work is done and the whole run may stop, with the reason.
+    """
 
-
-class Shown(Message):
-    """Child to supervisor: a text for the node's part of the status line; "" for nothing."""
-
-    kind: Literal["shown"] = "shown"
+    kind: Literal["waiting", "shown", "warning", "fault", "stop-run"]
     node: str
     text: str
 
 
 class Progressed(Message):
-    """Child to supervisor: how far a node is with work that ends."""
+    """Child to supervisor: progress of a node's work."""
 
     kind: Literal["progress"] = "progress"
     node: str
@@ -120,7 +104,7 @@ class Progressed(Message):
 
 
 class ThreadAge(BaseModel):
-    """A reader thread, the seconds since it last showed life, and its limit."""
+    """Age of a reader thread's last sign of life, and its limit."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -130,10 +114,7 @@ class ThreadAge(BaseModel):
 
 
 class Heartbeat(Message):
-    """Child to supervisor, from the node's own loop: it turns.
-
-    ``stamp_ns`` is of the monotonic clock, ``thread_id`` the system's number of the loop's thread.
-    """
+    """Child to supervisor, from the node's loop. Monotonic stamp; ``thread_id`` is the loop's native id."""
 
     kind: Literal["heartbeat"] = "heartbeat"
     node: str
@@ -143,7 +124,7 @@ class Heartbeat(Message):
 
 
 class Log(Message):
-    """Child to supervisor: one log record. ``level`` as in ``logging``; time in ns since the epoch."""
+    """Child to supervisor: one log record. ``level`` as in ``logging``, time in ns since the epoch."""
 
     kind: Literal["log"] = "log"
     node: str
@@ -156,7 +137,7 @@ class Log(Message):
 
 
 class Topics(Message):
-    """Child to supervisor: running totals of messages by topic; monotonic stamp, ns."""
+    """Child to supervisor: message totals by topic, with a monotonic stamp."""
 
     kind: Literal["topics"] = "topics"
     node: str
@@ -166,7 +147,7 @@ class Topics(Message):
 
 
 class FirstMessage(Message):
-    """Child to supervisor: the first message of a subscription has arrived; monotonic stamp, ns."""
+    """Child to supervisor: a subscription received its first message, with a monotonic stamp."""
 
     kind: Literal["first-message"] = "first-message"
     node: str
@@ -174,19 +155,10 @@ class FirstMessage(Message):
     stamp_ns: int
 
 
-class NodeWarning(Message):
-    """Child to supervisor: a warning for the node's row of the start-up table."""
-
-    kind: Literal["warning"] = "warning"
-    node: str
-    text: str
-
-
 class Failure(Message):
-    """Child to supervisor: a node failed in a step of its lifecycle.
+    """Child to supervisor: a node failed in a lifecycle step.
 
-    ``exit_code`` is the one of the program that this kind of failure calls for; ``unexpected`` says that
-    the text alone does not explain it to a user.
+    ``exit_code``: of the program after such a failure. ``unexpected``: the user needs the traceback too.
     """
 
     kind: Literal["failure"] = "failure"
@@ -198,16 +170,8 @@ class Failure(Message):
     unexpected: bool = True
 
 
-class Fault(Message):
-    """Child to supervisor: the device of a node does nothing until it is resumed; "" ends that."""
-
-    kind: Literal["fault"] = "fault"
-    node: str
-    text: str
-
-
 class VerbInfo(BaseModel):
-    """A verb as its node declares it; request and reply are JSON schemas, {} for nothing or a sentence."""
+    """Declaration of a verb. Request and reply are JSON schemas: {} is no request, or a sentence as reply."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -219,9 +183,9 @@ class VerbInfo(BaseModel):
 
 
 class CallReply(Message):
-    """Child to supervisor: what came of a ``Call``.
+    """Child to supervisor: result of a ``Call``.
 
-    ``code`` and ``text`` say why it is not ``ok``, ``allowed`` what would be; ``moves`` is the verb's.
+    ``code`` and ``text`` explain a refusal, ``allowed`` lists alternatives. ``moves`` is the verb's.
     """
 
     kind: Literal["call-reply"] = "call-reply"
@@ -235,39 +199,18 @@ class CallReply(Message):
     moves: bool = False
 
 
-class StopRun(Message):
-    """Child to supervisor: the node's work is done and the whole run may end in good order."""
-
-    kind: Literal["stop-run"] = "stop-run"
-    node: str
-    reason: str
-
-
 class Report(Message):
-    """Child to supervisor, last of all: figures and test results of a node."""
+    """Child to supervisor, last message: figures and test results of a node."""
 
     kind: Literal["report"] = "report"
     report: NodeReport
 
 
 ToChild = Start | Activate | Stop | Call
-ToSupervisor = (
-    Hello
-    | Step
-    | Waiting
-    | Shown
-    | Progressed
-    | Heartbeat
-    | Log
-    | Topics
-    | FirstMessage
-    | NodeWarning
-    | Failure
-    | Fault
-    | CallReply
-    | StopRun
-    | Report
+NodeMessage = (
+    Step | Said | Progressed | Heartbeat | Log | Topics | FirstMessage | Failure | CallReply | Report
 )
+ToSupervisor = Hello | NodeMessage
 
 _T = TypeVar("_T")
 
@@ -295,10 +238,10 @@ def decode_for_supervisor(payload: bytes) -> ToSupervisor:
 
 
 def printable(text: str, limit: int = 0) -> str:
-    """Makes text safe for JSON and terminals; it may quote a device, or somebody on the network.
+    """Makes text from a device or the network safe for JSON and terminals.
 
-    Lone surrogates, control characters other than tab and line feed, and what turns the direction of a line
-    round are escaped; the rest is cut at ``limit`` characters.
+    Escapes lone surrogates, bidirectional controls, and control characters except tab and line feed. Cuts
+    text longer than ``limit`` characters (0: no limit).
     """
     if limit and len(text) > limit:
         text = f"{text[:limit]}… ({len(text) - limit} more characters)"

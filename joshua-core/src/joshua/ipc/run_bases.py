@@ -1,21 +1,23 @@
-"""Where running systems have their directories, and what outlasts a run."""
+"""Directories of running systems, what outlives a run, and addresses of UNIX sockets."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-
-from joshua.guardian.socket_address import MAX_PATH_BYTES
 
 _RUNTIME_FOLDERS = Path("/run/user")
 _FALLBACK = Path("/tmp")  # noqa: S108 (owner and mode of the folder there are checked)
 
+#: Longest path of a UNIX socket on every system (``sun_path``: 104 bytes on macOS, one of them zero).
+MAX_PATH_BYTES = 103
+
 
 class RunDirectoryError(Exception):
-    """The directory for running systems cannot be used; the message says why and what to do."""
+    """The directory for running systems cannot be used. The message says why and what to do."""
 
 
 def base_directory(environment: Mapping[str, str]) -> Path:
@@ -23,49 +25,48 @@ def base_directory(environment: Mapping[str, str]) -> Path:
     runtime = environment.get("XDG_RUNTIME_DIR", "")
     if Path(runtime).is_absolute() and os.path.isdir(runtime) and os.access(runtime, os.W_OK):  # noqa: PTH112
         return Path(runtime) / "joshua"
-    return _FALLBACK / f"joshua-{os.getuid()}"
+    return _fallback()
 
 
 def short_base_directory(environment: Mapping[str, str], bytes_below: int) -> Path:
-    """The base directory, else ``/tmp/joshua-<uid>`` where a socket's path below it would be too long."""
+    """The base directory, or ``/tmp/joshua-<uid>`` if a socket's path below it would be too long."""
     base = base_directory(environment)
-    fits = len(os.fsencode(base)) + bytes_below <= MAX_PATH_BYTES
-    return base if fits else _FALLBACK / f"joshua-{os.getuid()}"
+    return base if len(os.fsencode(base)) + bytes_below <= MAX_PATH_BYTES else _fallback()
 
 
 def base_directories(environment: Mapping[str, str], *, make: bool = False) -> list[Path]:
-    """Every base at which systems of this user may run, that of this environment first.
+    """Every base directory of this user's systems, that of this environment first.
 
-    A service, a container or ``su`` often lacks the ``XDG_RUNTIME_DIR`` that a terminal has: whoever stops a
-    robot must find it all the same. Who has set the variable to a folder of his own looks only there.
+    A service, a container or ``su`` often lacks the ``XDG_RUNTIME_DIR`` of a terminal, but a command that
+    stops a robot must find its run. A user who set the variable to a folder of their own uses only that one.
 
     Args:
-        make: make those that are not there.
+        make: create missing directories.
 
     Raises:
-        RunDirectoryError: with ``make``, none can be used.
+        RunDirectoryError: with ``make``, no directory can be used.
     """
     own = base_directory(environment)
     others = other_bases(own, make=make)
     if make and not _is_ours(own, make=True):
         if not others:
-            private(own)  # says why
-        return others  # a robot that runs there does not wait until the first one is put right
+            private(own)  # raises
+        return others  # a robot that runs there must not wait until ``own`` is repaired
     return [own, *others]
 
 
 def other_bases(base: Path, *, make: bool = False) -> list[Path]:
-    """The other usual places; none for a base that somebody has chosen."""
-    usual = _usual_places()
+    """The other usual places. Empty if the user chose ``base``."""
+    usual = [_RUNTIME_FOLDERS / str(os.getuid()) / "joshua", _fallback()]
     return [path for path in usual if path != base and _is_ours(path, make=make)] if base in usual else []
 
 
-def _usual_places() -> list[Path]:
-    return [_RUNTIME_FOLDERS / str(os.getuid()) / "joshua", _FALLBACK / f"joshua-{os.getuid()}"]
+def _fallback() -> Path:
+    return _FALLBACK / f"joshua-{os.getuid()}"
 
 
 def _is_ours(path: Path, *, make: bool) -> bool:
-    """Whether a base is there and this user's own; what another user has put there is never read."""
+    """Whether the directory exists and belongs to this user. Other users' files are never read."""
     try:
         return (make or os.path.lexists(path)) and bool(private(path))
     except RunDirectoryError:
@@ -73,36 +74,51 @@ def _is_ours(path: Path, *, make: bool) -> bool:
 
 
 def private(path: Path) -> Path:
-    """Makes a directory that only this user can enter, or checks the one that is there."""
+    """Creates a directory that only this user can enter, or checks the existing one."""
     try:
         path.mkdir(mode=0o700, exist_ok=True)
         status = path.lstat()
     except OSError as error:
-        raise RunDirectoryError(f"{path} cannot be made: {error.strerror}; set XDG_RUNTIME_DIR") from error
+        raise RunDirectoryError(
+            f"{path} cannot be created: {error.strerror}. Set XDG_RUNTIME_DIR to another folder"
+        ) from error
     mode = stat.S_IMODE(status.st_mode)
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
         raise RunDirectoryError(
-            f"{path} belongs to user {status.st_uid} or is no directory, so another user could pose as a "
-            f"running robot there; remove it or set XDG_RUNTIME_DIR to a folder of your own"
+            f"{path} belongs to user {status.st_uid} or is not a directory, so another user could "
+            "impersonate a running robot there; remove it or set XDG_RUNTIME_DIR to a folder of your own"
         )
     if mode & 0o077:
-        raise RunDirectoryError(f"{path} has mode {mode:04o}, so others can enter it: chmod 700 {path}")
+        raise RunDirectoryError(f"{path} has mode {mode:04o}: other users can enter it. Run chmod 700 {path}")
     return path
 
 
 def state_home(environment: Mapping[str, str]) -> Path:
-    """``joshua`` in ``XDG_STATE_HOME`` or ``~/.local/state``.
-
-    A user without a home, as a container may have whose user id stands in no list, keeps it beside the
-    running systems.
-    """
+    """``joshua`` in ``XDG_STATE_HOME`` or ``~/.local/state``, or beside the runs for a user without home."""
     given = Path(environment.get("XDG_STATE_HOME", ""))
     if given.is_absolute():
         return given / "joshua"
     try:
         return Path.home() / ".local" / "state" / "joshua"
-    except RuntimeError:
+    except RuntimeError:  # a user id of a container that is in no list
         base = base_directory(environment)
-        with contextlib.suppress(RunDirectoryError):  # the run is refused for it, with what to do
+        with contextlib.suppress(RunDirectoryError):  # the run reports it with the remedy
             private(base)
         return base / "state"
+
+
+@contextmanager
+def socket_address(path: Path) -> Iterator[str]:
+    """Yields an address for ``bind`` or ``connect``, valid inside the context, for a path of any length.
+
+    Raises:
+        OSError: the path is too long and the system has no ``/proc/self/fd``, or its folder is missing.
+    """
+    if len(os.fsencode(path)) <= MAX_PATH_BYTES:
+        yield str(path)
+        return
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        yield f"/proc/self/fd/{folder}/{path.name}"
+    finally:
+        os.close(folder)

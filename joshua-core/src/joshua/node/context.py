@@ -9,13 +9,9 @@ import time
 from collections.abc import Callable
 
 from joshua.ipc.messages import (
-    Fault,
     Message,
-    NodeWarning,
     Progressed,
-    Shown,
-    StopRun,
-    Waiting,
+    Said,
     printable,
 )
 from joshua.node import ros_time
@@ -131,23 +127,23 @@ class RuntimeContext:
     def warn(self, text: str) -> None:
         """Adds a warning to the start-up table."""
         self.warnings.append(printable(text))
-        self._send(NodeWarning(node=self.spec.full_name, text=printable(text)))
+        self._send(Said(kind="warning", node=self.spec.full_name, text=printable(text)))
 
     def waiting_for(self, text: str) -> None:
         """Says what the node waits for."""
-        self._send(Waiting(node=self.spec.full_name, text=printable(text)))
+        self._send(Said(kind="waiting", node=self.spec.full_name, text=printable(text)))
 
     def fault(self, reason: str) -> None:
         """Says that the device does nothing until it is resumed; "" ends that."""
         if reason:
             self.log.error("%s", reason)
-        self._send(Fault(node=self.spec.full_name, text=printable(reason)))
+        self._send(Said(kind="fault", node=self.spec.full_name, text=printable(reason)))
 
     def show(self, text: str) -> None:
         """Puts a text into the status line."""
         if text != self._shown:
             self._shown = text
-            self._send(Shown(node=self.spec.full_name, text=printable(text, 120)))
+            self._send(Said(kind="shown", node=self.spec.full_name, text=printable(text, 120)))
 
     def progress(
         self,
@@ -177,7 +173,7 @@ class RuntimeContext:
 
     def end_run(self, reason: str) -> None:
         """Asks for the end of the run."""
-        self._send(StopRun(node=self.spec.full_name, reason=printable(reason)))
+        self._send(Said(kind="stop-run", node=self.spec.full_name, text=printable(reason)))
 
     def _declared(self) -> Endpoints:
         if self.endpoints is None:

@@ -6,7 +6,7 @@ import os
 import selectors
 import socket
 import threading
-from typing import Protocol
+from collections.abc import Callable
 
 from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
 from joshua.ipc.messages import Message, ToChild, decode_for_child, encode
@@ -15,33 +15,29 @@ from joshua.ipc.messages import Message, ToChild, decode_for_child, encode
 BACKLOG_LIMIT_BYTES = 256 * 1024
 
 
-class ControlListener(Protocol):
-    """Who hears what arrives; called on the control thread."""
-
-    def on_message(self, message: ToChild) -> None:
-        """A message of the supervisor."""
-
-    def on_orphaned(self, reason: str) -> None:
-        """The supervisor has gone; called once."""
-
-    def on_signals(self, numbers: bytes) -> None:
-        """Signals have arrived, one byte each."""
-
-
 class ControlChannel:
     """Sends messages to the supervisor from any thread, and receives on a thread of its own.
 
     Args:
         sock: the inherited control socket.
+        on_message: called on the control thread with each message of the supervisor.
+        on_orphaned: called once when the supervisor is gone.
+        on_signals: called with signal numbers, one byte each.
     """
 
-    def __init__(self, sock: socket.socket) -> None:
+    def __init__(
+        self,
+        sock: socket.socket,
+        on_message: Callable[[ToChild], None],
+        on_orphaned: Callable[[], None],
+        on_signals: Callable[[bytes], None],
+    ) -> None:
+        self._on_message, self._on_orphaned, self._on_signals = on_message, on_orphaned, on_signals
         self._frames = FrameSocket(sock)
         self._lock = threading.Lock()
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
-        self._thread: threading.Thread | None = None
         self._dropped = 0
         self._ended = False
 
@@ -55,10 +51,9 @@ class ControlChannel:
         """Messages dropped because the supervisor did not read."""
         return self._dropped
 
-    def start(self, listener: ControlListener) -> None:
+    def start(self) -> None:
         """Starts the control thread."""
-        self._thread = threading.Thread(target=self._run, args=(listener,), name="control", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._run, name="control", daemon=True).start()
 
     def send(self, message: Message, *, can_miss: bool = False) -> None:
         """Sends a message or queues it; never blocks and never raises.
@@ -100,7 +95,7 @@ class ControlChannel:
         except OSError:
             return  # full: the thread is awake anyway
 
-    def _run(self, listener: ControlListener) -> None:
+    def _run(self) -> None:
         selector = selectors.DefaultSelector()
         selector.register(self._frames.fileno(), selectors.EVENT_READ, "control")
         selector.register(self._wake_receiver.fileno(), selectors.EVENT_READ, "wake")
@@ -110,8 +105,8 @@ class ControlChannel:
                 if key.data == "wake":
                     numbers = self._read_wake().replace(b"\0", b"")
                     if numbers:
-                        listener.on_signals(numbers)
-                elif connected and not self._serve(listener, events):
+                        self._on_signals(numbers)
+                elif connected and not self._serve(events):
                     connected = False
                     selector.unregister(self._frames.fileno())
             if connected:
@@ -120,18 +115,18 @@ class ControlChannel:
                 wanted = selectors.EVENT_READ | (selectors.EVENT_WRITE if waiting else 0)
                 selector.modify(self._frames.fileno(), wanted, "control")
 
-    def _serve(self, listener: ControlListener, events: int) -> bool:
+    def _serve(self, events: int) -> bool:
         """Reads and writes once; returns whether the supervisor is still there."""
         try:
             with self._lock:
                 payloads = self._frames.receive() if events & selectors.EVENT_READ else []
                 self._frames.flush()
             for payload in payloads:
-                listener.on_message(decode_for_child(payload))
-        except (EndOfStreamError, FrameError) as error:
+                self._on_message(decode_for_child(payload))
+        except (EndOfStreamError, FrameError):
             with self._lock:
                 self._ended = True
-            listener.on_orphaned(str(error))
+            self._on_orphaned()
             return False
         return True
 

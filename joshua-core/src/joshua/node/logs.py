@@ -46,18 +46,16 @@ class NodeLogHandler(logging.Handler):
 
     def settle(self, node: str, *, ended: bool = False) -> None:
         """Reports what the flood limit has dropped of a node, once lines may pass again or it has ended."""
-        budget = self._budget(node)
-        dropped = budget.close() if ended else budget.settle()
-        if dropped:
-            self._send(_dropped_line(node, dropped))
+        if dropped := self._budget(node).settle(ended=ended):
+            text = f"{dropped} log lines dropped: more than {LINES_PER_S} in a second"
+            level, time_ns = logging.WARNING, time.time_ns()
+            self._send(Log(node=node, time_ns=time_ns, level=level, text=text, logger="joshua.node"))
 
     def emit(self, record: logging.LogRecord) -> None:
         """Sends one record; never raises, whatever the record's arguments are."""
         node: str = getattr(record, "node", "") or getattr(self._threads, "node", self._default_node)
-        allowed, dropped = self._budget(node).take()
-        if dropped:
-            self._send(_dropped_line(node, dropped))
-        if not allowed:
+        self.settle(node)
+        if not self._budget(node).take():
             return
         log = Log(
             node=node,
@@ -94,16 +92,6 @@ class NodeLogHandler(logging.Handler):
         if record.exc_info and record.exc_info[0] is not None:
             text = f"{text}\n{''.join(traceback.format_exception(*record.exc_info)).rstrip()}"
         return text
-
-
-def _dropped_line(node: str, dropped: int) -> Log:
-    return Log(
-        node=node,
-        time_ns=time.time_ns(),
-        level=logging.WARNING,
-        text=f"{dropped} log lines dropped: more than {LINES_PER_S} in a second",
-        logger="joshua.node",
-    )
 
 
 def node_logger(handler: NodeLogHandler, full_name: str, level: int) -> logging.Logger:

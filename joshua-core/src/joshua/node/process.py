@@ -68,7 +68,7 @@ class NodeProcess:
     """Runs the nodes that the supervisor names, and ends with them, with it, or on its request."""
 
     def __init__(self, sock: socket.socket) -> None:
-        self._channel = ControlChannel(sock)
+        self._channel = ControlChannel(sock, self._on_message, self._on_orphaned, self._on_signals)
         self._starts: queue.SimpleQueue[Start | None] = queue.SimpleQueue()
         self._runtimes: list[NodeRuntime] = []
         self._activation = threading.Event()
@@ -83,7 +83,7 @@ class NodeProcess:
     def run(self) -> int:
         """Runs until the nodes have ended; returns the exit code of the process."""
         self._handle_signals()
-        self._channel.start(self)
+        self._channel.start()
         self._send(Hello(version=core_version(), process_id=os.getpid(), python=sys.version.split()[0]))
         start = self._starts.get()
         if start is None:
@@ -109,7 +109,7 @@ class NodeProcess:
         self._channel.drain(DRAIN_S)
         return max(runtime.exit_code for runtime in self._runtimes)
 
-    def on_message(self, message: ToChild) -> None:
+    def _on_message(self, message: ToChild) -> None:
         """Obeys the supervisor (control thread)."""
         if isinstance(message, Start):
             self._orphan_grace_s = message.orphan_grace_s
@@ -128,13 +128,13 @@ class NodeProcess:
             if message.urgent:
                 self._later(URGENT_INTERRUPT_AFTER_S, self._interrupt)
 
-    def on_orphaned(self, reason: str) -> None:
+    def _on_orphaned(self) -> None:
         """Ends in good order, within a bounded time, when the supervisor is gone (control thread)."""
         self._request_stop()
         self._later(self._orphan_grace_s / 2, self._interrupt)
         self._later(self._orphan_grace_s, lambda: os._exit(1))
 
-    def on_signals(self, numbers: bytes) -> None:
+    def _on_signals(self, numbers: bytes) -> None:
         """Stops on SIGTERM; interrupts nodes that were told to stop before and still run (control thread)."""
         if signal.SIGTERM not in numbers:
             return

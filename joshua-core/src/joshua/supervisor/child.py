@@ -1,4 +1,4 @@
-"""One child process as the supervisor sees it: control socket, lines of its streams, process id, end."""
+"""One child process: control socket, lines of its standard streams, process id, end."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import os
 import socket
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass
+from functools import partial
 
 from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
 from joshua.ipc.line_budget import LineBudget
 from joshua.ipc.messages import Message, ToSupervisor, decode_for_supervisor, encode
+from joshua.supervisor.fork_server import ForkServerEvent
 from joshua.supervisor.launcher import Launcher, child_arguments
 from joshua.supervisor.reactor import Reactor
 
@@ -20,73 +22,60 @@ MAX_LINE_BYTES = 4096
 
 READ_BYTES = 65536
 
+#: Last lines of standard error that are kept to explain a crash.
+KEPT_ERROR_LINES = 12
+
 
 class LinePipe:
-    """The reading end of one standard stream; never blocks.
+    """The reading end of one standard stream. It never blocks.
 
     Args:
-        descriptor: reading end of a pipe; this object owns it from now on.
-        budget: lines that may pass; shared by the streams of a process.
+        descriptor: reading end of a pipe. This object owns it.
+        budget: lines allowed, shared by the streams of a process.
         on_line: called with each line, without its end.
-        on_dropped: called with the number of lines that were dropped before the next one.
-        on_flood: called whenever lines are dropped.
     """
 
-    def __init__(
-        self,
-        descriptor: int,
-        budget: LineBudget,
-        on_line: Callable[[str], None],
-        on_dropped: Callable[[int], None],
-        on_flood: Callable[[], None],
-    ) -> None:
+    def __init__(self, descriptor: int, budget: LineBudget, on_line: Callable[[str], None]) -> None:
         os.set_blocking(descriptor, False)
         self.descriptor = descriptor
         self._budget = budget
         self._on_line = on_line
-        self._on_dropped = on_dropped
-        self._on_flood = on_flood
         self._partial = b""
         self._cut_bytes = 0
 
     def read(self) -> bool:
-        """Reads once, a bounded amount; returns False at the end of the stream."""
+        """Reads once, a bounded amount. Returns False at the end of the stream."""
         try:
             data = os.read(self.descriptor, READ_BYTES)
         except BlockingIOError:
             return True
         except OSError:
             data = b""
-        if not data:
+        if data:
+            self._split(data)
+        else:
             self._finish_line()
-            return False
-        self._split(data)
-        return True
+        return bool(data)
 
     def drain(self) -> None:
-        """Reads what is there, at the end of the child; a grandchild that writes on is not waited for."""
+        """Reads what is left at the end of the child, without waiting for a grandchild that still writes."""
         for _ in range(64):
-            try:
-                data = os.read(self.descriptor, READ_BYTES)
-            except OSError:
-                break
-            if not data:
-                break
-            self._split(data)
+            with contextlib.suppress(OSError):
+                if data := os.read(self.descriptor, READ_BYTES):
+                    self._split(data)
+                    continue
+            break
         self._finish_line()
 
     def close(self) -> None:
-        """Closes the pipe; a second call does nothing."""
+        """Closes the pipe. Idempotent."""
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1
 
     def _split(self, data: bytes) -> None:
-        if self._budget.exhausted:
-            # Only the line ends matter, and counting them is fast.
-            lines = data.count(b"\n")
-            self._budget.drop(lines)
-            self._on_flood()
+        lines = data.count(b"\n")
+        if self._budget.drop_if_exhausted(lines):  # in a flood only line ends are counted, which is fast
             if lines:
                 self._partial, self._cut_bytes = data[data.rfind(b"\n") + 1 :][:MAX_LINE_BYTES], 0
             return
@@ -104,87 +93,67 @@ class LinePipe:
     def _finish_line(self, *, always: bool = False) -> None:
         line, cut_bytes = self._partial, self._cut_bytes
         self._partial, self._cut_bytes = b"", 0
-        if not line and not always:
-            return
-        allowed, dropped = self._budget.take()
-        if dropped:
-            self._on_dropped(dropped)
-        if allowed:
+        if (line or always) and self._budget.take():
             text = line.decode("utf-8", "backslashreplace").rstrip("\r")
             self._on_line(text + (f" … ({cut_bytes} more bytes)" if cut_bytes else ""))
 
 
-#: Last lines of standard error that are kept to explain a crash.
-KEPT_ERROR_LINES = 12
+@dataclass(frozen=True)
+class Output:
+    """A line of ``stdout`` or ``stderr``, or a count of ``dropped`` ones."""
 
-#: After this time a flood is reported even if no further line comes.
-SETTLE_S = 1.1
+    stream: str
+    text: str
 
 
-class ChildListener(Protocol):
-    """Who hears of a child."""
-
-    def on_message(self, message: ToSupervisor) -> None:
-        """A message of the child."""
-
-    def on_output(self, stream: str, line: str) -> None:
-        """A line that the child wrote to ``stdout`` or ``stderr``."""
-
-    def on_output_dropped(self, lines: int) -> None:
-        """Lines that the flood limit dropped."""
-
-    def on_running(self, process_id: int) -> None:
-        """The process exists."""
-
-    def on_end(self, status: int | None, refusal: str) -> None:
-        """The process has ended and everything it said has been heard.
-
-        Args:
-            status: wait status, None if unknown.
-            refusal: why it never ran; "" if it did.
-        """
+#: A message, a line, or a change of the process: ``started``, and at last ``refused`` or ``exited``.
+ChildEvent = ToSupervisor | Output | ForkServerEvent
 
 
 class Child:
-    """Starts a process and listens to it until its end.
+    """Starts a process and reports its events until its end.
 
     Args:
         reactor: the supervisor's loop.
         launcher: starts the process.
         title: name of the process.
-        interpreter: Python that runs it; "" forks the server.
-        listener: who hears of it.
+        interpreter: Python that runs it, "" to fork the server.
+        tell: called with each event. The end comes after everything that the process wrote.
     """
 
     def __init__(
-        self, reactor: Reactor, launcher: Launcher, title: str, interpreter: str, listener: ChildListener
+        self,
+        reactor: Reactor,
+        launcher: Launcher,
+        title: str,
+        interpreter: str,
+        tell: Callable[[ChildEvent], None],
     ) -> None:
         self.process_id = 0
         self.ended = False
         self.last_errors: deque[str] = deque(maxlen=KEPT_ERROR_LINES)
         self._reactor = reactor
         self._launcher = launcher
-        self._listener = listener
-        self._interpreter = interpreter
+        self._tell = tell
         ours, theirs = socket.socketpair()
         self._frames = FrameSocket(ours)
         self._budget = LineBudget()
-        self._settling = False
-        output = self._pipe("stdout")
-        error = self._pipe("stderr")
-        self._streams = (output[0], error[0])
-        inherited = (theirs.fileno(), output[1], error[1])
+        output, output_writer = self._pipe("stdout")
+        errors, errors_writer = self._pipe("stderr")
+        self._streams = (output, errors)
+        inherited = (theirs.fileno(), output_writer, errors_writer)
         reactor.watch(self._frames.fileno(), self._receive)
         if interpreter:
-            launcher.execute(self, child_arguments(interpreter), os.environ, inherited)
+            values = {"arguments": child_arguments(interpreter), "environment": dict(os.environ)}
+            launcher.start(self._on_process, inherited, "execute", **values)
         else:
-            launcher.fork(self, title, inherited)
+            launcher.start(self._on_process, inherited, "fork", title=title)
         theirs.close()
-        os.close(output[1])
-        os.close(error[1])
+        os.close(output_writer)
+        os.close(errors_writer)
 
     def send(self, message: Message) -> None:
-        """Sends a message or queues it; a child that has gone is heard of elsewhere."""
+        """Sends or queues a message. The end of the child is reported elsewhere."""
         with contextlib.suppress(EndOfStreamError):
             if not self._frames.closed and not self._frames.send(encode(message)):
                 self._reactor.watch(self._frames.fileno(), self._receive, self._flush)
@@ -194,33 +163,35 @@ class Child:
         if self.process_id and not self.ended:
             self._launcher.signal(self.process_id, number)
 
-    def on_started(self, process_id: int) -> None:
-        """The launcher has started the process."""
-        self.process_id = process_id
-        self._listener.on_running(process_id)
+    def report_dropped(self, *, ended: bool = False) -> None:
+        """Reports dropped lines, once lines are allowed again or at the end."""
+        if lines := self._budget.settle(ended=ended):
+            self._tell(Output("dropped", f"{lines} lines of its output dropped: too many in a second"))
 
-    def on_refused(self, text: str) -> None:
-        """The process could not be started."""
-        self._finish(None, text)
-
-    def on_exited(self, status: int | None) -> None:
-        """The process has ended: hear the rest of what it said, then tell."""
-        for _ in range(1000):
-            if self._frames.closed or not self._receive():
-                break
+    def _on_process(self, event: ForkServerEvent) -> None:
+        if event.event == "started":
+            self.process_id = event.process_id
+            self._tell(event)
+            return
+        if event.event == "exited":
+            for _ in range(1000):
+                if self._frames.closed or not self._receive():
+                    break
+            for stream in self._streams:
+                stream.drain()
+        if self.ended:
+            return
+        self.ended = True
+        self._close_control()
         for stream in self._streams:
-            stream.drain()
-        self._finish(status, "")
+            self._reactor.forget(stream.descriptor)
+            stream.close()
+        self.report_dropped(ended=True)
+        self._tell(event)
 
-    def _pipe(self, stream: str) -> tuple[LinePipe, int]:
+    def _pipe(self, name: str) -> tuple[LinePipe, int]:
         reading, writing = os.pipe()
-
-        def on_line(line: str) -> None:
-            if stream == "stderr":
-                self.last_errors.append(line)
-            self._listener.on_output(stream, line)
-
-        pipe = LinePipe(reading, self._budget, on_line, self._listener.on_output_dropped, self._on_flood)
+        pipe = LinePipe(reading, self._budget, partial(self._on_line, name))
 
         def on_readable() -> None:
             if not pipe.read():
@@ -229,8 +200,13 @@ class Child:
         self._reactor.watch(reading, on_readable)
         return pipe, writing
 
+    def _on_line(self, stream: str, line: str) -> None:
+        if stream == "stderr":
+            self.last_errors.append(line)
+        self._tell(Output(stream, line))
+
     def _receive(self) -> bool:
-        """Takes messages; returns whether more may come."""
+        """Receives messages and returns whether more may follow."""
         try:
             payloads = self._frames.receive()
         except (EndOfStreamError, FrameError):
@@ -238,9 +214,9 @@ class Child:
             return False
         for payload in payloads:
             try:
-                self._listener.on_message(decode_for_supervisor(payload))
+                self._tell(decode_for_supervisor(payload))
             except FrameError as error:
-                self._listener.on_output("stderr", f"its control channel: {error}")
+                self._tell(Output("stderr", f"its control channel: {error}"))
         return bool(payloads)
 
     def _flush(self) -> None:
@@ -252,33 +228,7 @@ class Child:
         if done:
             self._reactor.watch(self._frames.fileno(), self._receive)
 
-    def _on_flood(self) -> None:
-        """Makes sure that a flood which ends without another line is still reported."""
-        if not self._settling:
-            self._settling = True
-            self._reactor.call_later(SETTLE_S, self._settle)
-
-    def _settle(self) -> None:
-        self._settling = False
-        if not self.ended:
-            self._report_dropped(self._budget.settle())
-
-    def _report_dropped(self, lines: int) -> None:
-        if lines:
-            self._listener.on_output_dropped(lines)
-
     def _close_control(self) -> None:
         if not self._frames.closed:
             self._reactor.forget(self._frames.fileno())
             self._frames.close()
-
-    def _finish(self, status: int | None, refusal: str) -> None:
-        if self.ended:
-            return
-        self.ended = True
-        self._close_control()
-        for stream in self._streams:
-            self._reactor.forget(stream.descriptor)
-            stream.close()
-        self._report_dropped(self._budget.close())
-        self._listener.on_end(status, refusal)

@@ -1,4 +1,4 @@
-"""The control socket of a run: one JSON object a line in, one out, or a stream of events."""
+"""The control socket of a run: JSON objects by line, requests in, answers and events out."""
 
 from __future__ import annotations
 
@@ -9,45 +9,104 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from joshua.guardian.socket_address import socket_address
+from joshua.ipc.run_bases import socket_address
 from joshua.plan.events import Gap, event_record
-from joshua.supervisor.event_bus import EventStream
 from joshua.supervisor.reactor import Reactor
 
 Request = Mapping[str, Any]
 
-
-class Deferred:
-    """An answer that comes later; one that nobody waits for any more is dropped.
-
-    Attributes:
-        abandoned: whether who asked has gone, so that what was asked for is not wanted any more.
-    """
-
-    def __init__(self) -> None:
-        self.deliver: Callable[[dict[str, Any]], None] | None = None
-        self.abandoned = False
-
-    def answer(self, values: dict[str, Any]) -> None:
-        """Gives the answer."""
-        if self.deliver is not None:
-            self.deliver(values)
-
-
-Handler = Callable[[Request], dict[str, Any] | Deferred | EventStream]
-
 MAX_REQUEST_BYTES = 65536
 MAX_CLIENTS = 16
 
-#: Unread bytes of a program beyond which events for it are dropped and counted.
+#: Unread bytes of a client beyond which events for it are dropped and counted.
 STREAM_BACKLOG_BYTES = 256 * 1024
+
+
+class Connection:
+    """A client of the control socket.
+
+    Attributes:
+        closed: whether the client is gone, so that what it asked for is not wanted any more.
+        dropped: events dropped since the last one sent, because the client reads too slowly.
+    """
+
+    def __init__(self, server: ControlServer, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self.closed = False
+        self.dropped = 0
+        self._server = server
+        self._socket = connection
+        self._incoming = b""
+        self._outgoing = b""
+        self._finished = False
+        server.reactor.watch(connection.fileno(), self._read)
+
+    def send(self, values: Mapping[str, Any]) -> None:
+        """Sends an answer."""
+        if not self.closed:
+            self._outgoing += json.dumps(values).encode() + b"\n"
+            self._write()
+
+    def offer(self, line: bytes) -> None:
+        """Sends the line of an event, or counts it as dropped."""
+        if len(self._outgoing) > STREAM_BACKLOG_BYTES:
+            self.dropped += 1
+        elif not self.closed:
+            if self.dropped:
+                self._outgoing += json.dumps(event_record(Gap(self.dropped))).encode() + b"\n"
+                self.dropped = 0
+            self._outgoing += line
+            self._write()
+
+    def close(self) -> None:
+        """Closes the connection. Idempotent."""
+        if not self.closed:
+            self.closed = True
+            self._server.reactor.forget(self._socket.fileno())
+            self._socket.close()
+            self._server.clients.discard(self)
+
+    def _read(self) -> None:
+        try:
+            data = self._socket.recv(MAX_REQUEST_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        self._incoming += data
+        *lines, self._incoming = self._incoming.split(b"\n")
+        for line in lines:
+            self._server.answer(self, line)
+        if not data or len(self._incoming) > MAX_REQUEST_BYTES:
+            self._finished = True
+        self._write()
+
+    def _write(self) -> None:
+        if self.closed:
+            return
+        try:
+            while self._outgoing:
+                self._outgoing = self._outgoing[self._socket.send(self._outgoing) :]
+        except BlockingIOError:
+            self._server.reactor.watch(self._socket.fileno(), self._read, self._write)
+            return
+        except OSError:
+            self._finished = True
+        if self._finished:
+            self.close()
+        else:
+            self._server.reactor.watch(self._socket.fileno(), self._read)
+
+
+#: Returns the answer, or None and answers later on the connection.
+Handler = Callable[[Request, Connection], "dict[str, Any] | None"]
 
 
 class ControlServer:
     """Answers requests on a UNIX socket that only this user can reach.
 
-    A request is an object with a member ``request``; the answer is an object, with a member ``error``
-    when the request cannot be served.
+    A request is an object with the member ``request``. The answer is an object, with the member ``error``
+    if the request failed.
 
     Args:
         reactor: the supervisor's loop.
@@ -55,134 +114,60 @@ class ControlServer:
         handlers: by the name of the request.
 
     Raises:
-        OSError: the socket cannot be made.
+        OSError: the socket cannot be created.
     """
 
     def __init__(self, reactor: Reactor, path: Path, handlers: Mapping[str, Handler]) -> None:
-        self._reactor = reactor
+        self.reactor = reactor
+        self.clients: set[Connection] = set()
         self._path = path
         self._handlers = handlers
-        self._clients: dict[int, _Client] = {}
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.setblocking(False)
-        unheard = path.with_name(f".{path.name}")
+        hidden = path.with_name(f".{path.name}")
         try:
-            unheard.unlink(missing_ok=True)
-            with socket_address(unheard) as address:
+            hidden.unlink(missing_ok=True)
+            with socket_address(hidden) as address:
                 self._socket.bind(address)
-            unheard.chmod(0o600)
+            hidden.chmod(0o600)
             self._socket.listen(MAX_CLIENTS)
-            unheard.replace(path)  # who finds it is heard
+            hidden.replace(path)  # a client finds only a socket that listens
         except OSError:
             self._socket.close()
             raise
         reactor.watch(self._socket.fileno(), self._accept)
 
     def close(self) -> None:
-        """Closes all connections and removes the socket; a second call does nothing."""
+        """Closes all connections and removes the socket. Idempotent."""
         if self._socket.fileno() < 0:
             return
-        self._reactor.forget(self._socket.fileno())
+        self.reactor.forget(self._socket.fileno())
         self._socket.close()
-        for client in list(self._clients.values()):
-            self._drop(client)
-        with contextlib.suppress(OSError):  # whatever has become of its folder meanwhile
+        for client in list(self.clients):
+            client.close()
+        with contextlib.suppress(OSError):  # its folder may be gone
             self._path.unlink(missing_ok=True)
+
+    def answer(self, client: Connection, line: bytes) -> None:
+        """Passes a request to its handler."""
+        try:
+            request = json.loads(line)
+            name = request["request"]
+        except (ValueError, TypeError, KeyError, RecursionError):
+            client.send({"error": 'expected a JSON object with the member "request"'})
+            return
+        handler = self._handlers.get(name) if isinstance(name, str) else None
+        if handler is None:
+            client.send({"error": f"unknown request {name!r}", "allowed": sorted(self._handlers)})
+        elif (answer := handler(request, client)) is not None:
+            client.send(answer)
 
     def _accept(self) -> None:
         try:
             connection, _address = self._socket.accept()
         except OSError:
-            return  # the client has gone already
-        if len(self._clients) >= MAX_CLIENTS:
+            return  # the client is gone already
+        if len(self.clients) >= MAX_CLIENTS:
             connection.close()
             return
-        client = _Client(connection)
-        self._clients[client.descriptor] = client
-        self._reactor.watch(client.descriptor, lambda: self._read(client))
-
-    def _read(self, client: _Client) -> None:
-        try:
-            data = client.connection.recv(MAX_REQUEST_BYTES)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        client.incoming += data
-        *lines, client.incoming = client.incoming.split(b"\n")
-        for line in lines:
-            self._reply(client, self._answer(line))
-        if not data or len(client.incoming) > MAX_REQUEST_BYTES:
-            client.finished = True
-        self._write(client)
-
-    def _write(self, client: _Client) -> None:
-        try:
-            while client.outgoing:
-                client.outgoing = client.outgoing[client.connection.send(client.outgoing) :]
-        except BlockingIOError:
-            self._reactor.watch(client.descriptor, lambda: self._read(client), lambda: self._write(client))
-            return
-        except OSError:
-            client.finished = True
-        if client.finished:
-            self._drop(client)
-        else:
-            self._reactor.watch(client.descriptor, lambda: self._read(client))
-
-    def _reply(self, client: _Client, answer: dict[str, Any] | Deferred | EventStream) -> None:
-        if isinstance(answer, EventStream):
-            client.waits_for.append(answer)
-            answer.attach(lambda line: self._stream(client, line))
-        elif isinstance(answer, Deferred):
-            answer.deliver = lambda values: self._deliver(client, values)
-            client.waits_for.append(answer)
-        else:
-            client.outgoing += json.dumps(answer).encode() + b"\n"
-
-    def _deliver(self, client: _Client, values: dict[str, Any]) -> None:
-        if self._clients.get(client.descriptor) is client:
-            client.outgoing += json.dumps(values).encode() + b"\n"
-            self._write(client)
-
-    def _stream(self, client: _Client, line: bytes) -> None:
-        if self._clients.get(client.descriptor) is not client:
-            return
-        if len(client.outgoing) > STREAM_BACKLOG_BYTES:
-            client.dropped += 1
-            return
-        if client.dropped:
-            client.outgoing += json.dumps(event_record(Gap(client.dropped))).encode() + b"\n"
-            client.dropped = 0
-        client.outgoing += line
-        self._write(client)
-
-    def _answer(self, line: bytes) -> dict[str, Any] | Deferred | EventStream:
-        try:
-            request = json.loads(line)
-            name = request["request"]
-        except (ValueError, TypeError, KeyError, RecursionError):
-            return {"error": 'expected a JSON object with the member "request"'}
-        handler = self._handlers.get(name) if isinstance(name, str) else None
-        if handler is None:
-            return {"error": f"unknown request {name!r}", "allowed": sorted(self._handlers)}
-        return handler(request)
-
-    def _drop(self, client: _Client) -> None:
-        self._reactor.forget(client.descriptor)
-        self._clients.pop(client.descriptor, None)
-        client.connection.close()
-        for answer in client.waits_for:
-            answer.abandoned = True
-
-
-class _Client:
-    def __init__(self, connection: socket.socket) -> None:
-        connection.setblocking(False)
-        self.connection = connection
-        self.descriptor = connection.fileno()
-        self.incoming = b""
-        self.outgoing = b""
-        self.waits_for: list[Deferred | EventStream] = []
-        self.dropped = 0
-        self.finished = False
+        self.clients.add(Connection(self, connection))

@@ -1,4 +1,4 @@
-"""The supervisor's end of the fork server: a small process that loads heavy modules once and forks children.
+"""Client of the fork server: a small process that loads heavy modules once and forks children.
 
 Start it before anything heavy is imported and before any thread or transport exists.
 """
@@ -13,7 +13,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,36 +23,33 @@ from joshua.ipc.process_attributes import IGNORED_SIGNALS
 if TYPE_CHECKING:
     import subprocess
 
-#: How long the server may take to end after its socket was closed; it kills children before.
+#: Time for the server to kill its children and end after its socket was closed.
 CLOSE_TIMEOUT_S = 2.0
 
 
 @dataclass(frozen=True)
 class ForkServerEvent:
-    """What the server reports.
+    """A report of the server.
 
     Attributes:
         event: ``preloaded``, ``started``, ``exited`` or ``refused``.
-        request: number of the request that ``started`` or ``refused`` answers.
+        request: number of the request, for ``started`` and ``refused``.
         process_id: of the child.
-        status: wait status of ``exited``, as ``os.waitpid`` returns it.
-        text: reason of ``refused``; modules that are missing, for ``preloaded``.
-        threads: threads of the server after ``preloaded``; 1 is what a fork needs.
+        status: wait status of ``exited``, as ``os.waitpid`` returns it; None if unknown.
+        text: reason of ``refused``; missing modules of ``preloaded``.
+        threads: threads of the server after ``preloaded``. A fork needs 1.
     """
 
     event: str
     request: int = 0
     process_id: int = 0
-    status: int = 0
+    status: int | None = 0
     text: str = ""
     threads: int = 0
 
 
 class ForkServer:
-    """Asks the server for children and hears of their ends; never blocks except in ``close``.
-
-    Use ``start`` to make one.
-    """
+    """Client of the server, made by ``start``. It blocks only in ``close``."""
 
     def __init__(self, sock: socket.socket, process_id: int, process: subprocess.Popen[bytes] | None) -> None:
         self.process_id = process_id
@@ -65,48 +62,40 @@ class ForkServer:
         """Descriptor for a selector."""
         return self._frames.fileno()
 
-    def fork(self, title: str, descriptors: tuple[int, int, int]) -> int:
-        """Asks for a forked child.
+    def ask(self, operation: str, descriptors: Sequence[int] = (), **values: object) -> int:
+        """Sends a request and returns its number.
 
         Args:
-            title: name of the process.
-            descriptors: control socket, standard output and standard error of the child.
-
-        Returns:
-            number of the request.
+            operation: ``fork`` (value ``title``), ``execute`` (``arguments``, ``environment``) or ``signal``
+                (``process_id``, ``number``), for a child that has not been reaped.
+            descriptors: control socket, standard output and standard error of a new child. An executed
+                program gets the control socket as its descriptor 3.
 
         Raises:
             EndOfStreamError: the server is gone.
         """
-        return self._ask({"operation": "fork", "title": title}, descriptors)
-
-    def execute(
-        self, arguments: Sequence[str], environment: Mapping[str, str], descriptors: tuple[int, int, int]
-    ) -> int:
-        """Asks for a child that runs another program; the control socket becomes its descriptor 3.
-
-        Returns and raises as ``fork``.
-        """
-        request: dict[str, object] = {"operation": "execute", "arguments": list(arguments)}
-        return self._ask({**request, "environment": dict(environment)}, descriptors)
-
-    def signal(self, process_id: int, number: int) -> None:
-        """Sends a signal to a child that has not been reaped. Raises EndOfStreamError."""
-        self._ask({"operation": "signal", "process_id": process_id, "number": number}, ())
+        self._requests += 1
+        request = {"operation": operation, "request": self._requests, **values}
+        payload = json.dumps({**request, "descriptors": len(descriptors)}).encode()
+        if not self._frames.send(payload, descriptors):
+            # The server is loading modules. Requests are small, and it reads them soon.
+            select.select([], [self._frames.fileno()], [], 1.0)
+            self._frames.flush()
+        return self._requests
 
     def receive(self) -> list[ForkServerEvent]:
-        """Reads what the server has reported. Raises EndOfStreamError when it is gone."""
+        """Reports of the server. Raises EndOfStreamError when it is gone."""
         try:
             return [ForkServerEvent(**json.loads(payload)) for payload in self._frames.receive()]
         except (FrameError, ValueError, TypeError) as error:
-            raise EndOfStreamError(f"the fork server sent nonsense: {error}") from error
+            raise EndOfStreamError(f"the fork server sent an invalid message: {error}") from error
 
     def close(self) -> None:
-        """Has the server kill its children and end, and waits for it; a second call does nothing."""
+        """Stops the server, which kills its children, and waits for its end. Idempotent."""
         self._frames.close()
         if self._reaped:
             return
-        if not self._requests:  # it has no children, and may be loading modules for a while yet
+        if not self._requests:  # it has no children, and may still load modules for a while
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.process_id, signal.SIGKILL)
         deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
@@ -116,15 +105,6 @@ class ForkServer:
                     os.kill(self.process_id, 9)
                 deadline_s = time.monotonic() + CLOSE_TIMEOUT_S
             time.sleep(0.002)
-
-    def _ask(self, request: dict[str, object], descriptors: tuple[int, ...]) -> int:
-        self._requests += 1
-        payload = json.dumps({"request": self._requests, "descriptors": len(descriptors), **request})
-        if not self._frames.send(payload.encode(), descriptors):
-            # The server is busy loading: requests are small, and it reads them before long.
-            select.select([], [self._frames.fileno()], [], 1.0)
-            self._frames.flush()
-        return self._requests
 
     def _reap(self) -> bool:
         if not self._reaped:
@@ -139,16 +119,16 @@ class ForkServer:
 
 
 def start(*, preload: bool = True) -> ForkServer:
-    """Starts the server and returns at once; it loads modules while the caller goes on.
+    """Starts the server and returns at once. It loads modules while the caller goes on.
 
-    A caller without threads is forked, which costs a few milliseconds; one with threads could hand
-    locks over that nobody releases, so the server then runs in a fresh interpreter.
+    A caller without threads is forked, which takes milliseconds. A fork of one with threads could copy a
+    held lock, so the server then runs in a fresh interpreter.
 
     Args:
-        preload: have the server import the heavy modules.
+        preload: import the heavy modules.
     """
     ours, theirs = socket.socketpair()
-    # The server ignores these signals; until it does so, they wait.
+    # Pending until the server ignores them.
     former = signal.pthread_sigmask(signal.SIG_BLOCK, IGNORED_SIGNALS)
     try:
         if not _single_threaded():

@@ -1,4 +1,4 @@
-"""Starts child processes through the fork server and hears of their ends, even when the server has died."""
+"""Starts child processes through the fork server and reports their ends, even after the server died."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any
 
 from joshua.ipc.frames import EndOfStreamError
 from joshua.ipc.process_attributes import set_child_subreaper
@@ -15,71 +15,57 @@ from joshua.supervisor.fork_server import ForkServer, ForkServerEvent
 from joshua.supervisor.fork_server_process import CONTROL_DESCRIPTOR, NODE_PROGRAM
 from joshua.supervisor.reactor import Reactor
 
-#: Distance of two looks for dead children once the fork server is gone.
+#: Interval of the checks for ended children after the fork server died.
 POLL_PERIOD_S = 0.01
 
-
-class Launched(Protocol):
-    """A child that the launcher starts."""
-
-    def on_started(self, process_id: int) -> None:
-        """It runs."""
-
-    def on_refused(self, text: str) -> None:
-        """The system refused it."""
-
-    def on_exited(self, status: int | None) -> None:
-        """It has ended; wait status, None where nobody knows it."""
+#: Called with ``started`` or ``refused``, and after ``started`` with ``exited``.
+Tell = Callable[[ForkServerEvent], None]
 
 
 class Launcher:
-    """Starts children and tells each of them what became of it.
+    """Starts children and reports to each what happened to it.
 
     Args:
         reactor: the supervisor's loop.
         server: the fork server.
-        on_server_lost: called once when the server dies; children can still be signalled and reaped.
+        on_server_lost: called once when the server died. Children can still be signalled and reaped.
     """
 
     def __init__(self, reactor: Reactor, server: ForkServer, on_server_lost: Callable[[str], None]) -> None:
         self._reactor = reactor
         self._server = server
         self._on_server_lost = on_server_lost
-        self._requested: dict[int, Launched] = {}
-        self._running: dict[int, Launched] = {}
+        self._requested: dict[int, Tell] = {}
+        self._running: dict[int, Tell] = {}
         self._handles: dict[int, int] = {}
         self._lost = False
         self._descriptor = server.fileno()
-        # If the server dies, its children become ours and can be waited for.
+        # If the server dies, its children become children of this process, which can wait for them.
         set_child_subreaper(True)
         reactor.watch(self._descriptor, self._receive)
 
-    def fork(self, child: Launched, title: str, descriptors: tuple[int, int, int]) -> None:
-        """Starts a child by a fork of the server."""
-        self._request(child, lambda: self._server.fork(title, descriptors))
-
-    def execute(
-        self,
-        child: Launched,
-        arguments: Sequence[str],
-        environment: Mapping[str, str],
-        descriptors: tuple[int, int, int],
-    ) -> None:
-        """Starts a child by another program; its control socket is ``CONTROL_DESCRIPTOR``."""
-        self._request(child, lambda: self._server.execute(arguments, environment, descriptors))
+    def start(self, tell: Tell, descriptors: tuple[int, int, int], operation: str, **values: Any) -> None:
+        """Starts a child. ``operation`` and ``values`` are those of ``ForkServer.ask``."""
+        if not self._lost:
+            try:
+                self._requested[self._server.ask(operation, descriptors, **values)] = tell
+            except EndOfStreamError as error:
+                self._lose(str(error))
+        if self._lost:
+            self._reactor.call_later(0, lambda: _refuse(tell))
 
     def signal(self, process_id: int, number: int) -> None:
         """Sends a signal to a child unless it has ended."""
         if process_id not in self._running:
             return
         if process_id in self._handles:
-            # Straight to the process, whatever state the server is in, and never to another one.
+            # Not through the server, which may hang. The handle never names another process.
             with contextlib.suppress(ProcessLookupError):
                 signal.pidfd_send_signal(self._handles[process_id], number)
             return
         if not self._lost:
             try:
-                self._server.signal(process_id, number)
+                self._server.ask("signal", process_id=process_id, number=number)
             except EndOfStreamError as error:
                 self._lose(str(error))
         if self._lost:
@@ -87,20 +73,11 @@ class Launcher:
                 os.kill(process_id, number)
 
     def close(self) -> None:
-        """Stops listening; a second call does nothing."""
+        """Stops listening. Idempotent."""
         self._reactor.forget(self._descriptor)
         while self._handles:
             os.close(self._handles.popitem()[1])
         set_child_subreaper(False)
-
-    def _request(self, child: Launched, ask: Callable[[], int]) -> None:
-        if not self._lost:
-            try:
-                self._requested[ask()] = child
-            except EndOfStreamError as error:
-                self._lose(str(error))
-        if self._lost:
-            self._reactor.call_later(0, lambda: child.on_refused("the fork server has ended"))
 
     def _receive(self) -> None:
         try:
@@ -111,33 +88,26 @@ class Launcher:
 
     def _handle(self, event: ForkServerEvent) -> None:
         if event.event == "started":
-            child = self._requested.pop(event.request)
-            self._running[event.process_id] = child
-            self._open_handle(event.process_id)
-            child.on_started(event.process_id)
+            tell = self._running[event.process_id] = self._requested.pop(event.request)
+            if sys.platform == "linux":
+                with contextlib.suppress(OSError):  # it has ended, or the kernel has no handles
+                    self._handles[event.process_id] = os.pidfd_open(event.process_id)
+            tell(event)
         elif event.event == "refused":
-            self._requested.pop(event.request).on_refused(event.text)
+            self._requested.pop(event.request)(event)
         elif event.event == "exited":
-            self._end(event.process_id, event.status)
-
-    def _open_handle(self, process_id: int) -> None:
-        if sys.platform == "linux":
-            with contextlib.suppress(OSError):  # gone already, or a kernel without handles
-                self._handles[process_id] = os.pidfd_open(process_id)
-
-    def _end(self, process_id: int, status: int | None) -> None:
-        handle = self._handles.pop(process_id, None)
-        if handle is not None:
-            os.close(handle)
-        self._running.pop(process_id).on_exited(status)
+            handle = self._handles.pop(event.process_id, None)
+            if handle is not None:
+                os.close(handle)
+            self._running.pop(event.process_id)(event)
 
     def _lose(self, reason: str) -> None:
         if self._lost:
             return
         self._lost = True
         self._reactor.forget(self._descriptor)
-        for child in self._requested.values():
-            child.on_refused("the fork server has ended")
+        for tell in self._requested.values():
+            _refuse(tell)
         self._requested.clear()
         self._reactor.call_later(POLL_PERIOD_S, self._poll)
         self._on_server_lost(reason)
@@ -146,16 +116,20 @@ class Launcher:
         for process_id in list(self._running):
             ended, status = _wait(process_id)
             if ended:
-                self._end(process_id, status)
+                self._handle(ForkServerEvent("exited", process_id=process_id, status=status))
         if self._running:
             self._reactor.call_later(POLL_PERIOD_S, self._poll)
+
+
+def _refuse(tell: Tell) -> None:
+    tell(ForkServerEvent("refused", text="the fork server has ended"))
 
 
 def _wait(process_id: int) -> tuple[bool, int | None]:
     try:
         ended, status = os.waitpid(process_id, os.WNOHANG)
     except ChildProcessError:
-        # Not ours (no subreaper on this system): the init process reaps it, we only see it vanish.
+        # No subreaper on this system: the init process reaps it, and its number vanishes.
         try:
             os.kill(process_id, 0)
         except ProcessLookupError:
@@ -165,9 +139,9 @@ def _wait(process_id: int) -> tuple[bool, int | None]:
 
 
 def describe_status(status: int | None) -> str:
-    """Says in words how a process ended."""
+    """The end of a process in words."""
     if status is None:
-        return "ended in an unknown way"
+        return "ended with an unknown status"
     code = os.waitstatus_to_exitcode(status)
     if code >= 0:
         return f"ended with exit status {code}"

@@ -1,6 +1,6 @@
 """One process of the plan, over all its restarts: messages in, state out.
 
-Why one file: each step of a process's life reads and sets the same state.
+Why one file: every step of a process's life reads and sets the same state.
 """
 
 from __future__ import annotations
@@ -10,14 +10,16 @@ import os
 import re
 import signal
 import time
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from enum import Enum
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
 from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSpec, installing
-from joshua.plan.events import LogEntry, Progress
-from joshua.supervisor.child import Child
+from joshua.plan.events import LogEntry
+from joshua.supervisor.child import Child, ChildEvent, Output
+from joshua.supervisor.fork_server import ForkServerEvent
 from joshua.supervisor.heartbeats import HeartbeatWatch
 from joshua.supervisor.ladder import HANG_TIMES, Rung, StopLadder
 from joshua.supervisor.launcher import Launcher, describe_status
@@ -28,38 +30,13 @@ from joshua.supervisor.reactor import Reactor, ReactorTimer
 from joshua.supervisor.restart import RestartPolicy, strictest
 
 
-class ProcessOwner(Protocol):
-    """Hears what becomes of a process, and what its nodes ask for."""
+class Change(Enum):
+    """A step in the life of a process; CONFIGURED and READY count for all its nodes together."""
 
-    def on_process_configured(self, process: ManagedProcess) -> None:
-        """Every node of the process is configured."""
-
-    def on_process_ready(self, process: ManagedProcess) -> None:
-        """Every node of the process is active."""
-
-    def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
-        """The process has ended; ``failed`` unless it was asked to."""
-
-    def on_process_started(self, process: ManagedProcess) -> None:
-        """The process exists."""
-
-    def on_progress(self, progress: Progress) -> None:
-        """A node says how far its work is."""
-
-    def on_first_message(self, stamp_ns: int) -> None:
-        """A subscription has received its first message."""
-
-    def on_fault(self, node: str, text: str) -> None:
-        """The device of a node does nothing until it is resumed; "" ends that."""
-
-    def on_reply(self, message: ipc.CallReply) -> None:
-        """A node has answered to a call."""
-
-    def on_shown(self) -> None:
-        """A node tells people something of itself."""
-
-    def on_stop_run(self, node: str, reason: str) -> None:
-        """A node asks for the end of the run."""
+    STARTED = "started"
+    CONFIGURED = "configured"
+    READY = "ready"
+    ENDED = "ended"
 
 
 _FRAME = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<function>.*)$')
@@ -101,7 +78,8 @@ class ManagedProcess:
         transport: how they talk.
         options: of the supervisor.
         tools: reactor, launcher and logbook of the run.
-        owner: the supervisor.
+        on_change: called with each step of its life.
+        on_message: called with each message of its nodes.
     """
 
     def __init__(
@@ -110,7 +88,8 @@ class ManagedProcess:
         transport: TransportSpec,
         options: SupervisorOptions,
         tools: tuple[Reactor, Launcher, Logbook],
-        owner: ProcessOwner,
+        on_change: Callable[[ManagedProcess, Change], None],
+        on_message: Callable[[ipc.NodeMessage], None],
     ) -> None:
         self.specs = specs
         self.records = {spec.full_name: NodeRecord(spec) for spec in specs}
@@ -122,7 +101,8 @@ class ManagedProcess:
         self._transport = transport
         self._options = options
         self._reactor, self._launcher, self._logbook = tools
-        self._owner = owner
+        self._on_change = on_change
+        self._on_message = on_message
         self._child: Child | None = None
         self._ladder = self._new_ladder()
         self._deadline: ReactorTimer | None = None
@@ -163,9 +143,9 @@ class ManagedProcess:
         if interpreter and not os.access(interpreter, os.X_OK):
             text = f"its interpreter {interpreter} is missing or cannot be run; correct Node.python"
             self._fail_all(text, EXIT_NOT_INSTALLED)
-            self._reactor.call_later(0, lambda: self._owner.on_process_ended(self, failed=True))
+            self._reactor.call_later(0, lambda: self._on_change(self, Change.ENDED))
             return
-        self._child = Child(self._reactor, self._launcher, title, interpreter, self)
+        self._child = Child(self._reactor, self._launcher, title, interpreter, self._on_child)
 
     def start(self) -> None:
         """Tells the process which nodes to run."""
@@ -176,7 +156,7 @@ class ManagedProcess:
             log_level=self._options.log_level,
             heartbeat_s=self._options.heartbeat_s,
         )
-        self._send(message)
+        self.send(message)
         self._set_deadline()
 
     def _facts(self, spec: NodeSpec) -> NodeFacts:
@@ -186,12 +166,13 @@ class ManagedProcess:
 
     def activate(self) -> None:
         """Lets the nodes move and publish."""
-        self._send(ipc.Activate())
+        self.send(ipc.Activate())
         self._set_deadline()
 
-    def call(self, message: ipc.Call) -> None:
-        """Asks a node for something; answered on ``ProcessOwner.on_reply``."""
-        self._send(message)
+    def send(self, message: ipc.Message) -> None:
+        """Sends a message, such as a ``Call``."""
+        if self._child is not None:
+            self._child.send(message)
 
     def stop(self, reason: str) -> None:
         """Begins the stop ladder; a process that waits for its restart just stays down."""
@@ -219,8 +200,15 @@ class ManagedProcess:
             record.restarts += 1
         self.restart_timer = self._reactor.call_later(delay_s, self._restart)
 
-    def check_heartbeats(self) -> None:
-        """Ends the process if one of its nodes hangs; ask every ``CHECK_PERIOD_S``."""
+    def revive(self) -> None:
+        """Starts a process that stays down, because a person has checked its device."""
+        self.policy.forget()
+        self.restart_later(0.0)
+
+    def check(self) -> None:
+        """Ends the process if one of its nodes hangs. Call every ``CHECK_PERIOD_S``."""
+        if self._child is not None:
+            self._child.report_dropped()
         if not self.watch.active or self._ladder.begun or self._dump is not None or self._child is None:
             return
         hang = self.watch.hung()
@@ -234,23 +222,27 @@ class ManagedProcess:
         self._urgent = True
         self._reactor.call_later(DUMP_TIMEOUT_S, self._end_hang)
 
-    # What the child says.
+    # Events of the child.
 
-    def on_running(self, process_id: int) -> None:
-        """The process exists."""
-        for record in self.records.values():
-            record.process_id = process_id
-        self._owner.on_process_started(self)
+    def _on_child(self, event: ChildEvent) -> None:
+        if isinstance(event, Output):
+            self._on_output(event.stream, event.text)
+        elif isinstance(event, ipc.Hello):
+            self._on_hello(event)
+        elif not isinstance(event, ForkServerEvent):
+            self._on_node_message(event)
+        elif event.event == "started":
+            for record in self.records.values():
+                record.process_id = event.process_id
+            self._on_change(self, Change.STARTED)
+        else:
+            self._on_end(event.status, event.text)
 
-    def on_message(self, message: ipc.ToSupervisor) -> None:
-        """Takes a message of the process."""
-        if isinstance(message, ipc.Hello):
-            self._on_hello(message)
-            return
+    def _on_node_message(self, message: ipc.NodeMessage) -> None:
         name = message.report.full_name if isinstance(message, ipc.Report) else message.node
         record = self.records.get(name)
         if record is None:
-            self._logbook.write(logging.WARNING, f"{self.names}: a message about an unknown node {name!r}")
+            self._logbook.write(logging.WARNING, f"{self.names}: message of an unknown node {name!r}")
             return
         if isinstance(message, ipc.Heartbeat):
             self.watch.hear(message)
@@ -260,50 +252,34 @@ class ManagedProcess:
             record.count(message)
         elif isinstance(message, ipc.Step):
             self._on_step(record, message.step)
-        elif isinstance(message, ipc.Waiting):
-            record.waiting = message.text
-        elif isinstance(message, ipc.Shown):
-            record.shown = message.text
-            self._owner.on_shown()
+        elif isinstance(message, ipc.Said):
+            if message.kind == "warning":
+                self._logbook.write(logging.WARNING, message.text, name)
+            record.say(message.kind, message.text)
         elif isinstance(message, ipc.Progressed):
             record.progress[message.progress.name] = message.progress
-            self._owner.on_progress(message.progress)
-        elif isinstance(message, ipc.FirstMessage):
-            self._owner.on_first_message(message.stamp_ns)
-        elif isinstance(message, ipc.NodeWarning):
-            record.warnings.append(message.text)
-            self._logbook.write(logging.WARNING, message.text, name)
         elif isinstance(message, ipc.Failure):
             self._on_failure(record, message)
-        elif isinstance(message, ipc.Fault):
-            record.fault = message.text
-            self._owner.on_fault(name, message.text)
-        elif isinstance(message, ipc.CallReply):
-            self._owner.on_reply(message)
-        elif isinstance(message, ipc.StopRun):
-            self._owner.on_stop_run(name, message.reason)
-        else:
+        elif isinstance(message, ipc.Report):
             record.report = message.report
+        self._on_message(message)
 
-    def on_output(self, stream: str, line: str) -> None:
-        """A line of the process's standard output or error."""
+    def _on_output(self, stream: str, line: str) -> None:
+        node = self.specs[0].full_name
+        if stream == "dropped":
+            self._logbook.write(logging.WARNING, line, node)
+            return
         level = logging.INFO if stream == "stdout" else logging.WARNING
         if self._dump is not None and stream == "stderr":
             known = bool(self._dump.place)
             if self._dump.take(line):
                 level = logging.DEBUG
             if self._dump.place and not known:
-                self._logbook.write(logging.ERROR, f"it stands in {self._dump.place}", self.names)
+                self._logbook.write(logging.ERROR, f"it hangs in {self._dump.place}", self.names)
                 self._end_hang()
-        self._logbook.add(LogEntry(time.time_ns(), self.specs[0].full_name, level, line, stream=stream))
+        self._logbook.add(LogEntry(time.time_ns(), node, level, line, stream=stream))
 
-    def on_output_dropped(self, lines: int) -> None:
-        """The flood limit has dropped lines."""
-        text = f"{lines} lines of its output dropped: too many in a second"
-        self._logbook.write(logging.WARNING, text, self.specs[0].full_name)
-
-    def on_end(self, status: int | None, refusal: str) -> None:
-        """The process has ended."""
+    def _on_end(self, status: int | None, refusal: str) -> None:
         self._cancel_deadline()
         self._ladder.ended()
         self.watch.end()
@@ -320,12 +296,11 @@ class ManagedProcess:
             elif asked and record.report is not None:
                 record.state = "stopped"
             elif asked and record.state in ("starting", "stopping") and status == 0:
-                record.state = "stopped"  # it was asked before it had begun
+                record.state = "stopped"  # asked before it had started
             else:
                 record.fail(refusal or self._why(status), self._exit_code_of_end(refusal))
                 self._logbook.write(logging.ERROR, record.reason, record.spec.full_name)
-        failed = any(record.state in ("failed", "killed") for record in self.records.values())
-        self._owner.on_process_ended(self, failed=failed)
+        self._on_change(self, Change.ENDED)
 
     # Parts.
 
@@ -346,14 +321,14 @@ class ManagedProcess:
             record.state = "configured"
             if self.configured:
                 self._cancel_deadline()
-                self._owner.on_process_configured(self)
+                self._on_change(self, Change.CONFIGURED)
         elif step == "active":
             resumed, record.state, record.reason = record.state == "resuming", "ready", ""
             self.watch.begin(record.spec)
             if self.ready:
                 self._cancel_deadline()
                 if not resumed:
-                    self._owner.on_process_ready(self)
+                    self._on_change(self, Change.READY)
         elif step == "activate" and record.state == "ready":  # it resumes, which may take its time
             record.state = "resuming"
             self.watch.drop(name)
@@ -384,10 +359,6 @@ class ManagedProcess:
         if failure.traceback:
             level = logging.ERROR if failure.unexpected else logging.DEBUG
             self._logbook.write(level, failure.traceback.rstrip(), name)
-
-    def _send(self, message: ipc.Message) -> None:
-        if self._child is not None:
-            self._child.send(message)
 
     def _loop_time(self, thread_id: int) -> ThreadTime | None:
         process_id = 0 if self._child is None else self._child.process_id

@@ -78,6 +78,13 @@ class NodeRecord:
         if self.state != "failed":
             self.state, self.reason, self.exit_code = "failed", reason, exit_code
 
+    def say(self, kind: str, text: str) -> None:
+        """Takes a text of the node, by the kind of ``Said``."""
+        if kind == "warning":
+            self.warnings.append(text)
+        elif kind in ("waiting", "shown", "fault"):
+            setattr(self, kind, text)
+
     def count(self, totals: Topics) -> None:
         """Takes running totals."""
         self.first_totals = self.first_totals or totals

@@ -1,9 +1,11 @@
-"""A single-threaded event loop: descriptors and timers, nothing else."""
+"""A single-threaded event loop: descriptors, timers, and calls from other threads and signal handlers."""
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import itertools
+import os
 import selectors
 import time
 from collections import deque
@@ -11,25 +13,27 @@ from collections.abc import Callable
 
 
 class ReactorTimer:
-    """A callback at a time; ``cancel`` takes it back."""
+    """A callback at a time, until it is cancelled."""
 
     def __init__(self, due_s: float, callback: Callable[[], None]) -> None:
         self.due_s = due_s
         self.callback: Callable[[], None] | None = callback
 
     def cancel(self) -> None:
-        """Makes sure that the callback does not run; a second call does nothing."""
+        """Prevents the callback. Idempotent."""
         self.callback = None
 
 
 class Reactor:
     """Calls back for readable and writable descriptors and for timers.
 
-    Descriptors come first in each turn, so that a timer which judges silence has heard everything that
-    was said before.
+    Descriptors come first in each turn: a timer that checks for a hang must have every received heartbeat.
 
     Args:
-        clock: seconds of a clock that never goes back.
+        clock: monotonic seconds.
+
+    Attributes:
+        wake_descriptor: a byte written to it wakes the loop, for ``signal.set_wakeup_fd``.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -37,6 +41,11 @@ class Reactor:
         self._selector = selectors.DefaultSelector()
         self._timers: list[tuple[float, int, ReactorTimer]] = []
         self._order = itertools.count()
+        self._posted: deque[Callable[[], None]] = deque()
+        self._wake_receiver, self.wake_descriptor = os.pipe()
+        os.set_blocking(self._wake_receiver, False)
+        os.set_blocking(self.wake_descriptor, False)
+        self.watch(self._wake_receiver, self.run_posted)
 
     def now_s(self) -> float:
         """The loop's clock."""
@@ -48,13 +57,26 @@ class Reactor:
         heapq.heappush(self._timers, (timer.due_s, next(self._order), timer))
         return timer
 
+    def post(self, callback: Callable[[], None]) -> None:
+        """Calls back soon on the loop's thread. Other threads and signal handlers may call this."""
+        self._posted.append(callback)
+        with contextlib.suppress(OSError):  # full, so the loop wakes anyway
+            os.write(self.wake_descriptor, b"\0")
+
+    def run_posted(self) -> None:
+        """Runs what was posted."""
+        with contextlib.suppress(BlockingIOError):
+            os.read(self._wake_receiver, 4096)
+        while self._posted:
+            self._posted.popleft()()
+
     def watch(
         self,
         descriptor: int,
         on_readable: Callable[[], object],
         on_writable: Callable[[], object] | None = None,
     ) -> None:
-        """Calls back when a descriptor is readable or, if asked for, writable; replaces a former watch."""
+        """Calls back when a descriptor is readable or, if requested, writable. Replaces a former watch."""
         events = selectors.EVENT_READ | (selectors.EVENT_WRITE if on_writable else 0)
         data = (on_readable, on_writable)
         if descriptor in self._selector.get_map():
@@ -63,7 +85,7 @@ class Reactor:
             self._selector.register(descriptor, events, data)
 
     def forget(self, descriptor: int) -> None:
-        """Stops watching a descriptor; an unknown one is no error."""
+        """Stops watching a descriptor. Idempotent."""
         if descriptor in self._selector.get_map():
             self._selector.unregister(descriptor)
 
@@ -73,7 +95,7 @@ class Reactor:
         for key, events in ready:
             current = self._selector.get_map().get(key.fd)
             if current is None or current.data is not key.data:
-                continue  # an earlier callback of this turn has closed or changed it
+                continue  # an earlier callback of this turn closed or changed it
             on_readable, on_writable = key.data
             if events & selectors.EVENT_WRITE and on_writable is not None:
                 on_writable()
@@ -82,9 +104,13 @@ class Reactor:
         self._run_timers()
 
     def close(self) -> None:
-        """Forgets everything; a second call does nothing."""
+        """Forgets everything. Idempotent."""
         self._timers.clear()
-        self._selector.close()
+        self._posted.clear()
+        if self._selector.get_map() is not None:
+            self._selector.close()
+            os.close(self._wake_receiver)
+            os.close(self.wake_descriptor)
 
     def _next_timeout_s(self) -> float | None:
         while self._timers and self._timers[0][2].callback is None:
@@ -103,5 +129,5 @@ class Reactor:
                 if callback is not None:
                     callback()
         finally:
-            for entry in due:  # one has raised: the others keep their turn, for among them may be a ladder's
+            for entry in due:  # a callback raised: the other timers, such as a ladder's, keep their turn
                 heapq.heappush(self._timers, entry)

@@ -1,54 +1,38 @@
-"""What a run answers on its control socket."""
+"""The requests on the control socket of a run."""
 
 from __future__ import annotations
 
 import itertools
+import json
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, Protocol
+from typing import Any
 
 from joshua.ipc import messages as ipc
 from joshua.ipc.client import is_named
 from joshua.ipc.frames import FrameError
-from joshua.plan.events import EVENT_NAMES, RunStatus
-from joshua.supervisor.control_server import Deferred, Handler
-from joshua.supervisor.event_bus import MAX_STREAMS, EventStream
+from joshua.plan.events import EVENT_NAMES, RunStatus, event_record
+from joshua.supervisor.control_server import Connection, Handler, Request
+from joshua.supervisor.event_bus import MAX_STREAMS
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.managed_process import ManagedProcess
 from joshua.supervisor.reactor import Reactor, ReactorTimer
 
-Request = Mapping[str, Any]
-
-#: How long a call may take unless it says so itself, and at most.
+#: Default and maximum of a call's timeout.
 CALL_TIMEOUT_S = 10.0
 CALL_TIMEOUT_MAX_S = 3600.0
 
 
-class Run(Protocol):
-    """The supervisor, as requests see it."""
-
-    def status(self) -> RunStatus:
-        """The run just now."""
-
-    def stop_soon(self, reason: str) -> None:
-        """Stops the run in good order, after the answer has left."""
-
-    def process_of(self, node: str) -> ManagedProcess | None:
-        """The process of a node."""
-
-    def revive(self, process: ManagedProcess) -> None:
-        """Starts a process again that stays down."""
-
-
 @dataclass
 class _Pending:
-    """A call that is not answered yet; ``sent`` to its node, or it waits until that is ready."""
+    """A call without an answer yet; ``sent`` to its node, or waiting until that is ready."""
 
     message: ipc.Call
-    deferred: Deferred
+    process: ManagedProcess
+    client: Connection
     timeout_s: float
     timer: ReactorTimer
     sent: bool = False
@@ -58,20 +42,31 @@ class RunRequests:
     """The requests of one run.
 
     Args:
-        run: the supervisor; logbook: of the run; reactor: its loop.
+        logbook: of the run; reactor: its loop; processes: of its nodes, filled when they start.
+        status: current status of the run.
+        stop: stops the run cleanly for the given reason, after the answer was sent.
     """
 
-    def __init__(self, run: Run, logbook: Logbook, reactor: Reactor) -> None:
-        self._run = run
+    def __init__(
+        self,
+        logbook: Logbook,
+        reactor: Reactor,
+        processes: Sequence[ManagedProcess],
+        status: Callable[[], RunStatus],
+        stop: Callable[[str], None],
+    ) -> None:
         self._logbook = logbook
         self._reactor = reactor
+        self._processes = processes
+        self._run_status = status
+        self._stop_run = stop
         self._ids = itertools.count(1)
         self._pending: dict[int, _Pending] = {}
 
     def handlers(self) -> dict[str, Handler]:
         """By the name of the request."""
         return {
-            "status": self._status,
+            "status": lambda _request, _client: {"status": self._run_status().as_dict()},
             "stop": self._stop,
             "guardian": self._guardian,
             "estop": self._estop,
@@ -80,25 +75,25 @@ class RunRequests:
         }
 
     def ready(self, process: ManagedProcess) -> None:
-        """A process is ready: passes on the calls that waited for that."""
+        """Sends the calls that waited for a process."""
         for pending in list(self._pending.values()):
-            if pending.message.node in process.records and not pending.sent:
-                if pending.deferred.abandoned:  # who has broken the command off wants nothing any more
+            if pending.process is process and not pending.sent:
+                if pending.client.closed:  # the command was interrupted
                     self._forget(pending.message.id)
                 else:
-                    self._send(pending, process)
+                    self._send(pending)
 
     def ended(self, process: ManagedProcess) -> None:
-        """A process has ended: nothing of it answers a call now."""
+        """Fails the calls to a process that ended."""
         for pending in list(self._pending.values()):
-            record = process.records.get(pending.message.node)
-            if record is not None:
-                why = f"it failed: {record.reason}" if record.reason else "it was stopped"
-                text = f"{pending.message.node} ended before it answered {pending.message.verb}: {why}"
-                self._fail(pending, "gone", text)
+            if pending.process is process:
+                message = pending.message
+                reason = process.records[message.node].reason
+                why = f"it failed: {reason}" if reason else "it was stopped"
+                self._fail(pending, "gone", f"{message.node} ended before it answered {message.verb}: {why}")
 
     def replied(self, reply: ipc.CallReply) -> None:
-        """A node has answered; an answer that nobody waits for any more is dropped."""
+        """Passes on the answer of a node. An answer after the timeout is dropped."""
         pending = self._forget(reply.id)
         if pending is None:
             self._logbook.write(logging.DEBUG, f"late answer to call {reply.id}: {reply.text}", reply.node)
@@ -107,46 +102,43 @@ class RunRequests:
         if verb != ipc.LIST_VERBS:
             text = str(reply.payload.get("text", "done")) if reply.ok else reply.text
             severe = logging.WARNING if reply.ok else logging.ERROR
-            level = severe if reply.moves else logging.INFO
-            self._logbook.write(level, f"{verb}: {text}", reply.node)
-        pending.deferred.answer(
+            self._logbook.write(severe if reply.moves else logging.INFO, f"{verb}: {text}", reply.node)
+        pending.client.send(
             {"reply": reply.payload, "node": reply.node}
             if reply.ok
             else _error(reply.code, reply.text, reply.allowed)
         )
 
-    def _status(self, _request: Request) -> dict[str, Any]:
-        return {"status": self._run.status().as_dict()}
-
-    def _stop(self, _request: Request) -> dict[str, Any]:
-        self._run.stop_soon("stopped by `joshua stop`")
+    def _stop(self, _request: Request, _client: Connection) -> dict[str, Any]:
+        self._stop_run("stopped by `joshua stop`")
         return {"stopping": True}
 
-    def _guardian(self, request: Request) -> dict[str, Any]:
-        """Takes the report of a guardian into the log."""
+    def _guardian(self, request: Request, _client: Connection) -> dict[str, Any]:
+        """Logs the report of a guardian."""
         level = request.get("level")
         level = level if isinstance(level, int) else logging.ERROR
         self._logbook.write(level, str(request.get("text", "")), str(request.get("node", "")))
         return {"written": True}
 
-    def _estop(self, request: Request) -> dict[str, Any]:
-        """Notes an e-stop; drivers and guardians look for the latch themselves."""
+    def _estop(self, request: Request, _client: Connection) -> dict[str, Any]:
+        """Logs an e-stop. Drivers and guardians read the latch themselves."""
         text = "the e-stop is released" if request.get("released") else "the e-stop is latched"
         self._logbook.write(logging.CRITICAL, f"{text} by process {request.get('process_id')}")
         return {"noted": True}
 
-    def _subscribe(self, request: Request) -> dict[str, Any] | EventStream:
-        """Sends events from now on, the status at once; ``events`` names those that are wanted."""
+    def _subscribe(self, request: Request, client: Connection) -> dict[str, Any] | None:
+        """Sends the status and then events; ``events`` names the wanted ones."""
         names = request.get("events", [])
         if not isinstance(names, list) or not all(name in EVENT_NAMES for name in names):
             return _error("invalid", f"events is {names!r}; allowed is a list of names", EVENT_NAMES)
-        stream = EventStream(names, (self._run.status(),))
-        if not self._logbook.events.subscribe(stream):
+        if not self._logbook.events.subscribe(client, names):
             return _error("refused", f"{MAX_STREAMS} programs watch this run already: end one of them")
-        return stream
+        if not names or "status" in names:
+            client.offer(json.dumps(event_record(self._run_status())).encode() + b"\n")
+        return None
 
-    def _call(self, request: Request) -> dict[str, Any] | Deferred:
-        """Asks a node; ``start`` starts one that stays down, and waits for one that starts."""
+    def _call(self, request: Request, client: Connection) -> dict[str, Any] | None:
+        """Calls a verb of a node; ``start`` starts one that is down and waits for one that starts."""
         word, verb, payload = request.get("node"), request.get("verb"), request.get("payload", {})
         timeout_s, start = request.get("timeout_s", CALL_TIMEOUT_S), request.get("start") is True
         if not (isinstance(word, str) and isinstance(verb, str) and isinstance(payload, dict)):
@@ -154,15 +146,16 @@ class RunRequests:
         if not isinstance(timeout_s, (int, float)) or not 0 < timeout_s <= CALL_TIMEOUT_MAX_S:
             text = f"timeout_s is {timeout_s!r}; allowed is a number above 0 and up to {CALL_TIMEOUT_MAX_S:g}"
             return _error("invalid", text)
-        status = self._run.status()
-        named = [item.full_name for item in status.nodes if is_named(item.full_name, word)]
-        process = self._run.process_of(named[0]) if len(named) == 1 else None
-        if process is None:
-            return _unknown_node(word, [item.full_name for item in status.nodes], several=len(named) > 1)
+        status = self._run_status()
+        names = [item.full_name for item in status.nodes]
+        named = [name for name in names if is_named(name, word)]
+        process = next((item for item in self._processes if named and named[0] in item.records), None)
+        if process is None or len(named) > 1:
+            return _unknown_node(word, names, named)
         node, record = named[0], process.records[named[0]]
         waits = process.alive or process.restart_timer is not None
         if status.phase == "stopping" or (status.phase == "starting" and not process.alive):
-            text = f"the run is {status.phase} and {node} has no part in it any more: start the run again"
+            text = f"the run is {status.phase} and {node} is not running: start the run again"
             return _error("not-running", text)
         serves = record.state in ("ready", "resuming") and process.alive
         if not serves and not start:
@@ -171,34 +164,32 @@ class RunRequests:
         deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
         message = ipc.Call(id=next(self._ids), node=node, verb=verb, payload=payload, deadline_ns=deadline_ns)
         try:
-            ipc.decode_for_child(ipc.encode(message))  # what its node could not read would end that node
+            ipc.decode_for_child(ipc.encode(message))  # a message that the node cannot read would end it
         except FrameError as error:
             return _error("invalid", f"the call cannot be passed on: {error}")
         timer = self._reactor.call_later(timeout_s, lambda: self._too_late(message.id))
-        pending = _Pending(message, Deferred(), timeout_s, timer)
-        self._pending[message.id] = pending
+        self._pending[message.id] = pending = _Pending(message, process, client, timeout_s, timer)
         if serves:
-            self._send(pending, process)
+            self._send(pending)
         elif not waits:
-            self._run.revive(process)
-        return pending.deferred
+            process.revive()
+        return None
 
-    def _send(self, pending: _Pending, process: ManagedProcess) -> None:
+    def _send(self, pending: _Pending) -> None:
         pending.sent = True
-        process.call(pending.message)
+        pending.process.send(pending.message)
 
     def _too_late(self, identifier: int) -> None:
         pending = self._pending[identifier]
-        node = pending.message.node
-        process = self._run.process_of(node)
-        doing = "gone" if process is None else process.records[node].doing
-        text = f"{node} has not answered {pending.message.verb} within {pending.timeout_s:g} s: it is {doing}"
+        node, verb = pending.message.node, pending.message.verb
+        doing = pending.process.records[node].doing
+        text = f"{node} has not answered {verb} within {pending.timeout_s:g} s: it is {doing}"
         self._fail(pending, "timeout", f"{text}; a later answer is dropped")
 
     def _fail(self, pending: _Pending, code: str, text: str) -> None:
         self._forget(pending.message.id)
         self._logbook.write(logging.ERROR, f"{pending.message.verb}: {text}", pending.message.node)
-        pending.deferred.answer(_error(code, text))
+        pending.client.send(_error(code, text))
 
     def _forget(self, identifier: int) -> _Pending | None:
         pending = self._pending.pop(identifier, None)
@@ -207,15 +198,14 @@ class RunRequests:
         return pending
 
 
-def _unknown_node(word: str, known: list[str], *, several: bool) -> dict[str, Any]:
-    if several:
-        found = [name for name in known if is_named(name, word)]
+def _unknown_node(word: str, known: list[str], found: list[str]) -> dict[str, Any]:
+    if found:
         return _error("unknown-node", f"several nodes are called {word!r}", found)
     near = get_close_matches(word.lstrip("/"), [name.lstrip("/") for name in known], n=3, cutoff=0.5)
     names = dict.fromkeys([*(f"/{name}" for name in near), *known])
     return _error("unknown-node", f"this run has no node {word!r}", list(names))
 
 
-def _error(code: str, text: str, allowed: Any = ()) -> dict[str, Any]:
+def _error(code: str, text: str, allowed: Sequence[str] = ()) -> dict[str, Any]:
     answer: dict[str, Any] = {"error": text, "code": code}
     return {**answer, "allowed": list(allowed)} if allowed else answer

@@ -1,6 +1,6 @@
-"""The supervisor: starts the processes of a plan, watches them, and stops them. Written stop-first.
+"""The supervisor: starts, watches and stops the processes of a plan.
 
-Why one file: one state machine, the phases of a run; every part reads or changes the phase.
+Why one file: one state machine, the phases of a run. Every part reads or changes the phase.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Any
 from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import RunDirectoryError
 from joshua.plan import NodeKind, NodeSpec, Plan, RunFacts, RunReport
-from joshua.plan.events import Progress, RunEvent, RunStatus
+from joshua.plan.events import RunEvent, RunStatus
 from joshua.supervisor.event_bus import EventBus, Subscriber
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S
 from joshua.supervisor.launcher import Launcher
 from joshua.supervisor.log_files import new_log
 from joshua.supervisor.logbook import Logbook
-from joshua.supervisor.managed_process import ManagedProcess
+from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, run_status, start_table
 from joshua.supervisor.options import SupervisorOptions
 from joshua.supervisor.reactor import Reactor
@@ -110,7 +110,9 @@ class Supervisor:
         log = new_log(self._options.log_directory, self._plan.robot_id)
         self._logbook = Logbook(self._reactor, self._events, log)
         self._logbook.capture()
-        self._requests = RunRequests(self, self._logbook, self._reactor)
+        self._requests = RunRequests(
+            self._logbook, self._reactor, self._processes, self.status, self.stop_soon
+        )
         signals = StopSignals(self._reactor, self._on_signal)
         closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
         try:
@@ -171,7 +173,10 @@ class Supervisor:
         closers += [launcher.close, self._terminal_guard.close]
         tools = (self._reactor, launcher, self._logbook)
         groups = process_groups(plan.nodes)
-        self._processes = [ManagedProcess(specs, plan.transport, options, tools, self) for specs in groups]
+        self._processes += [
+            ManagedProcess(specs, plan.transport, options, tools, self._on_change, self._on_message)
+            for specs in groups
+        ]
         count = "1 node" if len(plan.nodes) == 1 else f"{len(plan.nodes)} nodes"
         self._logbook.write(logging.INFO, f"starting {count} of {plan.source}")
         if not self._processes:
@@ -185,7 +190,7 @@ class Supervisor:
             return
         for process in self._processes:
             process.start()
-        self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
+        self._reactor.call_later(CHECK_PERIOD_S, self._check)
         self._reactor.call_later(options.status_period_s, self._show_status)
 
     def _open_router(self, closers: list[Callable[[], None]]) -> bool:
@@ -205,8 +210,34 @@ class Supervisor:
             closers.append(self._router.close)
         return True
 
-    def on_process_configured(self, process: ManagedProcess) -> None:
-        """Lets the nodes move: all together at the start, a restarted one by itself."""
+    def _on_change(self, process: ManagedProcess, change: Change) -> None:
+        actions = {
+            Change.STARTED: self._started,
+            Change.CONFIGURED: self._configured,
+            Change.READY: self._ready,
+            Change.ENDED: self._ended,
+        }
+        actions[change](process)
+
+    def _on_message(self, message: ipc.NodeMessage) -> None:
+        """Handles what concerns the run. The process has noted the message already."""
+        if isinstance(message, ipc.CallReply):
+            self._requests.replied(message)
+        elif isinstance(message, ipc.Progressed):
+            self._events.publish(message.progress)
+        elif isinstance(message, ipc.FirstMessage):
+            if self._first_message_s is None:
+                self._first_message_s = message.stamp_ns / 1e9 - self._began_s
+        elif isinstance(message, ipc.Said):
+            if message.kind == "shown":
+                self._events.publish(self.status())
+            elif message.kind == "fault":
+                self._event("fault" if message.text else "resumed", message.node, message.text)
+            elif message.kind == "stop-run":
+                self._stop(f"{message.node}: {message.text}", EXIT_OK)
+
+    def _configured(self, process: ManagedProcess) -> None:
+        """Activates the nodes: all together at the start, a restarted one by itself."""
         if self._phase is Phase.RUNNING:
             process.activate()
         elif self._phase is Phase.STARTING and all(item.configured for item in self._processes):
@@ -215,7 +246,7 @@ class Supervisor:
                 item.activate()
         self._settle()
 
-    def on_process_ready(self, process: ManagedProcess) -> None:
+    def _ready(self, process: ManagedProcess) -> None:
         """Shows the start-up table when the last process is ready."""
         self._tell(process, "ready")
         self._requests.ready(process)
@@ -230,15 +261,10 @@ class Supervisor:
                 text = f"the duration of {duration_s:g} s is over"
                 self._reactor.call_later(duration_s, lambda: self._stop(text, EXIT_OK))
 
-    def on_first_message(self, stamp_ns: int) -> None:
-        """Notes when the first message arrived."""
-        if self._first_message_s is None:
-            self._first_message_s = stamp_ns / 1e9 - self._began_s
-
     # Failures.
 
-    def on_process_ended(self, process: ManagedProcess, *, failed: bool) -> None:
-        """Ends the run, restarts the process, or lets it stay down, by the phase and its policy."""
+    def _ended(self, process: ManagedProcess) -> None:
+        """Ends the run, restarts the process, or leaves it down, depending on phase and policy."""
         self._requests.ended(process)
         self._terminal_guard.ended(process.specs)
         self._tell(process)
@@ -293,30 +319,13 @@ class Supervisor:
         self._logbook.write(logging.ERROR, f"the fork server has died: {reason}")
         self._stop("the fork server has died, so that no node could start again", EXIT_FAILED)
 
-    def _check_heartbeats(self) -> None:
+    def _check(self) -> None:
         for process in self._processes:
-            process.check_heartbeats()
+            process.check()
         if self._phase is not Phase.ENDED:
-            self._reactor.call_later(CHECK_PERIOD_S, self._check_heartbeats)
-
-    def revive(self, process: ManagedProcess) -> None:
-        """Starts a process again that stays down, because somebody has looked at its device."""
-        process.policy.forget()
-        process.restart_later(0.0)
-
-    def on_fault(self, node: str, text: str) -> None:
-        """Notes that a device does nothing until it is resumed."""
-        self._event("fault" if text else "resumed", node, text)
-
-    def on_reply(self, message: ipc.CallReply) -> None:
-        """Passes the answer on."""
-        self._requests.replied(message)
+            self._reactor.call_later(CHECK_PERIOD_S, self._check)
 
     # Stop.
-
-    def on_stop_run(self, node: str, reason: str) -> None:
-        """Ends the run in good order because a node's work is done."""
-        self._stop(f"{node}: {reason}", EXIT_OK)
 
     def _on_signal(self, number: int) -> None:
         name = signal.Signals(number).name
@@ -331,10 +340,6 @@ class Supervisor:
     def stop_soon(self, reason: str) -> None:
         """Ends the run on the user's word, after what is written now has left."""
         self._reactor.call_later(0, lambda: self._stop(reason, EXIT_OK, interrupted=True))
-
-    def process_of(self, node: str) -> ManagedProcess | None:
-        """The process of a node."""
-        return next((process for process in self._processes if node in process.records), None)
 
     def _stop(self, reason: str, exit_code: int, *, interrupted: bool = False) -> None:
         if self._phase in (Phase.STOPPING, Phase.ENDED):
@@ -393,19 +398,10 @@ class Supervisor:
     def _show_status(self) -> None:
         if self._phase is not Phase.ENDED:
             self._place.look()
-            self.on_shown()
+            self._events.publish(self.status())
             self._reactor.call_later(self._options.status_period_s, self._show_status)
 
-    def on_shown(self) -> None:
-        """Shows the status now: a node has something to tell people."""
-        self._events.publish(self.status())
-
-    def on_progress(self, progress: Progress) -> None:
-        """Passes on how far a node is."""
-        self._events.publish(progress)
-
-    def on_process_started(self, process: ManagedProcess) -> None:
-        """Says that the nodes of a process start, or start again."""
+    def _started(self, process: ManagedProcess) -> None:
         again = any(record.restarts for record in process.records.values())
         self._tell(
             process,

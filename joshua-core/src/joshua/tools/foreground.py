@@ -94,12 +94,9 @@ class ForegroundJob:
         except OSError as error:
             raise JobRefusedError(f"{path}: {error}; set XDG_RUNTIME_DIR", ExitCode.FAILED) from error
         stack.callback(server.close)
-        wake, waker = os.pipe()
-        stack.callback(os.close, wake)
-        self._reactor.watch(wake, self._leave)
         thread = threading.Thread(target=self._serve, name="presence", daemon=True)
         stack.callback(thread.join)
-        stack.callback(os.close, waker)
+        stack.callback(self._reactor.post, self._leave)
         thread.start()
 
     def _serve(self) -> None:
@@ -109,7 +106,7 @@ class ForegroundJob:
     def _leave(self) -> None:
         self._leaving = True
 
-    def _status(self, _: object) -> dict[str, Any]:
+    def _status(self, *_: object) -> dict[str, Any]:
         nodes = []
         for name, full_name in self._nodes.items():
             state, doing = self._report(name)
@@ -118,6 +115,6 @@ class ForegroundJob:
         status = RunStatus(self._plan.source, self._mode, "running", elapsed_s, os.getpid(), tuple(nodes))
         return {"status": status.as_dict()}
 
-    def _end(self, _: object) -> dict[str, Any]:
+    def _end(self, *_: object) -> dict[str, Any]:
         self._stop()
         return {"stopping": True}

@@ -8,8 +8,8 @@ import threading
 from pathlib import Path
 
 import pytest
-from joshua.guardian.main import _told
-from joshua.guardian.socket_address import MAX_PATH_BYTES, socket_address
+from joshua.ipc.client import ask
+from joshua.ipc.run_bases import MAX_PATH_BYTES, socket_address
 
 
 @pytest.mark.parametrize("length", [20, MAX_PATH_BYTES + 60])
@@ -30,6 +30,6 @@ def test_a_guardian_reaches_its_run_whatever_the_length_of_the_path(tmp_path: Pa
 
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
-        assert _told(str(folder / "control"), {"request": "guardian", "text": "1 held"})
+        assert ask(folder / "control", {"request": "guardian", "text": "1 held"}) == {"written": True}
         thread.join(30)
     assert json.loads(heard[0])["text"] == "1 held"
