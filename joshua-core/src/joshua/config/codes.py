@@ -1,6 +1,6 @@
 """The table of diagnostic codes, by groups of rules.
 
-The rows stand in ``codes.json`` here and, for reading a text, beside ``joshua.textproto.codes``. The
+The rows stand in ``codes.json`` here and, for reading a text, beside ``joshua.textproto.diagnostics``. The
 documentation prints them, and a test holds that no code is raised that they lack.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from joshua.textproto.codes import CodeDoc, read_codes, reading_codes
+from joshua.textproto.diagnostics import CodeDoc, read_codes, reading_codes
 
 GROUPS: dict[str, dict[str, CodeDoc]] = {
     "reading": reading_codes(),

@@ -99,9 +99,9 @@ class _Loading:
         self._read(self._path, None)
         is_readable = self._path in self._sources
         if overrides and is_readable:
-            from joshua.textproto.overrides import OPTION, Overrides
+            from joshua.textproto.overrides import OPTION, apply_overrides
 
-            self._sources[OPTION] = Overrides(self._config, self._merge).apply(overrides)
+            self._sources[OPTION] = apply_overrides(overrides, self._config, self._merge)
         calibration_file = self._load_calibration(calibration) if is_readable else ""
         return LoadedConfig(
             self._path,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from joshua.textproto.diagnostics import Span
 from joshua.textproto.field_table import ANY, FieldInfo, Kind, field_table
 from joshua.textproto.nearest import nearest_first
 from joshua.textproto.positions import Positions
 from joshua.textproto.scalars import ScalarReader
+from joshua.textproto.source import Span
 from joshua.textproto.syntax import Block, Field, ListValue, Scalar, ScalarKind
 
 if TYPE_CHECKING:
@@ -18,10 +18,14 @@ if TYPE_CHECKING:
     from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.plugin_types import PluginTypes
     from joshua.textproto.source import Source
-    from joshua.textproto.syntax import Field, Value
+    from joshua.textproto.syntax import Value
 
 
 INCLUDE = "include"
+
+_URL = re.compile(r"[0-9a-zA-Z\-.~_!$&()*+,;=%/]+")
+_TYPE_NAME = re.compile(r"[^\d\W]\w*(\.[^\d\W]\w*)*", re.ASCII)
+_BAD_PERCENT = re.compile(r"%(?![0-9a-fA-F]{2})")
 
 
 class Merge:
@@ -38,10 +42,6 @@ class Merge:
         self.types = types
         self.oneofs: dict[tuple[str, str], tuple[str, Span]] = {}
 
-    def aside(self) -> Merge:
-        """Returns a merge whose result is dropped, for a block that counts for nothing."""
-        return Merge(Positions(), self.problems, self.types)
-
 
 class Binder:
     """Binds the fields of one file.
@@ -53,9 +53,9 @@ class Binder:
     def __init__(
         self, source: Source, merge: Merge, include: Callable[[str, Span], None] | None = None
     ) -> None:
-        self.source = source
-        self.merge = merge
-        self.problems = merge.problems
+        self._source = source
+        self._merge = merge
+        self._problems = merge.problems
         self._positions = merge.positions
         self._scalars = ScalarReader(source, merge.problems)
         self._include = include
@@ -63,70 +63,87 @@ class Binder:
         self._fields: list[tuple[int, int, str]] = []
         self._around: list[Any] = []
 
-    def block(self, message: Any, fields: list[Field], path: str) -> None:
-        """Binds the fields of a block into a message; ``path`` is that of the block, "" for the root."""
+    def document(self, config: Any, fields: list[Field]) -> None:
+        """Binds a whole file, and tells the syntax errors in it which fields they belong to."""
+        self._block(config, fields, "")
+        if len(self._problems):
+            self._problems.locate(self._source, self._fields)
+
+    def field(self, message: Any, info: FieldInfo, field: Field, path: str) -> None:
+        """Binds one field of a message; ``path`` is that of the message, "" for the root."""
+        field_path = f"{path}.{info.name}" if path else info.name
+        name = self._name_of(field)
+        self._fields.append((field.name_start, field.end, field_path))
+        if not field.has_colon and info.kind is not Kind.MESSAGE and isinstance(field.value, ListValue):
+            remedy = f"Write `{field.name}: […]`."
+            message_text = f"A colon is missing after {field.name}."
+            self._problems.error("missing-colon", message_text, name, path=field_path, remedy=remedy)
+        if info.is_repeated:
+            self._repeated(message, info, field.value, field_path, name)
+        elif self._is_free(info, field_path, name, path):
+            self._singular(message, info, field.value, field_path, name)
+        else:  # it counts for nothing, and what is wrong in it is reported
+            aside = Binder(self._source, Merge(Positions(), self._problems, self._merge.types))
+            aside._around = [*self._around]
+            aside._singular(type(message)(), info, field.value, field_path, name)
+
+    def entry(
+        self, container: Any, index: int, info: FieldInfo, value: Value, path: str, name: Span, at: Span
+    ) -> bool:
+        """Binds one entry of a repeated field, in place of the one that is there; False where it is broken.
+
+        Args:
+            name: place of the field's name; at: place that a block is remembered by.
+        """
+        if info.kind is not Kind.MESSAGE:
+            found = self._scalars.read(info, value, path)
+            if found is None:
+                return False
+            self._positions.record(path, name, self._span(value.start, value.end))
+            container[index : index + 1] = [found]
+        elif not isinstance(value, Block):
+            self._not_a_block(info, value, path)
+            return False
+        else:
+            self._positions.record(path, at, at)
+            if info.is_map:
+                self._map_entry(container, info, value, path)
+            else:
+                inner = container[index] if index < len(container) else container.add()
+                inner.Clear()
+                self._block(inner, value.fields, path)
+        return True
+
+    def _block(self, message: Any, fields: list[Field], path: str) -> None:
         if message.DESCRIPTOR.full_name == ANY and any(field.is_type for field in fields):
-            bind_any(self, message, fields, path)
+            self._any(message, fields, path)
             return
         table = field_table(message.DESCRIPTOR)
         self._around.append(message.DESCRIPTOR)
         for field in fields:
-            if self.problems.full:
+            if self._problems.full:
                 return
             info = None if field.is_type else table.get(field.name)
             if info is None:
                 from joshua.textproto.unknown_field import report_unknown_field
 
-                report_unknown_field(self.problems, self.source, self._around, field, path)
+                report_unknown_field(self._problems, self._source, self._around, field, path)
             else:
                 self.field(message, info, field, path)
         self._around.pop()
 
-    def document(self, config: Any, fields: list[Field]) -> None:
-        """Binds a whole file, and tells the syntax errors in it which fields they belong to."""
-        self.block(config, fields, "")
-        if len(self.problems):
-            self.problems.locate(self.source, self._fields)
+    def _span(self, start: int, end: int) -> Span:
+        return Span(self._source, start, end)
 
-    def field(self, message: Any, info: FieldInfo, field: Field, path: str) -> None:
-        """Binds one field of a message."""
-        field_path = f"{path}.{info.name}" if path else info.name
-        name = Span(self.source, field.name_start, field.name_end)
-        value = field.value
-        self._fields.append((field.name_start, field.end, field_path))
-        is_list = isinstance(value, ListValue)
-        if not field.has_colon and info.kind is not Kind.MESSAGE and is_list:
-            self.problems.error(
-                "missing-colon",
-                f"A colon is missing after {field.name}.",
-                name,
-                path=field_path,
-                found=field.name,
-                remedy=f"Write `{field.name}: […]`.",
-            )
-        if info.is_repeated:
-            self._repeated(message, info, value, field_path, name)
-        elif self._is_free(info, field_path, name, path):
-            self._singular(message, info, value, field_path, name)
-        else:
-            aside = Binder(self.source, self.merge.aside())
-            aside._around = [*self._around]
-            aside._singular(type(message)(), info, value, field_path, name)
-
-    def scalar(self, info: FieldInfo, value: Value, path: str) -> Any:
-        """Reads a scalar; None where it does not fit the field, which is reported."""
-        return self._scalars.read(info, value, path)
-
-    def span(self, start: int, end: int) -> Span:
-        """A piece of this file."""
-        return Span(self.source, start, end)
+    def _name_of(self, field: Field) -> Span:
+        return Span(self._source, field.name_start, field.name_end)
 
     def _singular(self, message: Any, info: FieldInfo, value: Value | None, path: str, name: Span) -> None:
         if value is None:
             self._positions.record(path, name, name, is_broken=True)
         elif info.kind is not Kind.MESSAGE:
             found = self._scalars.read(info, value, path)
-            place = Span(self.source, value.start, value.end)
+            place = self._span(value.start, value.end)
             self._positions.record(path, name, place, is_broken=found is None)
             if found is not None:
                 setattr(message, info.name, found)
@@ -134,7 +151,7 @@ class Binder:
             self._positions.record(path, name, name)
             inner = getattr(message, info.name)
             inner.SetInParent()
-            self.block(inner, value.fields, path)
+            self._block(inner, value.fields, path)
         else:
             self._positions.record(path, name, name, is_broken=True)
             self._not_a_block(info, value, path)
@@ -143,36 +160,20 @@ class Binder:
         if value is None:
             self._positions.record(path, name, name, is_broken=True)
             return
-        whole = name if isinstance(value, Block) else Span(self.source, value.start, value.end)
+        whole = name if isinstance(value, Block) else self._span(value.start, value.end)
         self._positions.record(path, name, whole)
         container = getattr(message, info.name)
         for item in value.items if isinstance(value, ListValue) else (value,):
-            item_path = f"{path}[{len(container)}]"
-            if info.kind is Kind.MESSAGE:
-                if not isinstance(item, Block):
-                    self._positions.mark_broken(path)
-                    self._not_a_block(info, item, item_path)
-                    continue
-                at = Span(self.source, item.start, item.start + 1) if isinstance(value, ListValue) else name
-                self._positions.record(item_path, at, at)
-                if info.is_map:
-                    self._map_entry(container, info, item, item_path)
-                else:
-                    self.block(container.add(), item.fields, item_path)
-                continue
-            found = self._scalars.read(info, item, item_path)
-            if found is None:
+            index = len(container)
+            at = self._span(item.start, item.start + 1) if isinstance(value, ListValue) else name
+            if not self.entry(container, index, info, item, f"{path}[{index}]", name, at):
                 self._positions.mark_broken(path)
-                continue
-            place = Span(self.source, item.start, item.end)
-            self._positions.record(item_path, name, place)
-            container.append(found)
-            if self._include is not None and path == INCLUDE:
-                self._include(found, place)
+            elif self._include is not None and path == INCLUDE:
+                self._include(container[index], self._span(item.start, item.end))
 
     def _map_entry(self, container: Any, info: FieldInfo, item: Block, path: str) -> None:
         entry = container.GetEntryClass()()
-        self.block(entry, item.fields, path)
+        self._block(entry, item.fields, path)
         if info.message.fields_by_name["value"].message_type is not None:
             container[entry.key].CopyFrom(entry.value)
         else:
@@ -182,12 +183,11 @@ class Binder:
         if isinstance(value, Scalar) and value.kind is ScalarKind.BROKEN:
             return
         found = "a list" if isinstance(value, ListValue) else "one value"
-        self.problems.error(
+        self._problems.error(
             "wrong-type",
             f"{info.name} is a block of fields, not {found}.",
-            self.span(value.start, value.end),
+            self._span(value.start, value.end),
             path=path,
-            found=self.source.text[value.start : value.end].partition("\n")[0],
             allowed=(f"{info.name} {{ … }}",),
             remedy=f"Write `{info.name} {{` and its fields.",
         )
@@ -195,156 +195,106 @@ class Binder:
     def _is_free(self, info: FieldInfo, field_path: str, name: Span, path: str) -> bool:
         """Reports a field that is written twice, or beside another member of its oneof."""
         here = self._written.setdefault(field_path, name)
-        if here is not name:
-            self._twice(
-                "duplicate-field", f"{info.name} is written twice in one block.", field_path, name, here
-            )
-            return False
-        merges = info.kind is Kind.MESSAGE and not info.is_any
         before = self._positions.entry(field_path)
-        if before is not None and not merges:
-            self._twice(
-                "set-in-two-files",
-                f"{info.name} is also set in {before.name.source.name}.",
-                field_path,
-                name,
-                before.name,
-            )
-            return False
+        if here is not name:
+            code, message, first = "duplicate-field", f"{info.name} is written twice in one block.", here
+        elif before is not None and (info.kind is not Kind.MESSAGE or info.is_any):
+            code, first = "set-in-two-files", before.name
+            message = f"{info.name} is also set in {first.source.name}."
+        else:
+            return self._is_only_member(info, field_path, name, path)
+        self._problems.error(
+            code, message, name, path=field_path, related=[(first, "it is written first here")]
+        )
+        return False
+
+    def _is_only_member(self, info: FieldInfo, field_path: str, name: Span, path: str) -> bool:
+        member = info.name
         if info.oneof:
-            member, place = self.merge.oneofs.setdefault((path, info.oneof), (info.name, name))
-            if member != info.name:
-                self.problems.error(
-                    "oneof-conflict",
-                    f"{info.name} cannot stand beside {member}: a block holds one of them.",
-                    name,
-                    path=field_path,
-                    found=info.name,
-                    remedy=f"Delete {info.name} or {member}.",
-                    related=[(place, f"{member} is written here")],
-                )
-                return False
-        return True
-
-    def _twice(self, code: str, message: str, path: str, name: Span, first: Span) -> None:
-        found = self.source.text[name.start : name.end]
-        self.problems.error(
-            code, message, name, path=path, found=found, related=[(first, "it is written first here")]
+            member, place = self._merge.oneofs.setdefault((path, info.oneof), (info.name, name))
+        if member == info.name:
+            return True
+        self._problems.error(
+            "oneof-conflict",
+            f"{info.name} cannot stand beside {member}: a block holds one of them.",
+            name,
+            path=field_path,
+            remedy=f"Delete {info.name} or {member}.",
+            related=[(place, f"{member} is written here")],
         )
+        return False
 
+    def _any(self, message: Any, fields: list[Field], path: str) -> None:
+        """Binds the typed form of an ``Any`` block: one type in square brackets with its fields."""
+        error = self._problems.error
+        field = next(field for field in fields if field.is_type)
+        name = self._name_of(field)
+        for other in fields:
+            if other is not field:
+                text = f"[{field.name}] takes the whole block; nothing else stands beside it."
+                related = [(name, "the type is given here")]
+                error("mixed-any", text, self._name_of(other), path=path, related=related)
+        type_name = self._type_name(field, path)
+        if type_name is None:
+            return
+        if field.separator:
+            # protobuf's own readers refuse it, so a file with it would be readable here only.
+            place = self._span(field.end, field.end + 1)
+            text = f"'{field.separator}' stands after a block with a type in square brackets."
+            error("unexpected-text", text, place, path=path, remedy="Delete it.")
+        if not isinstance(field.value, Block):
+            if field.value is not None:
+                place = self._span(field.value.start, field.value.end)
+                text = f"[{field.name}] is followed by a block of fields."
+                error("wrong-type", text, place, path=path, allowed=(f"[{field.name}] {{ … }}",))
+            return
+        found = self._merge.types.find(type_name)
+        if found is None:
+            self._report_unknown_type(type_name, name, path)
+            # The type stays known, so that the missing plugin can be named.
+            message.type_url = field.name
+            return
+        inner: Any = found()
+        self._block(inner, field.value.fields, path)
+        if not inner.IsInitialized():
+            missing = inner.FindInitializationErrors()
+            text = f"{type_name} lacks {', '.join(missing)}."
+            error("plugin-block-incomplete", text, name, path=path, found="", allowed=missing)
+            return
+        message.Pack(inner, type_url_prefix=field.name[: -len(type_name)])
 
-_URL = re.compile(r"[0-9a-zA-Z\-.~_!$&()*+,;=%/]+")
-_TYPE_NAME = re.compile(r"[^\d\W]\w*(\.[^\d\W]\w*)*", re.ASCII)
-_BAD_PERCENT = re.compile(r"%(?![0-9a-fA-F]{2})")
-
-
-def bind_any(binder: Binder, message: Any, fields: list[Field], path: str) -> None:
-    """Binds the typed form of an ``Any`` block: one type in square brackets with its fields."""
-    field = next(field for field in fields if field.is_type)
-    for other in fields:
-        if other is not field:
-            place = binder.span(other.name_start, other.name_end)
-            first = binder.span(field.name_start, field.name_end)
-            binder.problems.error(
-                "mixed-any",
-                f"[{field.name}] takes the whole block; nothing else stands beside it.",
-                place,
-                path=path,
-                found=binder.source.text[other.name_start : other.name_end],
-                related=[(first, "the type is given here")],
-            )
-    type_name = _type_name(binder, field, path)
-    if type_name is None:
-        return
-    if field.separator:
-        # protobuf's own readers refuse it, so a file with it would be readable here only.
-        place = binder.span(field.end, field.end + 1)
-        binder.problems.error(
-            "unexpected-text",
-            f"'{field.separator}' stands after a block with a type in square brackets.",
-            place,
+    def _type_name(self, field: Field, path: str) -> str | None:
+        """Takes the full name of the type out of its URL; reports a malformed one."""
+        prefix, slash, name = field.name.rpartition("/")
+        if not slash:
+            fault = "lacks the domain and the / before the type"
+        elif not prefix or prefix.startswith("/"):
+            fault = "lacks the domain before the /"
+        elif _URL.fullmatch(field.name) is None or _BAD_PERCENT.search(prefix):
+            fault = "holds a character that no type URL holds"
+        elif _TYPE_NAME.fullmatch(name) is None:
+            fault = "does not end in the full name of a message"
+        else:
+            return name
+        known = nearest_first(name or field.name, self._merge.types.names())
+        self._problems.error(
+            "bad-type-name",
+            f"[{field.name}] {fault}.",
+            self._name_of(field),
             path=path,
-            found=field.separator,
-            remedy="Delete it.",
+            found=f"[{field.name}]",
+            allowed=[f"[type.googleapis.com/{item}]" for item in known],
         )
-    if not isinstance(field.value, Block):
-        if field.value is not None:
-            binder.problems.error(
-                "wrong-type",
-                f"[{field.name}] is followed by a block of fields.",
-                binder.span(field.value.start, field.value.end),
-                path=path,
-                allowed=(f"[{field.name}] {{ … }}",),
-            )
-        return
-    prefix = field.name[: -len(type_name)]
-    found = binder.merge.types.find(type_name)
-    if found is None:
-        _report_unknown_type(binder, field, type_name, path)
-        # The type stays known, so that the missing plugin can be named.
-        message.type_url = field.name
-        return
-    inner: Any = found()
-    binder.block(inner, field.value.fields, path)
-    if not inner.IsInitialized():
-        missing = inner.FindInitializationErrors()
-        binder.problems.error(
-            "plugin-block-incomplete",
-            f"{type_name} lacks {', '.join(missing)}.",
-            binder.span(field.name_start, field.name_end),
-            path=path,
-            allowed=missing,
-        )
-        return
-    message.Pack(inner, type_url_prefix=prefix)
+        return None
 
-
-def _type_name(binder: Binder, field: Field, path: str) -> str | None:
-    """Takes the full name of the type out of its URL; reports a malformed one."""
-    prefix, slash, name = field.name.rpartition("/")
-    fault = ""
-    if not slash:
-        fault = "lacks the domain and the / before the type"
-    elif not prefix or prefix.startswith("/"):
-        fault = "lacks the domain before the /"
-    elif _URL.fullmatch(field.name) is None or _BAD_PERCENT.search(prefix):
-        fault = "holds a character that no type URL holds"
-    elif _TYPE_NAME.fullmatch(name) is None:
-        fault = "does not end in the full name of a message"
-    if not fault:
-        return name
-    known = binder.merge.types.names()
-    allowed = [f"type.googleapis.com/{item}" for item in nearest_first(name or field.name, known)]
-    binder.problems.error(
-        "bad-type-name",
-        f"[{field.name}] {fault}.",
-        binder.span(field.name_start, field.name_end),
-        path=path,
-        found=f"[{field.name}]",
-        allowed=[f"[{item}]" for item in allowed],
-    )
-    return None
-
-
-def _report_unknown_type(binder: Binder, field: Field, type_name: str, path: str) -> None:
-    place = binder.span(field.name_start, field.name_end)
-    known = binder.merge.types.names()
-    if binder.merge.types.is_misspelt(type_name):
-        binder.problems.error(
-            "unknown-plugin-type",
-            f"No plugin that is installed provides {type_name}.",
-            place,
-            path=path,
-            found=type_name,
-            allowed=nearest_first(type_name, known),
-        )
-    else:
-        binder.problems.error(
-            "plugin-type-not-installed",
-            f"No plugin that is installed provides {type_name}; the fields of this block are not checked.",
-            place,
-            path=path,
-            found=type_name,
-            allowed=known,
-            is_note=True,
+    def _report_unknown_type(self, type_name: str, at: Span, path: str) -> None:
+        known = self._merge.types.names()
+        text = f"No plugin that is installed provides {type_name}"
+        if self._merge.types.is_misspelt(type_name):
+            code, allowed, is_note = "unknown-plugin-type", nearest_first(type_name, known), False
+        else:
+            code, allowed, is_note = "plugin-type-not-installed", known, True
+            text += "; the fields of this block are not checked"
+        self._problems.error(
+            code, f"{text}.", at, path=path, found=type_name, allowed=allowed, is_note=is_note
         )

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from bisect import bisect_right
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from joshua.textproto.codes import reading_codes
 from joshua.textproto.limits import MAX_PROBLEMS
-
-# Syntax errors that belong to the field around them.
-_INSIDE_FIELD = frozenset(
-    (
-        "missing-colon",
-        "missing-value",
-        "missing-brace",
-        "missing-comma",
-        "extra-comma",
-        "unclosed-string",
-        "unclosed-list",
-        "unquoted-string",
-    )
-)
+from joshua.textproto.source import Span as Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -29,13 +18,27 @@ if TYPE_CHECKING:
     from joshua.plan import Diagnostic
     from joshua.textproto.source import Source
 
+# Begin the codes of syntax errors that belong to the field around them.
+_INSIDE_FIELD = ("missing-", "extra-comma", "unclosed-string", "unclosed-list", "unquoted-string")
 
-class Span(NamedTuple):
-    """A piece of a text: offsets of its first character and of the one after its last."""
 
-    source: Source
-    start: int
-    end: int
+class CodeDoc(NamedTuple):
+    """One row of the table of diagnostic codes: the cause and the next step, one sentence each."""
+
+    cause: str
+    next_step: str
+
+
+def read_codes(path: Path) -> dict[str, dict[str, CodeDoc]]:
+    """Reads the rows of a ``codes.json`` by group and code."""
+    groups = json.loads(path.read_text(encoding="utf-8"))
+    return {group: {code: CodeDoc(**row) for code, row in rows.items()} for group, rows in groups.items()}
+
+
+@cache
+def reading_codes() -> dict[str, CodeDoc]:
+    """The codes of reading a text: files, syntax, names and values, includes, and ``--set``."""
+    return read_codes(Path(__file__).with_name("codes.json"))["reading"]
 
 
 class Diagnostics:
@@ -53,9 +56,9 @@ class Diagnostics:
     def __len__(self) -> int:
         return len(self._found)
 
-    def register(self, file: str) -> None:
+    def register(self, file: str) -> int:
         """Fixes the place of a file in the order of problems; the first one registered comes first."""
-        self._order_of(file)
+        return self._file_order.setdefault(file, len(self._file_order))
 
     def error(
         self,
@@ -64,33 +67,36 @@ class Diagnostics:
         at: Span | None,
         *,
         path: str = "",
-        found: str = "",
+        found: str | None = None,
         allowed: Iterable[str] = (),
         remedy: str = "",
         related: Iterable[tuple[Span, str]] = (),
         is_note: bool = False,
     ) -> None:
-        """Adds an error, or a note; the remedy of the code's table row stands in for an empty one."""
+        """Adds an error, or a note.
+
+        Args:
+            found: None takes the text at the place; remedy: "" takes that of the code's table row.
+        """
         if self.full:
             return
         from joshua.plan import Diagnostic, Related, Severity
 
+        if found is None:
+            found = at.text if at is not None else ""
         diagnostic = Diagnostic(
             code=code,
             severity=Severity.NOTE if is_note else Severity.ERROR,
             message=message,
-            position=at.source.position(at.start, at.end) if at is not None else None,
+            position=at.position if at is not None else None,
             field_path=path,
             found=shortened(found),
             allowed=tuple(allowed),
             remedy=remedy or reading_codes()[code].next_step,
-            related=tuple(
-                Related(position=span.source.position(span.start, span.end), label=label)
-                for span, label in related
-            ),
+            related=tuple(Related(position=span.position, label=label) for span, label in related),
         )
-        order = self._order_of(at.source.name) if at is not None else -1
-        self._found.append((order, at.start if at is not None else 0, diagnostic))
+        place = (self.register(at.source.name), at.start) if at is not None else (-1, 0)
+        self._found.append((*place, diagnostic))
 
     def locate(self, source: Source, fields: list[tuple[int, int, str]]) -> None:
         """Gives syntax errors the path of the field that they stand in.
@@ -104,30 +110,20 @@ class Diagnostics:
             if diagnostic.field_path or place is None or place.file != source.name:
                 continue
             index = bisect_right(starts, at) - 1
-            if diagnostic.code in _INSIDE_FIELD and index >= 0 and at <= fields[index][1]:
-                located = replace(diagnostic, field_path=fields[index][2])
-                self._found[number] = (order, at, located)
+            if diagnostic.code.startswith(_INSIDE_FIELD) and index >= 0 and at <= fields[index][1]:
+                self._found[number] = (order, at, replace(diagnostic, field_path=fields[index][2]))
 
     @property
     def items(self) -> list[Diagnostic]:
         """All of them, file by file and from top to bottom."""
-        ordered = sorted(self._found, key=lambda item: item[:2])
-        result = [diagnostic for _, _, diagnostic in ordered]
+        result = [diagnostic for _, _, diagnostic in sorted(self._found, key=lambda item: item[:2])]
         if self.full:
             from joshua.plan import Diagnostic, Severity
 
-            result.append(
-                Diagnostic(
-                    code="too-many-problems",
-                    severity=Severity.ERROR,
-                    message=f"Reading stopped after {MAX_PROBLEMS} problems; there may be more.",
-                    remedy=reading_codes()["too-many-problems"].next_step,
-                )
-            )
+            message = f"Reading stopped after {MAX_PROBLEMS} problems; there may be more."
+            remedy = reading_codes()["too-many-problems"].next_step
+            result.append(Diagnostic("too-many-problems", Severity.ERROR, message, remedy=remedy))
         return result
-
-    def _order_of(self, file: str) -> int:
-        return self._file_order.setdefault(file, len(self._file_order))
 
 
 def shortened(text: str, most: int = 80) -> str:

@@ -7,62 +7,58 @@ from __future__ import annotations
 
 import posixpath
 import re
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any
 
 from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
 
 from joshua.schema import options_pb2, rules
 
+_FLOATS = (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE)
 _NUMBERS = frozenset(
     (
-        FieldDescriptor.CPPTYPE_INT32,
-        FieldDescriptor.CPPTYPE_INT64,
-        FieldDescriptor.CPPTYPE_UINT32,
-        FieldDescriptor.CPPTYPE_UINT64,
-        FieldDescriptor.CPPTYPE_FLOAT,
-        FieldDescriptor.CPPTYPE_DOUBLE,
+        *_FLOATS,
+        *(getattr(FieldDescriptor, f"CPPTYPE_{name}") for name in ("INT32", "INT64", "UINT32", "UINT64")),
     )
 )
 
 
-class FieldFacts(NamedTuple):
+class FieldFacts:
     """The facts of one field.
 
     Attributes:
-        name: of the field; kind: what its value names, a ``KIND_…`` number.
-        repeated, has_presence, is_number, is_float, is_string: of its type.
-        message_type: descriptor of the message type; None for scalars.
-        enum: descriptor of the enum type, if it is one.
+        kind: what its value names, a ``KIND_…`` number; message_type, enum: descriptor of its type, if any.
         unit, example, default: texts of the rule; minimum, maximum, above: bounds, None where open.
-        required, required_unless, allowed, may_repeat, min_items, max_items, forms, overridden_by,
-            overridden_because, needs_published: further parts of the rule.
+        required, …: further parts of the rule, by the names that they have there.
     """
 
-    name: str
-    kind: int
-    repeated: bool
-    has_presence: bool
-    is_number: bool
-    is_float: bool
-    is_string: bool
-    message_type: Any
-    enum: EnumDescriptor | None
-    unit: str
-    example: str
-    default: str
-    minimum: float | None
-    maximum: float | None
-    above: float | None
-    required: bool
-    required_unless: tuple[str, ...]
-    may_repeat: bool
-    allowed: tuple[str, ...]
-    min_items: int
-    max_items: int | None
-    forms: tuple[Any, ...]
-    overridden_by: str
-    overridden_because: str
-    needs_published: str
+    def __init__(self, field: FieldDescriptor) -> None:
+        rule = rules.rule(field)
+        self.name: str = field.name
+        self.kind: int = rule.kind
+        self.repeated: bool = field.is_repeated
+        self.has_presence: bool = field.has_presence
+        self.is_number = field.cpp_type in _NUMBERS
+        self.is_float = field.cpp_type in _FLOATS
+        self.is_string = field.cpp_type == FieldDescriptor.CPPTYPE_STRING
+        self.message_type: Any = field.message_type
+        self.enum: EnumDescriptor | None = field.enum_type
+        self.unit = rule.unit
+        self.example = rule.example
+        self.default = rule.default
+        self.minimum = rule.min if rule.HasField("min") else None
+        self.maximum = rule.max if rule.HasField("max") else None
+        self.above = rule.above if rule.HasField("above") else None
+        self.required = rule.required
+        self.required_unless = tuple(rule.required_unless)
+        self.may_repeat = rule.may_repeat
+        self.allowed = tuple(rule.allowed)
+        self.min_items = rule.min_items
+        self.max_items = rule.max_items if rule.HasField("max_items") else None
+        self.forms = tuple(rule.forms)
+        self.overridden_by = rule.overridden_by.field
+        self.overridden_because = rule.overridden_by.because
+        self.needs_published = rule.needs_published
 
     @property
     def is_message(self) -> bool:
@@ -131,48 +127,12 @@ def number_text(value: float) -> str:
     return f"{number:.7g}"
 
 
-_facts: dict[Any, tuple[FieldFacts, ...]] = {}
+@cache
+def field_facts(descriptor: Any) -> tuple[FieldFacts, ...]:
+    """Returns the facts of all fields of a message type (a ``Descriptor``), in the order of the schema."""
+    return tuple(FieldFacts(field) for field in descriptor.fields)
 
 
 def facts_of(field: Any) -> FieldFacts:
     """Returns the facts of one field (a ``FieldDescriptor``)."""
     return next(facts for facts in field_facts(field.containing_type) if facts.name == field.name)
-
-
-def field_facts(descriptor: Any) -> tuple[FieldFacts, ...]:
-    """Returns the facts of all fields of a message type (a ``Descriptor``), in the order of the schema."""
-    known = _facts.get(descriptor)
-    if known is None:
-        known = _facts[descriptor] = tuple(_read(field) for field in descriptor.fields)
-    return known
-
-
-def _read(field: FieldDescriptor) -> FieldFacts:
-    rule = rules.rule(field)
-    return FieldFacts(
-        name=field.name,
-        kind=rule.kind,
-        repeated=field.is_repeated,
-        has_presence=field.has_presence,
-        is_number=field.cpp_type in _NUMBERS,
-        is_float=field.cpp_type in (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE),
-        is_string=field.cpp_type == FieldDescriptor.CPPTYPE_STRING,
-        message_type=field.message_type,
-        enum=field.enum_type,
-        unit=rule.unit,
-        example=rule.example,
-        default=rule.default,
-        minimum=rule.min if rule.HasField("min") else None,
-        maximum=rule.max if rule.HasField("max") else None,
-        above=rule.above if rule.HasField("above") else None,
-        required=rule.required,
-        required_unless=tuple(rule.required_unless),
-        may_repeat=rule.may_repeat,
-        allowed=tuple(rule.allowed),
-        min_items=rule.min_items,
-        max_items=rule.max_items if rule.HasField("max_items") else None,
-        forms=tuple(rule.forms),
-        overridden_by=rule.overridden_by.field,
-        overridden_because=rule.overridden_by.because,
-        needs_published=rule.needs_published,
-    )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
@@ -22,94 +23,63 @@ class Kind(Enum):
     MESSAGE = "message"
 
 
-class FieldInfo(NamedTuple):
-    """The facts of one field.
-
-    Attributes:
-        smallest, largest: range of an integer field.
-        type_text: its type in words, such as ``whole number`` or ``one of the OperationMode names``.
-        oneof: name of the oneof that it belongs to; "" for none, and for proto3 ``optional``.
-        message, enum: descriptor of its type; None for others.
-        descriptor: of the field itself.
-    """
-
-    name: str
-    kind: Kind
-    is_repeated: bool
-    is_map: bool
-    oneof: str
-    smallest: int
-    largest: int
-    type_text: str
-    message: Any
-    enum: Any
-    descriptor: Any
-
-    @property
-    def is_any(self) -> bool:
-        """Whether the field holds a block of a plugin's own type."""
-        return self.message is not None and bool(self.message.full_name == ANY)
-
-
+_TYPES = {
+    FieldDescriptor.CPPTYPE_INT32: (Kind.INTEGER, "whole number"),
+    FieldDescriptor.CPPTYPE_UINT32: (Kind.INTEGER, "whole number"),
+    FieldDescriptor.CPPTYPE_INT64: (Kind.INTEGER, "whole number"),
+    FieldDescriptor.CPPTYPE_UINT64: (Kind.INTEGER, "whole number"),
+    FieldDescriptor.CPPTYPE_FLOAT: (Kind.FLOAT, "number"),
+    FieldDescriptor.CPPTYPE_DOUBLE: (Kind.FLOAT, "number"),
+    FieldDescriptor.CPPTYPE_BOOL: (Kind.BOOL, "true or false"),
+    FieldDescriptor.CPPTYPE_STRING: (Kind.STRING, "string in double quotes"),
+    FieldDescriptor.CPPTYPE_MESSAGE: (Kind.MESSAGE, "block"),
+}
 _RANGES = {
     FieldDescriptor.CPPTYPE_INT32: (-(2**31), 2**31 - 1),
     FieldDescriptor.CPPTYPE_UINT32: (0, 2**32 - 1),
     FieldDescriptor.CPPTYPE_INT64: (-(2**63), 2**63 - 1),
     FieldDescriptor.CPPTYPE_UINT64: (0, 2**64 - 1),
 }
-_tables: dict[Any, dict[str, FieldInfo]] = {}
 
 
+class FieldInfo:
+    """The facts of one field.
+
+    Attributes:
+        smallest, largest: range of an integer field.
+        type_text: its type in words, such as ``whole number`` or ``name of OperationMode``.
+        oneof: name of the oneof that it belongs to; "" for none, and for proto3 ``optional``.
+        message, enum: descriptor of its type; None for others.
+        is_any: whether it holds a block of a plugin's own type; descriptor: of the field itself.
+    """
+
+    def __init__(self, field: Any) -> None:
+        self.name: str = field.name
+        self.message = field.message_type
+        self.enum = field.enum_type
+        if self.enum is not None:
+            self.kind, self.type_text = Kind.ENUM, f"name of {self.enum.name}"
+        else:
+            self.kind, self.type_text = _TYPES[field.cpp_type]
+        if field.type == FieldDescriptor.TYPE_BYTES:
+            self.kind = Kind.BYTES
+        self.is_repeated: bool = field.is_repeated
+        self.is_map = self.message is not None and bool(self.message.GetOptions().map_entry)
+        self.is_any = self.message is not None and bool(self.message.full_name == ANY)
+        self.smallest, self.largest = _RANGES.get(field.cpp_type, (0, 0))
+        oneof = field.containing_oneof
+        # proto3 optional is a oneof of its own in the descriptor, with one member.
+        self.oneof: str = oneof.name if oneof is not None and len(oneof.fields) > 1 else ""
+        self.descriptor = field
+
+
+@cache
 def field_table(descriptor: Any) -> dict[str, FieldInfo]:
     """Returns the fields of a message type by the names that a text may use."""
-    table = _tables.get(descriptor)
-    if table is None:
-        table = {}
-        for field in descriptor.fields:
-            info = _info(field)
-            table[info.name] = info
-            # Groups of proto2 are written by the name of their type.
-            if field.type == FieldDescriptor.TYPE_GROUP:
-                table[field.message_type.name] = info
-        _tables[descriptor] = table
+    table = {}
+    for field in descriptor.fields:
+        info = table[field.name] = FieldInfo(field)
+        # Groups of proto2 are written by the name of their type.
+        if field.type == FieldDescriptor.TYPE_GROUP:
+            table[field.message_type.name] = info
     return table
-
-
-def _info(field: Any) -> FieldInfo:
-    smallest = largest = 0
-    message = enum = None
-    is_map = False
-    cpp_type = field.cpp_type
-    if cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:
-        kind, message = Kind.MESSAGE, field.message_type
-        is_map = bool(message.GetOptions().map_entry)
-        type_text = "block"
-    elif cpp_type == FieldDescriptor.CPPTYPE_ENUM:
-        kind, enum = Kind.ENUM, field.enum_type
-        type_text = f"name of {enum.name}"
-    elif cpp_type == FieldDescriptor.CPPTYPE_BOOL:
-        kind, type_text = Kind.BOOL, "true or false"
-    elif cpp_type == FieldDescriptor.CPPTYPE_STRING:
-        kind = Kind.BYTES if field.type == FieldDescriptor.TYPE_BYTES else Kind.STRING
-        type_text = "string in double quotes"
-    elif cpp_type in _RANGES:
-        kind, type_text = Kind.INTEGER, "whole number"
-        smallest, largest = _RANGES[cpp_type]
-    else:
-        kind, type_text = Kind.FLOAT, "number"
-    oneof = field.containing_oneof
-    # proto3 optional is a oneof of its own in the descriptor, with one member.
-    oneof_name = oneof.name if oneof is not None and len(oneof.fields) > 1 else ""
-    return FieldInfo(
-        field.name,
-        kind,
-        field.is_repeated,
-        is_map,
-        oneof_name,
-        smallest,
-        largest,
-        type_text,
-        message,
-        enum,
-        field,
-    )

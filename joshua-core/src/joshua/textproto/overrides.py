@@ -6,12 +6,11 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from joshua.textproto.binder import INCLUDE, Binder, Merge
-from joshua.textproto.diagnostics import Span
 from joshua.textproto.field_table import ANY, FieldInfo, Kind, field_table
 from joshua.textproto.lexer import tokenize
 from joshua.textproto.parser import Parser
-from joshua.textproto.source import Source
-from joshua.textproto.syntax import Block, Field, ListValue, Scalar, ScalarKind
+from joshua.textproto.source import Source, Span
+from joshua.textproto.syntax import Field, ListValue, Scalar, ScalarKind
 from joshua.textproto.unknown_field import report_unknown_field
 
 if TYPE_CHECKING:
@@ -25,24 +24,12 @@ _STEP = re.compile(
 
 
 class Step(NamedTuple):
-    """One field of a path.
-
-    Attributes:
-        key: what stands in brackets; None where no brackets stand.
-        start, end: offsets of the step in the option.
-    """
+    """One field of a path, with its offsets in the option; ``key`` is what stands in brackets, if they do."""
 
     name: str
     key: str | None
     start: int
     end: int
-
-    @property
-    def number(self) -> int | None:
-        """The index in the brackets; None where they hold a name."""
-        if self.key is None or not self.key.isascii() or not self.key.isdigit() or len(self.key) > 9:
-            return None
-        return int(self.key)
 
 
 class PathSyntaxError(ValueError):
@@ -79,20 +66,13 @@ def split_option(text: str) -> tuple[list[Step], int]:
             raise PathSyntaxError("= and a value, or a block in braces, must follow the path", max(at - 1, 0))
 
 
-class Overrides:
-    """Applies options, in order, to one configuration."""
-
-    def __init__(self, config: Any, merge: Merge) -> None:
-        self._config = config
-        self._merge = merge
-
-    def apply(self, options: Sequence[str]) -> str:
-        """Applies the options and returns the text that diagnostics show for them, one to a line."""
-        lines = [" ".join(option.split("\n")) for option in options]
-        self._merge.problems.register(OPTION)
-        for number, line in enumerate(lines, 1):
-            _Override(Source(OPTION, line, number), self._merge).apply(self._config)
-        return "\n".join(lines)
+def apply_overrides(options: Sequence[str], config: Any, merge: Merge) -> str:
+    """Applies options, in order, to a configuration; returns the text that diagnostics show for them."""
+    lines = [" ".join(option.split("\n")) for option in options]
+    merge.problems.register(OPTION)
+    for number, line in enumerate(lines, 1):
+        _Override(Source(OPTION, line, number), merge).apply(config)
+    return "\n".join(lines)
 
 
 class _Override:
@@ -101,38 +81,35 @@ class _Override:
     def __init__(self, source: Source, merge: Merge) -> None:
         self._source = source
         self._merge = merge
-        self._problems = merge.problems
         self._positions = merge.positions
         self._value_start = 0
 
     def apply(self, config: Any) -> None:
+        text = self._source.text
         try:
-            steps, self._value_start = split_option(self._source.text)
+            steps, self._value_start = split_option(text)
         except PathSyntaxError as fault:
-            self._problems.error(
-                "override-syntax",
-                f"--set {self._source.text!r} cannot be read: {fault}.",
-                self._span(fault.offset, fault.offset + 1),
-                found=self._source.text,
-            )
+            at = Step("", None, fault.offset, fault.offset + 1)
+            self._error("override-syntax", f"--set {text!r} cannot be read: {fault}.", at, "", found=text)
             return
         if steps[0].name == INCLUDE:
-            self._problems.error(
-                "override-include",
-                "include cannot be set by an option.",
-                self._span(steps[0].start, steps[0].end),
-                path=INCLUDE,
-                found=INCLUDE,
-            )
+            message = "include cannot be set by an option."
+            self._error("override-include", message, steps[0], INCLUDE, found=INCLUDE)
             return
         self._enter(config, steps, "")
 
+    def _error(self, code: str, message: str, at: Step, path: str, **details: Any) -> None:
+        self._merge.problems.error(code, message, self._span(at), path=path, **details)
+
+    def _span(self, step: Step) -> Span:
+        return Span(self._source, step.start, step.end)
+
     def _enter(self, message: Any, steps: list[Step], path: str) -> None:
         """Goes down to the block that holds the last field of the path, and sets it there."""
-        if message.DESCRIPTOR.full_name == ANY and not steps[0].name.startswith("type_url"):
+        step, *rest = steps
+        if message.DESCRIPTOR.full_name == ANY and not step.name.startswith("type_url"):
             self._enter_any(message, steps, path)
             return
-        step, *rest = steps
         info = self._field_of(message, step, path)
         if info is None:
             return
@@ -142,42 +119,29 @@ class _Override:
             self._set(message, info, step, path, field_path)
             return
         if info.kind is not Kind.MESSAGE:
-            self._problems.error(
-                "unknown-field",
-                f"{info.name} is a {info.type_text} and has no fields.",
-                self._span(rest[0].start, rest[0].end),
-                path=field_path,
-                found=rest[0].name,
-                remedy=f"End the path at {info.name}.",
-            )
+            text = f"{info.name} is a {info.type_text} and has no fields."
+            remedy = f"End the path at {info.name}."
+            self._error("unknown-field", text, rest[0], field_path, found=rest[0].name, remedy=remedy)
             return
+        inner = getattr(message, info.name)
         if info.is_repeated:
-            index = self._index(message, info, step, field_path)
+            index = self._index(inner, info, step, field_path)
             if index is None:
                 return
-            container = getattr(message, info.name)
-            inner = container[index] if index < len(container) else container.add()
+            inner = inner[index] if index < len(inner) else inner.add()
             field_path = f"{field_path}[{index}]"
         else:
-            inner = getattr(message, info.name)
             inner.SetInParent()
-        place = self._span(step.start, step.end)
-        self._positions.record(field_path, place, place)
+        self._positions.record(field_path, self._span(step), self._span(step))
         self._enter(inner, rest, field_path)
 
     def _enter_any(self, message: Any, steps: list[Step], path: str) -> None:
         prefix, _, type_name = message.type_url.rpartition("/")
         found = self._merge.types.find(type_name)
         if found is None:
-            step = steps[0]
-            self._problems.error(
-                "override-syntax",
-                f"{path} has no type yet, so its fields are not known.",
-                self._span(step.start, step.end),
-                path=path,
-                found=step.name,
-                remedy="Set the whole block: --set 'PATH { [type.example.org/acme.GripperConfig] { … } }'.",
-            )
+            text = f"{path} has no type yet, so its fields are not known."
+            remedy = "Set the whole block: --set 'PATH { [type.example.org/acme.GripperConfig] { … } }'."
+            self._error("override-syntax", text, steps[0], path, found=steps[0].name, remedy=remedy)
             return
         inner = found()
         message.Unpack(inner)
@@ -187,16 +151,15 @@ class _Override:
     def _field_of(self, message: Any, step: Step, path: str) -> FieldInfo | None:
         info = field_table(message.DESCRIPTOR).get(step.name)
         if info is None:
-            name_end = step.start + len(step.name)
-            field = Field(step.name, step.start, name_end)
-            report_unknown_field(self._problems, self._source, [message.DESCRIPTOR], field, path)
+            field = Field(step.name, step.start, step.start + len(step.name))
+            report_unknown_field(self._merge.problems, self._source, [message.DESCRIPTOR], field, path)
             return None
         if step.key is not None and not info.is_repeated:
-            self._problems.error(
+            self._error(
                 "override-index",
                 f"{info.name} holds one value and takes no index.",
-                self._span(step.start, step.end),
-                path=f"{path}.{info.name}" if path else info.name,
+                step,
+                f"{path}.{info.name}" if path else info.name,
                 found=f"[{step.key}]",
                 allowed=(info.name,),
                 remedy=f"Write {info.name} without brackets.",
@@ -204,32 +167,24 @@ class _Override:
             return None
         return info
 
-    def _index(self, message: Any, info: FieldInfo, step: Step, path: str) -> int | None:
+    def _index(self, container: Any, info: FieldInfo, step: Step, path: str) -> int | None:
         """Finds the entry that a step names; one past the last adds an entry."""
-        container = getattr(message, info.name)
         names = [_name_of(item) for item in container]
-        if step.number is not None and step.number <= len(container) and not info.is_map:
-            return step.number
-        if step.key is not None and names.count(step.key) == 1 and step.key:
-            return names.index(step.key)
-        allowed = [
-            f"{info.name}[{index}]" + (f" ({name})" if name else "") for index, name in enumerate(names)
-        ]
-        if step.key is None:
-            message_text = f"{info.name} is a list: one of its entries must be named."
-        elif names.count(step.key) > 1:
-            message_text = f"{names.count(step.key)} entries of {info.name} are named {step.key}."
+        key = step.key
+        is_number = key is not None and key.isascii() and key.isdigit() and len(key) < 10
+        if key and is_number and int(key) <= len(container) and not info.is_map:
+            return int(key)
+        if key and names.count(key) == 1:
+            return names.index(key)
+        if key is None:
+            text = f"{info.name} is a list: one of its entries must be named."
+        elif names.count(key) > 1:
+            text = f"{names.count(key)} entries of {info.name} are named {key}."
         else:
             count = f"{len(container)} {'entry' if len(container) == 1 else 'entries'}"
-            message_text = f"{info.name} has no entry [{step.key}]; it has {count}."
-        self._problems.error(
-            "override-index",
-            message_text,
-            self._span(step.start, step.end),
-            path=path,
-            found=self._source.text[step.start : step.end],
-            allowed=allowed,
-        )
+            text = f"{info.name} has no entry [{key}]; it has {count}."
+        allowed = [f"{info.name}[{at}]" + (f" ({name})" if name else "") for at, name in enumerate(names)]
+        self._error("override-index", text, step, path, allowed=allowed)
         return None
 
     def _leave_oneof(self, message: Any, info: FieldInfo, path: str) -> None:
@@ -249,55 +204,25 @@ class _Override:
         binder = Binder(self._source, self._merge)
         if step.key is None:
             message.ClearField(info.name)
-            self._positions.discard(field_path)
-            self._forget_oneofs(field_path)
+            self._forget(field_path)
             binder.field(message, info, field, path)
             return
-        index = self._index(message, info, step, field_path)
-        if index is None or field.value is None:
+        container = getattr(message, info.name)
+        index = self._index(container, info, step, field_path)
+        value = field.value
+        if index is None or value is None:
             return
-        if isinstance(field.value, ListValue):
-            self._problems.error(
-                "wrong-type",
-                f"{field_path}[{index}] is one entry, not a list.",
-                self._span(field.value.start, field.value.end),
-                path=f"{field_path}[{index}]",
-                allowed=(info.type_text,),
-                remedy=f"Set the whole list: --set '{field_path}=[…]'.",
-            )
+        entry_path = f"{field_path}[{index}]"
+        place = Step("", None, value.start, value.end)
+        if isinstance(value, ListValue):
+            text = f"{entry_path} is one entry, not a list."
+            remedy = f"Set the whole list: --set '{field_path}=[…]'."
+            self._error("wrong-type", text, place, entry_path, allowed=(info.type_text,), remedy=remedy)
             return
-        self._set_entry(binder, getattr(message, info.name), info, field, f"{field_path}[{index}]", index)
-
-    def _set_entry(
-        self, binder: Binder, container: Any, info: FieldInfo, field: Field, path: str, index: int
-    ) -> None:
-        assert field.value is not None
-        self._positions.discard(path)
-        self._forget_oneofs(path)
-        name = self._span(field.name_start, field.name_end)
-        if info.kind is not Kind.MESSAGE:
-            value = binder.scalar(info, field.value, path)
-            place = self._span(field.value.start, field.value.end)
-            self._positions.record(path, name, place, is_broken=value is None)
-            if value is not None and index < len(container):
-                container[index] = value
-            elif value is not None:
-                container.append(value)
-        elif isinstance(field.value, Block):
-            self._positions.record(path, name, name)
-            if index < len(container):
-                container[index].Clear()
-                binder.block(container[index], field.value.fields, path)
-            else:
-                binder.block(container.add(), field.value.fields, path)
-        else:
-            self._problems.error(
-                "wrong-type",
-                f"{info.name} is a block of fields, not one value.",
-                self._span(field.value.start, field.value.end),
-                path=path,
-                allowed=(f"{path} {{ … }}",),
-            )
+        self._forget(entry_path)
+        name = self._span(step)
+        if not binder.entry(container, index, info, value, entry_path, name, name):
+            self._positions.record(entry_path, name, self._span(place), is_broken=True)
 
     def _parse(self, info: FieldInfo, step: Step) -> Field | None:
         """Parses the value of the option as a value of the field."""
@@ -309,36 +234,34 @@ class _Override:
         if info.kind is Kind.STRING and raw and raw[0] not in opens and not is_block:
             begin = text.index(raw, start)
             end = begin + len(raw)
-            value = Scalar(ScalarKind.RAW, begin, end, [raw], [(begin, end)])
-            field = Field(info.name, step.start, step.end, has_colon=True, value=value, end=end)
+            field = Field("", 0, 0)
+            field.has_colon, field.end = True, end
+            field.value = Scalar(ScalarKind.RAW, begin, end, [raw], [(begin, end)])
         else:
-            before = len(self._problems)
-            field = Parser(self._source, tokenize(self._source, start), self._problems).value_only()
-            if field.value is None or len(self._problems) > before:
+            problems = self._merge.problems
+            before = len(problems)
+            field = Parser(self._source, tokenize(self._source, start), problems).value_only()
+            if field.value is None or len(problems) > before:
                 return None
-            field.name, field.name_start, field.name_end = info.name, step.start, step.end
+        field.name, field.name_start, field.name_end = info.name, step.start, step.end
         return field
 
-    def _forget_oneofs(self, path: str) -> None:
-        for key in [
-            key for key in self._merge.oneofs if key[0] == path or key[0].startswith((f"{path}.", f"{path}["))
-        ]:
+    def _forget(self, path: str) -> None:
+        """Forgets what a field and all below it held."""
+        self._positions.discard(path)
+        inside = (f"{path}.", f"{path}[")
+        for key in [key for key in self._merge.oneofs if key[0] == path or key[0].startswith(inside)]:
             del self._merge.oneofs[key]
-
-    def _span(self, start: int, end: int) -> Span:
-        return Span(self._source, start, end)
 
 
 def _name_of(item: Any) -> str:
     """The name by which an entry can be addressed: that of its node, or its own; "" for none."""
-    descriptor = getattr(item, "DESCRIPTOR", None)
-    if descriptor is None:
-        return ""
-    node = descriptor.fields_by_name.get("node")
+    known = item.DESCRIPTOR.fields_by_name if hasattr(item, "DESCRIPTOR") else {}
+    node = known.get("node")
     if node is not None and node.message_type is not None and "node_name" in node.message_type.fields_by_name:
         return str(item.node.node_name)
     for name in ("node_name", "name"):
-        field = descriptor.fields_by_name.get(name)
+        field = known.get(name)
         if field is not None and field.cpp_type == field.CPPTYPE_STRING and not field.is_repeated:
             return str(getattr(item, name))
     return ""

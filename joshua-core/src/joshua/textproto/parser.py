@@ -1,108 +1,193 @@
-"""Tokens to a syntax tree; after an error it goes on at the next field, so that one run finds all errors."""
+"""Tokens to a syntax tree; after an error it goes on at the next field, so that one run finds all errors.
+
+Why one file: one class, whose scalars, lists, blocks and fields recover from each other's errors.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from joshua.textproto.block_parser import BlockParser
+from joshua.textproto.diagnostics import shortened
 from joshua.textproto.lexer import END, NAME, NUMBER, OPEN_STRING, OTHER, SIGN, STRING, tokenize
-from joshua.textproto.limits import MAX_TOKENS
-from joshua.textproto.syntax import Field
+from joshua.textproto.limits import MAX_DEPTH, MAX_TOKENS
+from joshua.textproto.source import Span
+from joshua.textproto.syntax import Block, Field, ListValue, Scalar, ScalarKind
 
 if TYPE_CHECKING:
     from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import Tokens
     from joshua.textproto.source import Source
 
+_RUN_END = re.compile(r"[\s{}<>\[\],;#]")
+_LONGEST_QUOTED = 400
+_CURLY_QUOTES = "“”„‟‘’«»"
+_KINDS = {NAME: ScalarKind.NAME, NUMBER: ScalarKind.NUMBER}
+_CLOSER = {"{": "}", "<": ">"}
+_PARTNER = {"}": "{", ">": "<", "]": "["}
+# Below this share of indented lines the layout of a file says nothing about its blocks.
+_LAID_OUT = 0.5
 
-class Parser(BlockParser):
-    """Parses one text; every error goes to ``problems``."""
+
+class _Open(NamedTuple):
+    """A block that is being read: its name and opening brace, and the layout of that line.
+
+    Attributes:
+        is_assumed: whether its opening brace is missing, so that its indentation alone bounds it.
+    """
+
+    name: str
+    brace: Span
+    closer: str
+    line: int
+    indentation: int
+    is_assumed: bool
+
+
+class Parser:
+    """Parses one text; every error goes to ``problems``.
+
+    It keeps the blocks that are open; indentation decides only where the braces of a file do not match.
+    """
 
     def __init__(self, source: Source, tokens: Tokens, problems: Diagnostics) -> None:
-        super().__init__(source, tokens, problems)
-        self._last_end = -1
+        self.source = source
+        self._tokens = tokens
+        self._problems = problems
+        self._kinds = tokens.kinds
+        self._texts = tokens.texts
+        self._at = 0
+        self._open: list[_Open] = []
+        self._guided = not _braces_match(tokens) and _is_laid_out(source, tokens)
+        self._too_deep = False
+        self._last_end = -1  # of the last field
 
     def document(self) -> list[Field]:
         """Parses a whole text."""
-        fields = self.fields()
-        if self.tokens.cut_at is not None:
-            self.error(
-                "file-too-large",
-                f"{self.source.name} holds more than {MAX_TOKENS} words and signs; "
-                "a configuration is never that long.",
-                self.tokens.cut_at,
-                self.tokens.cut_at + 1,
-            )
+        fields = self._fields()
+        cut = self._tokens.cut_at
+        if cut is None:
+            self._report_open_blocks()
         else:
-            self.report_open_blocks()
+            message = f"{self.source.name} holds more than {MAX_TOKENS} words and signs"
+            self._error(
+                "file-too-large", f"{message}; a configuration is never that long.", cut, cut + 1, found=""
+            )
         return fields
 
     def value_only(self) -> Field:
         """Parses a text that is one value, for a field whose name is known."""
-        field = Field("", self.start, self.start, has_colon=True)
+        field = Field("", self._start, self._start)
+        field.has_colon = True
         self._value(field)
-        field.end = self._last_end = self.tokens.ends[max(self.at - 1, 0)]
-        if self.kind != END:
-            self.error(
-                "unexpected-text", f"'{self.run_text()}' stands after the value.", self.start, self.run_end()
+        field.end = self._last_end = self._tokens.ends[max(self._at - 1, 0)]
+        if self._kind != END:
+            self._error(
+                "unexpected-text", f"'{self._run_text()}' stands after the value.", end=self._run_end()
             )
-        self.report_open_blocks()
+        self._report_open_blocks()
         return field
 
-    def fields(self) -> list[Field]:
+    # The cursor
+
+    @property
+    def _kind(self) -> int:
+        return self._kinds[self._at]
+
+    @property
+    def _text(self) -> str:
+        return self._texts[self._at]
+
+    @property
+    def _start(self) -> int:
+        return self._tokens.starts[self._at]
+
+    @property
+    def _end(self) -> int:
+        return self._tokens.ends[self._at]
+
+    @property
+    def _end_before(self) -> int:
+        """Offset after the token before the cursor."""
+        return self._tokens.ends[self._at - 1]
+
+    def _is(self, signs: str) -> bool:
+        """Whether one of some signs stands at the cursor."""
+        return self._kind == SIGN and self._text in signs
+
+    def _precedes(self, signs: str) -> bool:
+        """Whether one of some signs stands after the token at the cursor."""
+        return self._kinds[self._at + 1] == SIGN and self._texts[self._at + 1] in signs
+
+    def _run_text(self) -> str:
+        """The text from the cursor up to white space or a sign that ends values, shortened."""
+        return shortened(self.source.text[self._start : self._run_end()])
+
+    def _run_end(self, start: int | None = None) -> int:
+        """Offset of the end of that text, or of one that begins elsewhere."""
+        stop = _RUN_END.search(self.source.text, (self._start if start is None else start) + 1)
+        return stop.start() if stop is not None else len(self.source.text)
+
+    def _span(self, start: int, end: int) -> Span:
+        return Span(self.source, start, end)
+
+    def _error(
+        self, code: str, message: str, start: int | None = None, end: int | None = None, **details: Any
+    ) -> None:
+        """Reports an error, of the token at the cursor where no offsets are given."""
+        place = self._span(self._start if start is None else start, self._end if end is None else end)
+        self._problems.error(code, message, place, **details)
+
+    # Fields
+
+    def _fields(self) -> list[Field]:
         """Parses fields up to the end of the block that is open last, or of the text."""
         found: list[Field] = []
-        while not self.problems.full:
-            kind = self.kind
+        while not self._problems.full:
+            kind = self._kind
+            field: Field | None = None
             if kind == END:
                 break
-            if kind == NAME or (kind == NUMBER and self._number_names_a_field()):
-                if self.is_outside_block():
-                    self.leave_block()
+            if kind == NAME or (kind == NUMBER and self._precedes(":{")):
+                if self._is_outside_block():
+                    self._report_unclosed(self._open.pop(), self._start)
                     break
                 field = self._field()
-                if field is not None:
-                    found.append(field)
-                    self._separator(field)
-            elif kind == SIGN and self.text in "}>":
-                if self.closes_block():
+            elif self._is("}>"):
+                if self._closes_block():
                     break
-            elif kind == SIGN and self.text == "[":
+            elif self._is("["):
                 field = self._type_field()
-                if field is not None:
-                    found.append(field)
-                    self._separator(field)
             else:
                 self._unexpected()
+            if field is not None:
+                found.append(field)
+                if self._is(",;"):
+                    field.separator = self._text
+                    self._at += 1
         return found
 
-    def _number_names_a_field(self) -> bool:
-        return self.kinds[self.at + 1] == SIGN and self.texts[self.at + 1] in ":{"
-
     def _field(self) -> Field | None:
-        field = Field(self.text, self.start, self.end)
-        follows_value = self.at > 0 and self.tokens.ends[self.at - 1] == self._last_end
-        self.at += 1
+        field = Field(self._text, self._start, self._end)
+        follows_value = self._at > 0 and self._end_before == self._last_end
+        self._at += 1
         if follows_value and self._is_stray_word(field):
             return None
-        self._rest_of_field(field)
-        return field
+        return self._rest_of_field(field)
 
     def _is_stray_word(self, field: Field) -> bool:
         """Reports a word that stands after a value on its line and begins no field."""
         line = self.source.line(field.name_start)
-        if self.source.line(self._last_end - 1) != line or (self.kind == SIGN and self.text in ":{<["):
+        if self.source.line(self._last_end - 1) != line or self._is(":{<["):
             return False
-        if self.kind in (STRING, NUMBER) or (self.kind == OTHER and self.text == "="):
+        if self._kind in (STRING, NUMBER) or (self._kind == OTHER and self._text == "="):
             return False
-        end = self._run_end_from(field.name_start)
-        text = self.source.text[field.name_start : end]
-        self.error(
+        end = self._run_end(field.name_start)
+        self._error(
             "unexpected-text",
-            f"'{text}' stands after a value.",
+            f"'{self.source.text[field.name_start : end]}' stands after a value.",
             field.name_start,
             end,
-            found=text,
             remedy="Put a text of several words in double quotes, or start a new line for a new field.",
         )
         self._skip_rest_of(line)
@@ -110,145 +195,335 @@ class Parser(BlockParser):
 
     def _type_field(self) -> Field | None:
         """Parses a field whose name is a type in square brackets."""
-        start = self.start
-        line = self.source.line(start)
+        start = self._start
         parts: list[str] = []
-        self.at += 1
-        while not (self.kind == SIGN and self.text == "]"):
-            if self.kind in (END, STRING, OPEN_STRING) or (self.kind == SIGN and self.text in "{}<>[:"):
-                end = self.tokens.ends[self.at - 1]
-                self.error(
-                    "bad-type-name",
-                    "The type name that [ opens is not closed by ].",
-                    start,
-                    end,
-                    found=self.source.text[start:end],
-                )
-                self._skip_rest_of(line)
+        self._at += 1
+        while not self._is("]"):
+            if self._kind in (END, STRING, OPEN_STRING) or self._is("{}<>[:"):
+                message = "The type name that [ opens is not closed by ]."
+                self._error("bad-type-name", message, start, self._end_before)
+                self._skip_rest_of(self.source.line(start))
                 return None
-            parts.append(self.text)
-            self.at += 1
-        field = Field("".join(parts), start, self.end, is_type=True)
-        self.at += 1
-        self._rest_of_field(field)
+            parts.append(self._text)
+            self._at += 1
+        field = Field("".join(parts), start, self._end, is_type=True)
+        self._at += 1
+        return self._rest_of_field(field)
+
+    def _rest_of_field(self, field: Field) -> Field:
+        if self._is(":"):
+            field.has_colon = True
+            self._at += 1
+        elif self._kind == OTHER and self._text == "=":
+            message = f"'=' stands between {field.name} and its value; the text format takes a colon."
+            self._error("missing-colon", message, allowed=(":",), remedy=f"Write `{field.name}: …`.")
+            field.has_colon = True
+            self._at += 1
+        self._value(field)
+        field.end = self._last_end = max(self._end_before, field.name_end)
         return field
 
-    def _rest_of_field(self, field: Field) -> None:
-        if self.kind == SIGN and self.text == ":":
-            field.has_colon = True
-            self.at += 1
-        elif self.kind == OTHER and self.text == "=":
-            self.error(
-                "missing-colon",
-                f"'=' stands between {field.name} and its value; the text format takes a colon.",
-                self.start,
-                self.end,
-                found="=",
-                allowed=(":",),
-                remedy=f"Write `{field.name}: …`.",
-            )
-            field.has_colon = True
-            self.at += 1
-        self._value(field)
-        field.end = self._last_end = max(self.tokens.ends[self.at - 1], field.name_end)
-
     def _value(self, field: Field) -> None:
-        if self.kind == SIGN and self.text in "{<":
-            field.value = self.block(field.name)
-        elif self.kind == SIGN and self.text == "[":
-            field.value = self.list_value(field)
+        if self._is("{<"):
+            field.value = self._block(field.name)
+        elif self._is("["):
+            field.value = self._list(field)
         elif field.has_colon:
-            if self._is_next_field():
+            begins_field = self._kind in (NAME, NUMBER) and self._precedes(":{<")
+            if begins_field and self.source.is_first_on_line(self._start):
                 self._missing_value_or_brace(field)
-            elif self.kind in (END, SIGN):
+            elif self._kind in (END, SIGN):
                 self._missing_value(field)
             else:
-                field.value = self.scalar(field.name)
-        else:
-            self._value_without_colon(field)
-
-    def _is_next_field(self) -> bool:
-        """Whether a field begins here on a line of its own, so that the value before it is missing."""
-        if self.kind not in (NAME, NUMBER) or not self.source.is_first_on_line(self.start):
-            return False
-        return self.kinds[self.at + 1] == SIGN and self.texts[self.at + 1] in ":{<"
-
-    def _missing_value(self, field: Field) -> None:
-        self.error(
-            "missing-value",
-            f"{field.name or 'The option'} has no value.",
-            field.name_start,
-            field.name_end,
-            found=field.name,
-            remedy=f"Write `{field.name}: …` or delete the name." if field.name else "",
-        )
-
-    def _value_without_colon(self, field: Field) -> None:
-        line = self.source.line(field.name_start)
-        same_line = self.kind != END and self.source.line(self.start) == line
-        if same_line and self.kind in (NAME, NUMBER, STRING, OPEN_STRING, OTHER):
-            self.error(
-                "missing-colon",
-                f"A colon is missing after {field.name}.",
-                field.name_start,
-                field.name_end,
-                found=field.name,
-                remedy=f"Write `{field.name}: …`.",
-            )
-            field.value = self.scalar(field.name)
+                field.value = self._scalar(field.name)
+        elif self._kind not in (END, SIGN) and (
+            self.source.line(self._start) == self.source.line(field.name_start)
+        ):
+            self._of_name(field, "missing-colon", "A colon is missing after {}.", "Write `{}: …`.")
+            field.value = self._scalar(field.name)
         else:
             self._missing_value_or_brace(field)
 
     def _missing_value_or_brace(self, field: Field) -> None:
         """Takes lines that are indented below a name for its block, whose brace is missing."""
-        if self.kind == NAME and self.source.column(self.start) > self.source.column(field.name_start):
-            self.error(
-                "missing-brace",
-                f"{{ is missing after {field.name}.",
-                field.name_start,
-                field.name_end,
-                found=field.name,
-                remedy=f"Write `{field.name} {{`.",
-            )
-            field.value = self.block(field.name, opened_at=field.name_start)
+        if self._kind == NAME and self.source.column(self._start) > self.source.column(field.name_start):
+            self._of_name(field, "missing-brace", "{{ is missing after {}.", "Write `{} {{`.")
+            field.value = self._block(field.name, opened_at=field.name_start)
         else:
             self._missing_value(field)
 
-    def _separator(self, field: Field) -> None:
-        if self.kind == SIGN and self.text in ",;":
-            field.separator = self.text
-            self.at += 1
+    def _missing_value(self, field: Field) -> None:
+        if field.name:
+            remedy = "Write `{}: …` or delete the name."
+            self._of_name(field, "missing-value", "{} has no value.", remedy)
+        else:
+            self._of_name(field, "missing-value", "The option has no value.", "")
+
+    def _of_name(self, field: Field, code: str, message: str, remedy: str) -> None:
+        """Reports an error that stands at the name of a field; ``{}`` in the texts is that name."""
+        texts = message.format(field.name), field.name_start, field.name_end
+        self._error(code, *texts, found=field.name, remedy=remedy.format(field.name))
 
     def _unexpected(self) -> None:
         """Reports what cannot begin a field and goes on at the next line, or after the block it opens."""
-        start, end = self.start, self.run_end()
+        start, end = self._start, self._run_end()
         text = self.source.text[start:end]
         remedy = ""
         if text.startswith("//"):
             remedy = "Begin a comment with #."
-        elif self.kind == NUMBER and self.source.text[start - 1 : start] == ",":
+        elif self._kind == NUMBER and self.source.text[start - 1 : start] == ",":
             remedy = "Write decimal fractions with a point, and lists in square brackets."
-        self.error(
-            "unexpected-text",
-            f"'{text}' stands where a field was expected.",
-            start,
-            end,
-            found=text,
-            remedy=remedy,
-        )
+        self._error("unexpected-text", f"'{text}' stands where a field was expected.", end=end, remedy=remedy)
         self._skip_rest_of(self.source.line(start))
 
     def _skip_rest_of(self, line: int) -> None:
         """Skips the tokens of a line; a block that begins among them is read and dropped."""
-        while self.kind != END and self.source.line(self.start) == line:
-            if self.kind == SIGN and self.text in "}>" and self._open:
+        while self._kind != END and self.source.line(self._start) == line:
+            if self._open and self._is("}>"):
                 return
-            if self.kind == SIGN and self.text == "{":
-                self.block("the block")
+            if self._is("{"):
+                self._block("the block")
                 return
-            self.at += 1
+            self._at += 1
+
+    # Blocks
+
+    def _block(self, name: str, opened_at: int | None = None) -> Block:
+        """Parses a block; ``opened_at`` stands in for an opening brace that is missing."""
+        start = self._start if opened_at is None else opened_at
+        closer = _CLOSER.get(self._text, "}") if opened_at is None else "}"
+        brace = self._span(start, self._end)
+        if opened_at is None:
+            self._at += 1
+        if len(self._open) >= MAX_DEPTH:
+            self._skip_deep_block(brace)
+            return Block(start, self._end_before, [])
+        line, indentation = self.source.line(start), self.source.indentation(start)
+        self._open.append(_Open(name, brace, closer, line, indentation, opened_at is not None))
+        fields = self._fields()
+        return Block(start, self._end_before, fields)
+
+    def _skip_deep_block(self, brace: Span) -> None:
+        if not self._too_deep:
+            self._too_deep = True
+            message = f"Blocks are nested more than {MAX_DEPTH} deep."
+            self._problems.error("nesting-too-deep", message, brace)
+        depth = 1
+        while self._kind != END and depth:
+            depth += self._is("{<") - self._is("}>")
+            self._at += 1
+
+    def _closes_block(self) -> bool:
+        """Handles a closing brace; True where it ends the block that is open last."""
+        if not self._open:
+            remedy = "Delete it, or look above for a block that is closed too early."
+            self._error("stray-closer", f"'{self._text}' closes nothing.", remedy=remedy)
+            self._at += 1
+            return False
+        block = self._open[-1]
+        related = [(block.brace, f"{block.name} is opened here")]
+        if self._guided and self.source.is_first_on_line(self._start):
+            column = self.source.column(self._start)
+            if column > block.indentation and self.source.line(self._start) > block.line:
+                message = f"'{self._text}' closes nothing: {block.name} goes on below."
+                self._error("stray-closer", message, remedy="Delete it.", related=related)
+                self._at += 1
+                return False
+            if any(outer.indentation == column < block.indentation for outer in self._open):
+                self._report_unclosed(self._open.pop(), self._start)
+                return True
+        if self._text != block.closer:
+            self._error(
+                "mismatched-closer",
+                f"'{self._text}' closes a block that another bracket opened.",
+                allowed=(block.closer,),
+                remedy=f"Write '{block.closer}'.",
+                related=related,
+            )
+        self._open.pop()
+        self._at += 1
+        return True
+
+    def _is_outside_block(self) -> bool:
+        """Whether a field on a line of its own is not indented as part of the block that is open last."""
+        if not self._open or not (self._guided or self._open[-1].is_assumed):
+            return False
+        if not self.source.is_first_on_line(self._start):
+            return False
+        block = self._open[-1]
+        column = self.source.column(self._start)
+        return self.source.line(self._start) > block.line and column <= block.indentation
+
+    def _report_open_blocks(self) -> None:
+        """Reports the blocks that are open at the end of the text."""
+        for block in reversed(self._open):
+            self._report_unclosed(block, self._tokens.starts[-1])
+
+    def _report_unclosed(self, block: _Open, before: int) -> None:
+        if block.is_assumed:
+            return
+        where = "the end of the file" if before >= len(self.source.text.rstrip()) else "this line"
+        self._problems.error(
+            "unclosed-block",
+            f"The block {block.name} is not closed.",
+            block.brace,
+            remedy=f"Add '{block.closer}' where {block.name} ends.",
+            related=[(self._span(before, before + 1), f"{where} comes before it is closed")],
+        )
+
+    # Scalars and lists
+
+    def _scalar(self, name: str) -> Scalar:
+        """Parses a scalar; a text that lacks its quotes is reported and taken as one broken scalar."""
+        start = self._start
+        if self._kind in (STRING, OPEN_STRING):
+            return self._string()
+        # Whether a character that no word holds follows without white space between.
+        goes_on = self._kinds[self._at + 1] == OTHER and self._tokens.starts[self._at + 1] == self._end
+        if self._kind in _KINDS and not goes_on:
+            scalar = Scalar(_KINDS[self._kind], start, self._end, [self._text], [(start, self._end)])
+            self._at += 1
+            return scalar
+        return self._unquoted(name)
+
+    def _string(self) -> Scalar:
+        start = self._start
+        texts: list[str] = []
+        parts: list[tuple[int, int]] = []
+        while self._kind == STRING:
+            texts.append(self._text)
+            parts.append((self._start, self._end))
+            self._at += 1
+        if self._kind != OPEN_STRING:
+            return Scalar(ScalarKind.STRING, start, parts[-1][1], texts, parts)
+        remedy = f"Add {self._text[0]} at its end; write a line break inside a string as \\n."
+        self._error("unclosed-string", "The string is not closed on its line.", remedy=remedy)
+        self._at += 1
+        return Scalar(ScalarKind.BROKEN, start, self._end_before, [], [])
+
+    def _unquoted(self, name: str) -> Scalar:
+        start = self._start
+        end = self._run_end()
+        message = f"The value of {name} is not a number, a name or a quoted string."
+        if self._text[0] in _CURLY_QUOTES:
+            end = self._curly_end(end)
+            message = f"The value of {name} stands in typographic quotes."
+        bare = shortened(self.source.text[start:end].strip(_CURLY_QUOTES))
+        remedy = "Put a text value in straight double quotes."
+        self._error("unquoted-string", message, start, end, allowed=(f'"{bare}"',), remedy=remedy)
+        while self._kind != END and self._start < end:
+            self._at += 1
+        return Scalar(ScalarKind.BROKEN, start, end, [], [])
+
+    def _curly_end(self, end: int) -> int:
+        """Finds the closing typographic quote on the line, so that the words between cause no more errors."""
+        furthest = self._start + _LONGEST_QUOTED
+        line_end = self.source.text.find("\n", self._start, furthest)
+        stop = furthest if line_end == -1 else line_end
+        closers = [self.source.text.rfind(quote, self._start + 1, stop) for quote in _CURLY_QUOTES]
+        return max(end, max(closers) + 1)
+
+    def _list(self, field: Field) -> ListValue:
+        """Parses a list of scalars or blocks."""
+        result = ListValue(self._start, self._end)
+        self._at += 1
+        if self._is("]"):
+            self._at += 1
+        else:
+            self._items(result, field)
+        result.end = self._end_before
+        return result
+
+    def _items(self, result: ListValue, field: Field) -> None:
+        lacks_comma = False
+        while not self._problems.full:
+            if self._is("{<"):
+                result.items.append(self._block(field.name))
+            elif self._kind in (END, SIGN) or self._begins_field():
+                if not self._missing_item(result):
+                    return
+                continue
+            else:
+                result.items.append(self._scalar(field.name))
+            if self._is("]"):
+                self._at += 1
+                return
+            if self._is(",;"):
+                if self._text == ";":
+                    self._error("missing-comma", "';' stands between entries of a list.", allowed=(",",))
+                self._at += 1
+                if self._is("]"):
+                    self._extra_comma(self._at - 1)
+                    self._at += 1
+                    return
+            elif self._begins_item() and not lacks_comma:  # who forgets one forgets all of a list
+                lacks_comma = True
+                message = f"A comma is missing before '{self._run_text()}'."
+                before = self._end_before
+                self._error("missing-comma", message, before, before + 1, found="", allowed=(",",))
+
+    def _missing_item(self, result: ListValue) -> bool:
+        """Reports what stands where an entry is expected; False where the list ends there."""
+        goes_on = self._is(",[")
+        if self._is(","):
+            self._extra_comma(self._at)
+        elif self._is("["):
+            remedy = "Write all entries in one list."
+            self._error("unexpected-text", "A list cannot stand inside a list.", remedy=remedy)
+        elif not self._is("]"):
+            opened = result.start, result.start + 1
+            self._error("unclosed-list", "The list is not closed.", *opened, allowed=("]",))
+            return False
+        after_comma = self._is(",")
+        self._at += 1
+        if after_comma and self._is("]"):
+            self._at += 1
+            return False
+        return goes_on
+
+    def _extra_comma(self, at: int) -> None:
+        ends = self._tokens.starts[at], self._tokens.ends[at]
+        self._error("extra-comma", "No entry follows this comma.", *ends)
+
+    def _begins_item(self) -> bool:
+        if self._kind == SIGN:
+            return self._text in "{<"
+        return self._kind in (NAME, NUMBER, STRING, OTHER) and not self._begins_field()
+
+    def _begins_field(self) -> bool:
+        return self._kind == NAME and self._precedes(":{") and self.source.is_first_on_line(self._start)
 
 
 def parse(source: Source, problems: Diagnostics) -> list[Field]:
     """Parses a text into its top-level fields; what is wrong goes to ``problems``."""
     return Parser(source, tokenize(source), problems).document()
+
+
+def _braces_match(tokens: Tokens) -> bool:
+    open_signs: list[str] = []
+    for kind, text in zip(tokens.kinds, tokens.texts, strict=True):
+        if kind != SIGN:
+            continue
+        if text in "{<[":
+            open_signs.append(text)
+        elif text in _PARTNER and (not open_signs or open_signs.pop() != _PARTNER[text]):
+            return False
+    return not open_signs
+
+
+def _is_laid_out(source: Source, tokens: Tokens) -> bool:
+    """Counts the lines inside blocks that stand further right than the line of the outermost open block."""
+    indented = lines = 0
+    openers: list[int] = []
+    last_line = 0
+    for kind, start, text in zip(tokens.kinds, tokens.starts, tokens.texts, strict=True):
+        line = source.line(start)
+        if kind == NAME and line != last_line and openers:
+            lines += 1
+            indented += source.column(start) > openers[0]
+        last_line = line
+        if kind == SIGN and text in "{<":
+            openers.append(source.indentation(start))
+        elif kind == SIGN and text in "}>" and openers:
+            openers.pop()
+    return lines > 0 and indented >= _LAID_OUT * lines

@@ -33,12 +33,12 @@ class Positions:
     def value(self, field_path: str) -> Position | None:
         """Returns the place of a field's value; of its name for a block; None where it is not written."""
         entry = self._entries.get(field_path)
-        return _position(entry.value) if entry is not None else None
+        return entry.value.position if entry is not None else None
 
     def name(self, field_path: str) -> Position | None:
         """Returns the place of a field's name; None where it is not written."""
         entry = self._entries.get(field_path)
-        return _position(entry.name) if entry is not None else None
+        return entry.name.position if entry is not None else None
 
     def is_set(self, field_path: str) -> bool:
         """Tells whether a field is written, with whatever value: 0 counts, and so does a broken one."""
@@ -58,7 +58,7 @@ class Positions:
         while path:
             entry = self._entries.get(path)
             if entry is not None:
-                return _position(entry.value)
+                return entry.value.position
             path = parent(path)
         return None
 
@@ -92,7 +92,3 @@ def parent(field_path: str) -> str:
     if field_path.endswith("]"):
         return field_path[: field_path.rfind("[")]
     return field_path.rpartition(".")[0]
-
-
-def _position(span: Span) -> Position:
-    return span.source.position(span.start, span.end)

@@ -6,12 +6,15 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from joshua.textproto import literals
-from joshua.textproto.diagnostics import Span, shortened
+from joshua.textproto.diagnostics import shortened
 from joshua.textproto.field_table import Kind
 from joshua.textproto.nearest import nearest, nearest_first
-from joshua.textproto.syntax import Scalar, ScalarKind
+from joshua.textproto.source import Span
+from joshua.textproto.syntax import ListValue, Scalar, ScalarKind
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.field_table import FieldInfo
     from joshua.textproto.source import Source
@@ -31,9 +34,9 @@ class ScalarReader:
     def read(self, info: FieldInfo, value: Value, path: str) -> Any:
         """Returns the value for a field; None where it does not fit, which is reported."""
         if not isinstance(value, Scalar):
-            found = "a list" if self._text(value).startswith("[") else "a block"
+            found = "a list" if isinstance(value, ListValue) else "a block"
             many = " for each entry" if info.is_repeated else ""
-            self._wrong_type(info, value, path, f"{info.name} takes a {info.type_text}{many}, not {found}.")
+            self._wrong_type(info, value, path, f"takes a {info.type_text}{many}, not {found}")
             return None
         if value.kind is ScalarKind.BROKEN:
             return None
@@ -45,76 +48,55 @@ class ScalarReader:
         text = value.texts[0]
         if info.kind is Kind.ENUM:
             return self._enum(info, value, text, path)
+        if info.kind is Kind.INTEGER:
+            return self._integer(info, value, text, path)
+        found_value: float | bool | None
         if info.kind is Kind.BOOL:
-            truth = literals.boolean(text)
-            if truth is None:
-                self._wrong_type(
-                    info,
-                    value,
-                    path,
-                    f"{info.name} takes true or false.",
-                    nearest_first(text, ("true", "false")),
-                )
-            return truth
-        if info.kind is Kind.FLOAT:
-            number = literals.number(text)
-            if number is None:
-                self._wrong_type(info, value, path, f"{info.name} takes a number.")
-            return number
-        return self._integer(info, value, text, path)
+            found_value, wanted = literals.boolean(text), "true or false"
+            allowed = nearest_first(text, ("true", "false")) if found_value is None else []
+        else:
+            found_value, wanted, allowed = literals.number(text), "a number", []
+        if found_value is None:
+            self._wrong_type(info, value, path, f"takes {wanted}", allowed)
+        return found_value
 
     def _integer(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
         number = literals.integer(text)
-        if number is None:
-            self._not_an_integer(info, value, text, path)
-            return None
-        if not info.smallest <= number <= info.largest:
-            limits = _limits_of(info)
-            self._problems.error(
-                "number-out-of-range",
-                f"{info.name} takes whole numbers from {limits}.",
-                self._span(value),
-                path=path,
-                found=text,
-                allowed=(limits,),
-            )
-            return None
-        return number
-
-    def _not_an_integer(self, info: FieldInfo, value: Scalar, text: str, path: str) -> None:
-        number = literals.number(text)
-        allowed: tuple[str, ...] = ()
         if number is not None and info.smallest <= number <= info.largest:
-            low = int(number // 1)
-            allowed = (str(low),) if low == number else (str(low), str(low + 1))
-        self._wrong_type(info, value, path, f"{info.name} takes a whole number.", allowed)
+            return number
+        if number is not None:
+            limits = _limits_of(info)
+            message = f"{info.name} takes whole numbers from {limits}."
+            self._error("number-out-of-range", message, value, path, allowed=(limits,))
+            return None
+        near = literals.number(text)
+        allowed: tuple[str, ...] = ()
+        if near is not None and info.smallest <= near <= info.largest:
+            low = int(near // 1)
+            allowed = (str(low),) if low == near else (str(low), str(low + 1))
+        self._wrong_type(info, value, path, "takes a whole number", allowed)
+        return None
 
     def _enum(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
         number = literals.plain_integer(text)
         if number is not None:
             if number in info.enum.values_by_number:
                 return number
+            message = f"{info.enum.name} has no value of number {number}."
             names = [f"{item.name} ({item.number})" for item in info.enum.values]
-            self._problems.error(
-                "unknown-enum-number",
-                f"{info.enum.name} has no value of number {number}.",
-                self._span(value),
-                path=path,
-                found=text,
-                allowed=names,
-            )
+            self._error("unknown-enum-number", message, value, path, allowed=names)
             return None
         found = info.enum.values_by_name.get(text)
         if found is not None:
             return int(found.number)
-        self._problems.error(
+        names = _names(info.enum)
+        self._error(
             "unknown-enum-value",
             f"{info.enum.name} has no value {shortened(text)}.",
-            self._span(value),
-            path=path,
-            found=text,
-            allowed=nearest_first(text, _names(info.enum)),
-            remedy="".join(f"Did you mean {name}?" for name in nearest(text, _names(info.enum), most=1)),
+            value,
+            path,
+            allowed=nearest_first(text, names),
+            remedy="".join(f"Did you mean {name}?" for name in nearest(text, names, most=1)),
         )
         return None
 
@@ -131,9 +113,7 @@ class ScalarReader:
                 allowed = [bare]
         elif literals.number(text) is not None or literals.boolean(text) is not None:
             remedy = f"Write {text} without quotes."
-        self._wrong_type(
-            info, value, path, f"{info.name} takes a {info.type_text}, not a string.", allowed, remedy
-        )
+        self._wrong_type(info, value, path, f"takes a {info.type_text}, not a string", allowed, remedy)
 
     def _string(self, info: FieldInfo, value: Scalar, path: str) -> str | bytes | None:
         if value.kind is ScalarKind.RAW:
@@ -148,22 +128,15 @@ class ScalarReader:
             data = b"".join(piece for piece in pieces if piece is not None)
         else:
             quoted = f'"{shortened(value.texts[0])}"'
-            self._wrong_type(
-                info, value, path, f"{info.name} takes a {info.type_text}.", (quoted,), f"Write {quoted}."
-            )
+            self._wrong_type(info, value, path, f"takes a {info.type_text}", (quoted,), f"Write {quoted}.")
             return None
         if info.kind is Kind.BYTES:
             return data
         try:
             return data.decode()
         except UnicodeDecodeError as fault:
-            self._problems.error(
-                "not-utf8-string",
-                f"The byte 0x{data[fault.start]:02x} of this string is not UTF-8 text.",
-                self._span(value),
-                path=path,
-                found=self._text(value),
-            )
+            message = f"The byte 0x{data[fault.start]:02x} of this string is not UTF-8 text."
+            self._error("not-utf8-string", message, value, path)
             return None
 
     def _piece(self, literal: str, start: int, path: str) -> bytes | None:
@@ -179,25 +152,19 @@ class ScalarReader:
         info: FieldInfo,
         value: Value,
         path: str,
-        message: str,
-        allowed: list[str] | tuple[str, ...] = (),
+        takes: str,
+        allowed: Sequence[str] = (),
         remedy: str = "",
     ) -> None:
-        self._problems.error(
-            "wrong-type",
-            message,
-            self._span(value),
-            path=path,
-            found=self._text(value),
-            allowed=allowed or (info.type_text,),
-            remedy=remedy or _number_remedy(info, self._text(value)),
-        )
+        remedy = remedy or _number_remedy(info, self._span(value).text)
+        allowed = allowed or (info.type_text,)
+        self._error("wrong-type", f"{info.name} {takes}.", value, path, allowed=allowed, remedy=remedy)
+
+    def _error(self, code: str, message: str, value: Value, path: str, **details: Any) -> None:
+        self._problems.error(code, message, self._span(value), path=path, **details)
 
     def _span(self, value: Value) -> Span:
         return Span(self._source, value.start, value.end)
-
-    def _text(self, value: Value) -> str:
-        return shortened(self._source.text[value.start : value.end].partition("\n")[0])
 
 
 def _limits_of(info: FieldInfo) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from joshua.plan import Position
@@ -66,3 +66,21 @@ class Source:
                 at = self.text.find("\n", at + 1)
             self._starts = starts
         return self._starts
+
+
+class Span(NamedTuple):
+    """A piece of a text: offsets of its first character and of the one after its last."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def text(self) -> str:
+        """Its first line."""
+        return self.source.text[self.start : self.end].partition("\n")[0]
+
+    @property
+    def position(self) -> Position:
+        """Its place, cut at the end of its first line."""
+        return self.source.position(self.start, self.end)

@@ -1,4 +1,7 @@
-"""The syntax tree of a configuration text: what is written, where, before any schema is asked."""
+"""The syntax tree of a configuration text: what is written, where, before any schema is asked.
+
+Each part has the offsets of its first character and of the one after its last, brackets included.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +21,10 @@ class ScalarKind(Enum):
 
 
 class Scalar:
-    """A string, number or name.
+    """A string, number or name; adjacent strings are several literals.
 
     Attributes:
-        kind: how it is written; start, end: its offsets.
-        texts: the literals as they are written; adjacent strings are several.
-        parts: offsets of the literals.
+        kind: how it is written; texts: the literals as they are written; parts: their offsets.
     """
 
     __slots__ = ("end", "kind", "parts", "start", "texts")
@@ -31,22 +32,16 @@ class Scalar:
     def __init__(
         self, kind: ScalarKind, start: int, end: int, texts: list[str], parts: list[tuple[int, int]]
     ) -> None:
-        self.kind = kind
-        self.start = start
-        self.end = end
-        self.texts = texts
-        self.parts = parts
+        self.kind, self.start, self.end, self.texts, self.parts = kind, start, end, texts, parts
 
 
 class Block:
-    """Fields between brackets; ``start`` is the opening one, ``end`` the offset after the closing one."""
+    """Fields between brackets."""
 
     __slots__ = ("end", "fields", "start")
 
-    def __init__(self, start: int, end: int, fields: list[Field] | None = None) -> None:
-        self.start = start
-        self.end = end
-        self.fields: list[Field] = [] if fields is None else fields
+    def __init__(self, start: int, end: int, fields: list[Field]) -> None:
+        self.start, self.end, self.fields = start, end, fields
 
 
 class ListValue:
@@ -55,8 +50,7 @@ class ListValue:
     __slots__ = ("end", "items", "start")
 
     def __init__(self, start: int, end: int) -> None:
-        self.start = start
-        self.end = end
+        self.start, self.end = start, end
         self.items: list[Scalar | Block] = []
 
 
@@ -78,22 +72,9 @@ class Field:
 
     __slots__ = ("end", "has_colon", "is_type", "name", "name_end", "name_start", "separator", "value")
 
-    def __init__(
-        self,
-        name: str,
-        name_start: int,
-        name_end: int,
-        *,
-        is_type: bool = False,
-        has_colon: bool = False,
-        value: Value | None = None,
-        end: int = 0,
-    ) -> None:
-        self.name = name
-        self.name_start = name_start
-        self.name_end = name_end
-        self.is_type = is_type
-        self.has_colon = has_colon
-        self.value = value
-        self.end = end
+    def __init__(self, name: str, name_start: int, name_end: int, *, is_type: bool = False) -> None:
+        self.name, self.name_start, self.name_end, self.is_type = name, name_start, name_end, is_type
+        self.has_colon = False
+        self.value: Value | None = None
+        self.end = 0
         self.separator = ""

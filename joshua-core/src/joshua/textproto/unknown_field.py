@@ -29,13 +29,8 @@ def report_unknown_field(
     place = Span(source, field.name_start, field.name_end)
     shown = shortened(field.name, 60)
     if field.is_type:
-        problems.error(
-            "extension-field",
-            f"{descriptor.name} takes no type in square brackets.",
-            place,
-            path=path,
-            found=source.text[field.name_start : field.name_end],
-        )
+        message = f"{descriptor.name} takes no type in square brackets."
+        problems.error("extension-field", message, place, path=path)
         return
     allowed = nearest_first(field.name, [known.name for known in descriptor.fields])
     remedy = ""
@@ -60,7 +55,6 @@ def report_unknown_field(
         f"{descriptor.name} has no field {shown}.",
         place,
         path=f"{path}.{shown}" if path else shown,
-        found=field.name,
         allowed=allowed,
         remedy=remedy,
     )

@@ -14,7 +14,7 @@ from joshua.schema.config_pb2 import Config
 from joshua.textproto.lexer import tokenize
 from joshua.textproto.source import Source
 
-CONFIGS = sorted((Path(__file__).parents[4] / "configs").glob("*.pbtxt"))
+CONFIGS = sorted((Path(__file__).parents[3] / "configs").glob("*.pbtxt"))
 QUICK = settings(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
