@@ -1,27 +1,35 @@
-"""The files under ``meta/`` of a LeRobot v3 data set, and the schema that its tables carry."""
+"""The files under ``meta/`` of a data set, and the schema that its tables carry."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 from joshua.features import DatasetLayout
 
-from joshua_dataset.staging import Staging
-from joshua_dataset.statistics import Statistics, as_json, merged
-from joshua_dataset.video import CODEC, PIXEL_FORMAT
+from joshua_dataset.pictures import PIXEL_FORMAT
 
 VERSION = "v3.0"
 
 #: Files in one folder.
 CHUNK_SIZE = 1000
 
-DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+#: Suffix of the tables by format; ``lerobot`` has LeRobot's layout, the others the same columns.
+SUFFIXES = {"lerobot": ".parquet", "parquet": ".parquet", "csv": ".csv", "jsonl": ".jsonl"}
 
-#: Column of the real acquisition stamps, ns.
+DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}"
+VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+PICTURES_PATH = "images/{video_key}/chunk-{chunk_index:03d}/episode-{file_index:03d}"
+EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+
+INFO = Path("meta") / "info.json"
+STATS = Path("meta") / "stats.json"
+TASKS = Path("meta") / "tasks.parquet"
+
+#: Column of the frames' acquisition stamps, ns since the epoch.
 STAMP = "stamp_ns"
 
 #: Columns that every data set has.
@@ -33,6 +41,14 @@ INDEX_COLUMNS = {
     "index": "int64",
     "task_index": "int64",
 }
+
+#: Entry of ``info.json`` for what LeRobot's layout has no place for.
+OURS = "joshua"
+
+
+def place(episode: int) -> dict[str, int]:
+    """Chunk and file of an episode."""
+    return {"chunk_index": episode // CHUNK_SIZE, "file_index": episode % CHUNK_SIZE}
 
 
 def data_schema(layout: DatasetLayout) -> pa.Schema:
@@ -56,63 +72,67 @@ def data_schema(layout: DatasetLayout) -> pa.Schema:
     return pa.schema(fields, metadata={"huggingface": json.dumps({"info": {"features": described}})})
 
 
-def write_metadata(
-    staging: Staging,
-    layout: DatasetLayout,
-    episodes: Sequence[Mapping[str, Any]],
-    statistics: Sequence[Mapping[str, Statistics]],
-    tasks: Sequence[str],
-) -> None:
-    """Writes everything under ``meta/``; what stands there stays until the staging is committed.
-
-    Args:
-        staging: takes the files; layout: of the data set; tasks: in the order of their index.
-        episodes: rows of the table of episodes; statistics: of each of them, by feature.
-    """
-    meta = layout.folder / "meta"
-    staging.table(meta / "tasks.parquet", _tasks_table(tasks))
-    staging.table(meta / "episodes" / "chunk-000" / "file-000.parquet", pa.Table.from_pylist(list(episodes)))
-    together = {key: as_json(merged([part[key] for part in statistics])) for key in statistics[0]}
-    staging.json(meta / "stats.json", together)
-    staging.json(meta / "info.json", _info(layout, episodes, tasks))
+def flat_table(table: pa.Table, layout: DatasetLayout) -> pa.Table:
+    """A table whose vectors have one column for each number, named ``action.shoulder_pan``."""
+    columns: dict[str, Any] = {}
+    for name in table.column_names:
+        column = table.column(name)
+        if pa.types.is_fixed_size_list(column.type):
+            names = layout.features[name].names or tuple(map(str, range(column.type.list_size)))
+            values = column.combine_chunks().flatten().to_numpy().reshape(len(table), -1)
+            columns |= {f"{name}.{part}": values[:, i] for i, part in enumerate(names)}
+        else:
+            columns[name] = column
+    return pa.table(columns)
 
 
-def _info(
-    layout: DatasetLayout, episodes: Sequence[Mapping[str, Any]], tasks: Sequence[str]
+def info(
+    layout: DatasetLayout, table_format: str, *, episodes: int, frames: int, tasks: int
 ) -> dict[str, Any]:
+    """Content of ``meta/info.json``."""
     features = layout.features.as_lerobot()
     for feature in layout.features.pictures:
         height, width, _ = feature.shape
         features[feature.key]["info"] = {
             "video.height": height,
             "video.width": width,
-            "video.codec": CODEC,
+            "video.codec": layout.codec,
             "video.pix_fmt": PIXEL_FORMAT,
             "video.is_depth_map": False,
             "video.fps": layout.fps,
             "video.channels": 3,
             "has_audio": False,
         }
+        if layout.pictures != "video":
+            features[feature.key] |= {"dtype": "image", "info": {"file_format": layout.pictures}}
     for name, kind in INDEX_COLUMNS.items():
         features[name] = {"dtype": kind, "shape": [1], "names": None}
+    pictures_path = VIDEO_PATH if layout.pictures == "video" else PICTURES_PATH
     return {
         "codebase_version": VERSION,
         "robot_type": layout.robot_type,
-        "total_episodes": len(episodes),
-        "total_frames": sum(row["length"] for row in episodes),
-        "total_tasks": len(tasks),
+        "total_episodes": episodes,
+        "total_frames": frames,
+        "total_tasks": tasks,
         "chunks_size": CHUNK_SIZE,
         "data_files_size_in_mb": 100,
         "video_files_size_in_mb": 200,
         "fps": layout.fps,
-        "splits": {"train": f"0:{len(episodes)}"},
-        "data_path": DATA_PATH,
-        "video_path": VIDEO_PATH if layout.features.pictures else None,
+        "splits": {"train": f"0:{episodes}"},
+        "data_path": DATA_PATH + SUFFIXES[table_format],
+        "video_path": pictures_path if layout.features.pictures else None,
         "features": features,
+        OURS: {
+            "format": table_format,
+            "pictures": layout.pictures,
+            "codec": layout.codec,
+            "identity": dict(layout.identity),
+            "counters": list(layout.counters),
+        },
     }
 
 
-def _tasks_table(tasks: Sequence[str]) -> pa.Table:
+def tasks_table(tasks: Sequence[str]) -> pa.Table:
     """Tasks by their text, which LeRobot reads as the index of a pandas table."""
     index = "__index_level_0__"
     described = {
@@ -147,3 +167,37 @@ def _tasks_table(tasks: Sequence[str]) -> pa.Table:
     }
     table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), index: list(tasks)})
     return table.replace_schema_metadata({"pandas": json.dumps(described)})
+
+
+def table_schema(layout: DatasetLayout, table_format: str) -> dict[str, Any]:
+    """Content of ``schema.json``, which says what the columns of a plain table hold."""
+    columns: dict[str, Any] = {}
+    for feature in layout.features.numbers:
+        described = {"dtype": feature.dtype, "unit": feature.unit or None}
+        if table_format == "csv":
+            names = feature.names or tuple(map(str, range(feature.shape[0])))
+            columns |= {f"{feature.key}.{name}": described for name in names}
+        else:
+            columns[feature.key] = described | {"shape": list(feature.shape), "names": list(feature.names)}
+    columns |= {name: {"dtype": kind, "unit": _UNITS.get(name)} for name, kind in INDEX_COLUMNS.items()}
+    return {
+        "columns": columns,
+        "pictures": {
+            feature.key: {"shape": list(feature.shape), "path": pictures_of(layout, feature.key)}
+            for feature in layout.features.pictures
+        },
+    }
+
+
+_UNITS = {"timestamp": "s", STAMP: "ns"}
+
+
+def pictures_of(layout: DatasetLayout, key: str) -> str:
+    """Template of the path of an episode's pictures."""
+    template = VIDEO_PATH if layout.pictures == "video" else PICTURES_PATH
+    return template.replace("{video_key}", key)
+
+
+def episode_columns(found: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Statistics of an episode as columns of its row."""
+    return {f"stats/{key}/{name}": value for key, values in found.items() for name, value in values.items()}

@@ -1,14 +1,16 @@
-"""What LeRobot keeps about the values of each feature: extremes, mean, spread and quantiles."""
+"""Statistics of features as LeRobot keeps them, of an episode and of a whole data set."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+
+#: Arrays by name: min, max, mean, std, count and the quantiles.
 Statistics = dict[str, FloatArray]
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
@@ -27,26 +29,56 @@ def of_rows(rows: npt.ArrayLike) -> Statistics:
         "std": values.std(axis=0),
         "count": np.array([len(values)], dtype=np.float64),
     }
-    for name, part in QUANTILES.items():
-        found[name] = np.quantile(values, part, axis=0)
-    return found
+    quantiles = np.quantile(values, list(QUANTILES.values()), axis=0)
+    return found | dict(zip(QUANTILES, quantiles, strict=True))
 
 
-def thinned(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """The pixels of a picture (H, W, 3) that count, as a copy."""
-    return picture[::PIXEL_STRIDE, ::PIXEL_STRIDE].copy()
+class PictureStatistics:
+    """Statistics of pictures by channel, exact for the pixels that count, in constant memory."""
+
+    def __init__(self) -> None:
+        self.pictures = 0
+        self._histogram = np.zeros((3, 256), np.int64)
+
+    def add(self, picture: npt.NDArray[np.uint8]) -> None:
+        """Counts every ``PIXEL_STRIDE``-th pixel of a picture (H, W, 3)."""
+        thinned = picture[::PIXEL_STRIDE, ::PIXEL_STRIDE]
+        for channel in range(3):
+            self._histogram[channel] += np.bincount(thinned[..., channel].ravel(), minlength=256)
+        self.pictures += 1
+
+    def result(self) -> Statistics:
+        """The statistics, in [0, 1], shape (3, 1, 1) as LeRobot keeps them. Needs a picture."""
+        levels = np.arange(256) / 255.0
+        total = self._histogram.sum(axis=1, keepdims=True)
+        share = self._histogram / total
+        mean = share @ levels
+        variance = np.maximum(share @ levels**2 - mean**2, 0.0)
+        rising = np.cumsum(self._histogram, axis=1)
+        found = {
+            "min": levels[(self._histogram > 0).argmax(axis=1)],
+            "max": levels[255 - (self._histogram[:, ::-1] > 0).argmax(axis=1)],
+            "mean": mean,
+            "std": np.sqrt(variance),
+        } | {name: _quantile(rising, levels, part) for name, part in QUANTILES.items()}
+        shaped = {name: value.reshape(3, 1, 1) for name, value in found.items()}
+        return shaped | {"count": np.array([self.pictures], dtype=np.float64)}
 
 
-def of_pictures(pictures: Sequence[npt.NDArray[np.uint8]]) -> Statistics:
-    """Statistics of thinned pictures by channel, in [0, 1], shape (3, 1, 1) as LeRobot wants it."""
-    found = of_rows(np.stack(pictures).reshape(-1, 3) / 255.0)
-    found = {name: value.reshape(3, 1, 1) for name, value in found.items() if name != "count"}
-    found["count"] = np.array([len(pictures)], dtype=np.float64)
-    return found
+def _quantile(rising: npt.NDArray[np.int64], levels: FloatArray, part: float) -> FloatArray:
+    """Quantile of each histogram, between neighbouring samples as numpy's default does it."""
+    found = []
+    for counts in rising:
+        at = part * (counts[-1] - 1)
+        low, high = (
+            levels[np.searchsorted(counts, rank, side="right")] for rank in (int(at), int(np.ceil(at)))
+        )
+        found.append(low + (high - low) * (at - int(at)))
+    return np.array(found)
 
 
 def merged(parts: Sequence[Statistics]) -> Statistics:
-    """Statistics of all rows of several parts; quantiles are the weighted means of the parts'."""
+    """Statistics of all rows of several parts; quantiles are weighted means, as in LeRobot."""
     counts = np.array([part["count"][0] for part in parts])
     share = counts / counts.sum()
 
@@ -63,7 +95,11 @@ def merged(parts: Sequence[Statistics]) -> Statistics:
         "mean": mean,
         "std": np.sqrt(variance),
         "count": np.array([counts.sum()]),
-        **{name: weighted([part[name] for part in parts]) for name in QUANTILES},
+        **{
+            name: weighted([part[name] for part in parts])
+            for name in QUANTILES
+            if all(name in p for p in parts)
+        },
     }
 
 
@@ -72,3 +108,8 @@ def as_json(statistics: Statistics) -> dict[str, Any]:
     return {
         name: [int(value[0])] if name == "count" else value.tolist() for name, value in statistics.items()
     }
+
+
+def from_json(record: Mapping[str, Any]) -> Statistics:
+    """Reads what ``as_json`` wrote. Raises ValueError and TypeError."""
+    return {name: np.asarray(value, np.float64) for name, value in record.items()}

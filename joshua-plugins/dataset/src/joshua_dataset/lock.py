@@ -1,0 +1,75 @@
+"""One writer for each data set: a lock that names its owner and ends with the owner's process."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+from joshua.features import EpisodeError
+
+#: Folder of the writer's own files inside a data set; no reader of LeRobot's layout looks into it.
+PRIVATE = ".joshua"
+
+
+class WriterLock:
+    """Excludes a second writer of a data set.
+
+    Args:
+        folder: of the data set.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._path = folder / PRIVATE / "lock"
+        self._file: Any = None
+
+    def take(self) -> None:
+        """Takes the lock. Raises EpisodeError that names the owner, and OSError."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        while True:
+            file = self._path.open("a+", encoding="utf-8")
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.seek(0)
+                owner = _owner(file.read())
+                file.close()
+                raise EpisodeError(
+                    f"{self._folder} is being written by {owner}. "
+                    "Stop that recording, or name another local_path"
+                ) from None
+            except OSError:
+                file.close()
+                raise
+            # the owner before may have removed the file that was locked here
+            if self._path.exists() and os.path.samestat(os.fstat(file.fileno()), self._path.stat()):
+                break
+            file.close()
+        self._file = file
+        file.truncate(0)
+        started = time.strftime("%Y-%m-%d %H:%M:%S")
+        json.dump({"process": os.getpid(), "host": socket.gethostname(), "since": started}, file)
+        file.flush()
+
+    def release(self) -> None:
+        """Gives the lock back; idempotent."""
+        if self._file is not None:
+            with contextlib.suppress(OSError):  # the disk may have gone
+                self._path.unlink(missing_ok=True)
+                self._path.parent.rmdir()
+            self._file.close()
+            self._file = None
+
+
+def _owner(text: str) -> str:
+    try:
+        record = json.loads(text)
+        return f"process {record['process']} on {record['host']} since {record['since']}"
+    except (ValueError, KeyError, TypeError):
+        return "another process"

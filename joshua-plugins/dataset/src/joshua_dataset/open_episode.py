@@ -1,0 +1,165 @@
+"""The open episode on the disk, as streams: a kill at any time costs its last half second."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from joshua.features import DatasetLayout
+
+from joshua_dataset.lock import PRIVATE
+from joshua_dataset.metadata import STAMP
+from joshua_dataset.pictures import FRAGMENT_S, QUEUE_S, Encoder, PictureFiles, Video
+from joshua_dataset.statistics import Statistics
+
+ROWS = "rows.arrows"
+JOURNAL = "episode.json"
+SUFFIXES = {"video": ".mp4", "png": "", "jpeg": ""}
+
+
+def open_folder(folder: Path) -> Path:
+    """Where the files of a data set's open episode stand."""
+    return folder / PRIVATE / "open"
+
+
+class OpenEpisode:
+    """Files of one episode; nothing of them is seen by readers of the data set.
+
+    Args:
+        layout: of the data set; schema: of the rows: numbers of the features and stamps.
+        number: of the episode; journal: what a repair needs to complete it.
+
+    Raises:
+        OSError, av.FFmpegError: the disk refuses them; so do the methods.
+    """
+
+    def __init__(
+        self, layout: DatasetLayout, schema: pa.Schema, number: int, journal: Mapping[str, Any]
+    ) -> None:
+        self._layout, self._schema = layout, schema
+        self.folder = open_folder(layout.folder)
+        self.encoders: dict[str, Encoder] = {}
+        self.frames = 0
+        self._rows: list[dict[str, Any]] = []
+        self._batches: list[pa.RecordBatch] = []
+        self._flush_every = max(1, round(layout.fps * FRAGMENT_S / 2))
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir(parents=True)
+        (self.folder / JOURNAL).write_text(json.dumps({"episode_index": number, **journal}), encoding="utf-8")
+        self._file: Any = (self.folder / ROWS).open("wb")
+        try:
+            self._stream: Any = pa.ipc.new_stream(self._file, schema)
+            for feature in layout.features.pictures:
+                self.encoders[feature.key] = self._encoder(feature.key, *feature.shape[:2])
+        except BaseException:
+            self.drop()
+            raise
+
+    def add(self, stamp_ns: int, values: Mapping[str, Any]) -> None:
+        """Add a frame of checked values."""
+        for key, encoder in self.encoders.items():
+            encoder.add(values[key])
+        self._rows.append(
+            {STAMP: stamp_ns}
+            | {key: values[key] for key in self._layout.features if key not in self.encoders}
+        )
+        self.frames += 1
+        if len(self._rows) >= self._flush_every:
+            self._flush()
+
+    def finish(self) -> tuple[dict[str, Any], dict[str, Statistics]]:
+        """Complete all files; return the columns, (N, …) each, and the statistics of the pictures."""
+        self._flush()
+        self._stream.close()
+        self._file.close()
+        found = {key: encoder.finish() for key, encoder in self.encoders.items()}
+        return columns_of(pa.Table.from_batches(self._batches, self._schema)), found
+
+    def pictures(self, key: str) -> Path:
+        """File or folder of the pictures of a feature."""
+        return pictures_path(self._layout, key)
+
+    def drop(self) -> None:
+        """Remove everything; idempotent."""
+        for encoder in self.encoders.values():
+            encoder.drop()
+        with contextlib.suppress(OSError):  # what is buffered goes nowhere
+            self._file.close()
+        remove(self._layout.folder)
+
+    def _encoder(self, key: str, height: int, width: int) -> Encoder:
+        path, kind = self.pictures(key), self._layout.pictures
+        target = (
+            Video(path, width, height, self._layout.fps, self._layout.codec)
+            if kind == "video"
+            else PictureFiles(path, ".png" if kind == "png" else ".jpg")
+        )
+        return Encoder(target, key, round(QUEUE_S * self._layout.fps))
+
+    def _flush(self) -> None:
+        if not self._rows:
+            return
+        arrays = []
+        for field in self._schema:
+            values = np.asarray([row[field.name] for row in self._rows])
+            arrays.append(
+                pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), field.type.list_size)
+                if pa.types.is_fixed_size_list(field.type)
+                else pa.array(values, field.type)
+            )
+        batch = pa.record_batch(arrays, schema=self._schema)
+        self._stream.write_batch(batch)
+        self._file.flush()
+        self._batches.append(batch)
+        self._rows.clear()
+
+
+def pictures_path(layout: DatasetLayout, key: str) -> Path:
+    """File or folder of the pictures of a feature in the open episode."""
+    return open_folder(layout.folder) / f"{key}{SUFFIXES[layout.pictures]}"
+
+
+def remove(folder: Path) -> None:
+    """Removes the open episode of a data set."""
+    shutil.rmtree(open_folder(folder), ignore_errors=True)
+
+
+def read_journal(folder: Path) -> dict[str, Any] | None:
+    """The journal of an open episode; None without one, {} where a kill tore it."""
+    try:
+        record = json.loads((open_folder(folder) / JOURNAL).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {} if open_folder(folder).exists() else None
+    except (OSError, ValueError):
+        return {}
+    return record if isinstance(record, dict) and isinstance(record.get("episode_index"), int) else {}
+
+
+def rows_of(folder: Path) -> pa.Table | None:
+    """The rows of an open episode that reached the disk; None where there are none."""
+    batches = []
+    try:
+        with (open_folder(folder) / ROWS).open("rb") as file, pa.ipc.open_stream(file) as stream:
+            with contextlib.suppress(pa.ArrowException, OSError):  # the last batch is torn
+                batches.extend(stream)
+            return pa.Table.from_batches(batches, stream.schema) if batches else None
+    except (OSError, pa.ArrowException):
+        return None
+
+
+def columns_of(table: pa.Table) -> dict[str, Any]:
+    """The columns of a table as arrays, (N,) or (N, D)."""
+    found: dict[str, Any] = {}
+    for name in table.column_names:
+        column = table.column(name).combine_chunks()
+        if pa.types.is_fixed_size_list(column.type):
+            found[name] = column.flatten().to_numpy(zero_copy_only=False).reshape(len(table), -1)
+        else:
+            found[name] = column.to_numpy(zero_copy_only=False)
+    return found

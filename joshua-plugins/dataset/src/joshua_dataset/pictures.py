@@ -1,0 +1,232 @@
+"""Where the pictures of an episode go: videos, or one file each; encoded on a thread of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import shutil
+import threading
+import time
+from abc import ABC, abstractmethod
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import numpy.typing as npt
+
+from joshua_dataset.statistics import PictureStatistics, Statistics
+
+PIXEL_FORMAT = "yuv420p"
+
+#: Every how many frames a picture counts for the statistics.
+PICTURE_STRIDE = 10
+
+#: Longest part of a video that a killed writer can lose, s.
+FRAGMENT_S = 0.5
+
+#: Seconds of pictures that may wait for an encoder.
+QUEUE_S = 2.0
+
+# One thread each, so that the same pictures give the same bytes and an encoder takes at most a core;
+# every second picture stands alone (g), so that a training's random reads find any frame fast.
+ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
+    "h264": ("libx264", {"g": "2", "crf": "23", "preset": "ultrafast", "threads": "1"}),
+    "hevc": (
+        "libx265",
+        {
+            "g": "2",
+            "crf": "28",
+            "preset": "ultrafast",
+            "x265-params": "log-level=error:pools=1:frame-threads=1",
+        },
+    ),
+    "av1": ("libsvtav1", {"g": "2", "crf": "30", "preset": "12", "svtav1-params": "lp=1"}),
+}
+"""Encoder and options by the codec's name in ``info.json``."""
+
+ERRORS = (OSError, av.FFmpegError)
+"""What a disk or a codec raises."""
+
+Picture = npt.NDArray[np.uint8]
+
+
+class Target(ABC):
+    """Takes the pictures of one feature for one episode. Raises ``ERRORS``."""
+
+    path: Path
+
+    @abstractmethod
+    def add(self, picture: Picture) -> None:
+        """Takes one picture of shape (H, W, 3), RGB."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Completes what was written; idempotent."""
+
+    def drop(self) -> None:
+        """Removes everything, complete or not."""
+        with contextlib.suppress(*ERRORS):  # a full disk takes no index
+            self.close()
+        if self.path.is_dir():
+            shutil.rmtree(self.path, ignore_errors=True)
+        else:
+            self.path.unlink(missing_ok=True)
+
+
+class Video(Target):
+    """One MP4 video. A writer that is killed leaves all but its last ``FRAGMENT_S`` readable.
+
+    Args:
+        path: of the file; width, height: even numbers of pixels; fps: pictures per second.
+        codec: of ``ENCODERS``.
+    """
+
+    def __init__(self, path: Path, width: int, height: int, fps: int, codec: str = "h264") -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.path = path
+        encoder, options = ENCODERS[codec]
+        # written in fragments and turned into an ordinary MP4 file with one index when it is closed
+        container_options = {
+            "movflags": "hybrid_fragmented",
+            "frag_duration": str(round(FRAGMENT_S * 1e6)),
+            "flush_packets": "1",
+        }
+        self._container: Any = av.open(str(path), "w", format="mp4", options=container_options)
+        stream: Any = self._container.add_stream(encoder, rate=fps)
+        stream.width, stream.height = width, height
+        stream.pix_fmt = PIXEL_FORMAT
+        stream.options = dict(options)
+        self._stream = stream
+        self._step = Fraction(1, fps)
+        self._count = 0
+        self._started = self._closed = False
+
+    def add(self, picture: Picture) -> None:
+        """See ``Target``."""
+        if not self._started:
+            # by itself, because PyAV crashes when it goes on after a header that the disk has refused
+            self._container.start_encoding()
+            self._started = True
+        frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
+        frame.pts, frame.time_base = self._count, self._step
+        self._container.mux(self._stream.encode(frame))
+        self._count += 1
+
+    def close(self) -> None:
+        """See ``Target``."""
+        if self._closed:
+            return
+        self._closed = True
+        if not self._count:  # FFmpeg cannot complete a video without a picture
+            return
+        try:
+            self._container.mux(self._stream.encode(None))
+        finally:
+            self._container.close()
+
+
+class PictureFiles(Target):
+    """A folder with one PNG or JPEG file a picture, ``frame-000000.png``.
+
+    Args:
+        path: of the folder; suffix: ``.png`` or ``.jpg``.
+    """
+
+    def __init__(self, path: Path, suffix: str) -> None:
+        path.mkdir(parents=True, exist_ok=True)
+        self.path = path
+        self._suffix = suffix
+        self._count = 0
+
+    def add(self, picture: Picture) -> None:
+        """See ``Target``."""
+        height, width, _ = picture.shape
+        png = self._suffix == ".png"
+        context: Any = av.CodecContext.create("png" if png else "mjpeg", "w")
+        context.width, context.height = width, height
+        context.pix_fmt, context.time_base = "rgb24" if png else "yuvj420p", Fraction(1, 1)
+        if png:
+            context.options = {"compression_level": "1"}
+        else:
+            context.options = {"qmin": "2", "qmax": "3"}
+        frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
+        frame.pts = 0
+        data = b"".join(bytes(packet) for packet in (*context.encode(frame), *context.encode(None)))
+        (self.path / f"frame-{self._count:06d}{self._suffix}").write_bytes(data)
+        self._count += 1
+
+    def close(self) -> None:
+        """See ``Target``."""
+
+
+class Encoder:
+    """Encodes the pictures of one feature on a thread of its own, and counts them for the statistics.
+
+    Args:
+        target: takes the pictures on that thread; name: of the thread; depth: pictures that may wait.
+
+    Attributes:
+        busy_s: time that encoding has taken.
+    """
+
+    def __init__(self, target: Target, name: str, depth: int) -> None:
+        self.target = target
+        self.busy_s = 0.0
+        self._statistics = PictureStatistics()
+        self._count = 0
+        self._error: BaseException | None = None
+        self._queue: queue.Queue[Picture | None] = queue.Queue(max(2, depth))
+        self._thread = threading.Thread(target=self._run, name=f"encoder {name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting(self) -> int:
+        """Pictures in the queue."""
+        return self._queue.qsize()
+
+    def add(self, picture: Picture) -> None:
+        """Hand over a picture, which must not change afterwards; blocks while the queue is full.
+
+        Raises:
+            OSError, av.FFmpegError: the disk or the codec refused this picture or one before it.
+        """
+        if self._error is not None:
+            raise self._error
+        self._queue.put(picture)
+
+    def finish(self) -> Statistics:
+        """Encodes what waits, closes the target and returns the statistics. Raises ``ERRORS``."""
+        self._end()
+        self.target.close()
+        if self._error is not None:
+            raise self._error
+        return self._statistics.result()
+
+    def drop(self) -> None:
+        """Ends the thread and removes what was written."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._queue.get_nowait()
+        self._end()
+        self.target.drop()
+
+    def _end(self) -> None:
+        if self._thread.is_alive():
+            self._queue.put(None)
+            self._thread.join()
+
+    def _run(self) -> None:
+        while (picture := self._queue.get()) is not None:
+            if self._error is not None:
+                continue  # the writer finds out at its next picture
+            began = time.thread_time()
+            try:
+                self.target.add(picture)
+                if self._count % PICTURE_STRIDE == 0:
+                    self._statistics.add(picture)
+            except ERRORS as error:
+                self._error = error
+            self._count += 1
+            self.busy_s += time.thread_time() - began

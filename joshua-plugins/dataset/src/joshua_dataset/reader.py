@@ -1,0 +1,383 @@
+"""Reads data sets, one episode at a time: ours, and those that LeRobot wrote in its layouts v3.0 and v2.1.
+
+Nothing of a data set is trusted: paths stay inside its folder, sizes are checked before anything is decoded.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+from joshua.features import FeatureSet
+
+from joshua_dataset import statistics
+from joshua_dataset.metadata import INFO, OURS, STATS, TASKS
+from joshua_dataset.statistics import Statistics
+
+#: Largest picture that is decoded, pixels.
+LARGEST_PICTURE = 8192 * 8192
+
+#: Largest file of metadata that is read, bytes.
+LARGEST_JSON = 256 << 20
+
+VERSIONS = ("v3.0", "v2.1", "v2.0")
+
+
+class DatasetError(Exception):
+    """A data set cannot be read; the message says where, what was found and what to do."""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Where the pictures of one feature of an episode stand.
+
+    Attributes:
+        path: of a video, a folder of picture files, or the table that holds them.
+        from_s: time in the video at which the episode begins; frames: pictures of the episode.
+    """
+
+    path: Path
+    from_s: float
+    frames: int
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode of a data set.
+
+    Attributes:
+        index: in the data set; length: frames; tasks: what it shows.
+        table: file with its rows; pictures: by feature.
+        statistics: by feature, as the metadata have them; counts: by name, such as ``dropped``.
+    """
+
+    index: int
+    length: int
+    tasks: tuple[str, ...]
+    table: Path
+    pictures: Mapping[str, Pictures] = field(default_factory=dict)
+    statistics: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """What the metadata of a data set say.
+
+    Attributes:
+        folder: of the data set; version: of LeRobot's layout; format: as ``writer_of`` takes it.
+        fps: frames per second; robot_type: what was recorded; features: of each frame.
+        episodes, frames: how many; tasks: by their index.
+        pictures: ``video``, ``png``, ``jpeg`` or ``table``, where the pictures stand in the tables.
+        codec: of the videos; "" without any.
+        identity: what appended episodes must share; counters: names of the counts of each episode.
+        info: the whole ``meta/info.json``.
+    """
+
+    folder: Path
+    version: str
+    format: str
+    fps: int
+    robot_type: str
+    features: FeatureSet
+    episodes: int
+    frames: int
+    tasks: tuple[str, ...]
+    pictures: str
+    codec: str
+    identity: Mapping[str, str]
+    counters: tuple[str, ...]
+    info: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, folder: Path) -> Dataset:
+        """Read the metadata. Raises DatasetError."""
+        info = _json(folder / INFO, folder)
+        if not isinstance(info, dict):
+            raise DatasetError(f"{folder / INFO} is no JSON object")
+        version = str(info.get("codebase_version", ""))
+        if version not in VERSIONS:
+            raise DatasetError(
+                f"{folder / INFO} has the codebase_version {version or 'none'}; "
+                f"allowed: {', '.join(VERSIONS)}"
+            )
+        try:
+            described = info["features"]
+            features = FeatureSet.from_lerobot(described)
+            ours = info.get(OURS, {})
+            kinds = {str(described[feature.key]["dtype"]) for feature in features.pictures}
+            pictures = str(ours.get("pictures", "table" if kinds == {"image"} else "video"))
+            codecs = {_codec(described[feature.key]) for feature in features.pictures}
+            found = cls(
+                folder=folder,
+                version=version,
+                format=str(ours.get("format", "lerobot")),
+                fps=int(info["fps"]),
+                robot_type=str(info.get("robot_type") or ""),
+                features=features,
+                episodes=int(info["total_episodes"]),
+                frames=int(info["total_frames"]),
+                tasks=_tasks(folder, version),
+                pictures=pictures,
+                codec=", ".join(sorted(codecs)),
+                identity={str(k): str(v) for k, v in ours.get("identity", {}).items()},
+                counters=tuple(map(str, ours.get("counters", ()))),
+                info=info,
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise DatasetError(f"{folder / INFO} is not valid: {type(error).__name__}: {error}") from error
+        if found.fps <= 0 or found.episodes < 0 or found.frames < 0:
+            raise DatasetError(f"{folder / INFO} has a negative count, or no fps")
+        return found
+
+    def statistics(self) -> dict[str, Statistics]:
+        """Statistics of the whole data set, by feature. Raises DatasetError."""
+        try:
+            record = _json(self.folder / STATS, self.folder)
+            return {str(key): statistics.from_json(values) for key, values in record.items()}
+        except (AttributeError, TypeError, ValueError) as error:
+            raise DatasetError(f"{self.folder / STATS} is not valid: {error}") from error
+
+    def episode_list(self, wanted: set[int] | None = None) -> Iterator[Episode]:
+        """The episodes that the data set counts, in order. Raises DatasetError.
+
+        Args:
+            wanted: their indices; None for all.
+        """
+        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2()
+        for row in rows:
+            try:
+                index = int(row["episode_index"])
+                if index < self.episodes and (wanted is None or index in wanted):
+                    yield self._episode(row, index)
+            except (KeyError, TypeError, ValueError, IndexError) as error:
+                raise DatasetError(
+                    f"{self.folder / 'meta'}: the row of an episode is not valid: "
+                    f"{type(error).__name__}: {error}"
+                ) from error
+
+    def columns(self, episode: Episode) -> dict[str, npt.NDArray[Any]]:
+        """The numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
+        table = self._table(episode)
+        found: dict[str, npt.NDArray[Any]] = {}
+        for name in table.column_names:
+            if name in self.features and self.features[name].is_picture:
+                continue
+            found[name] = _array(table.column(name))
+        if self.format == "csv":
+            found = self._gathered(found)
+        for feature in self.features.numbers:
+            values = found.get(feature.key)
+            if values is None:
+                raise DatasetError(f"{episode.table} lacks the column {feature.key}")
+            wanted = (len(table), *feature.shape)
+            if values.shape != wanted and values.size == int(np.prod(wanted)):
+                found[feature.key] = values = values.reshape(wanted)
+            if values.shape != wanted or values.dtype == object:
+                raise DatasetError(
+                    f"{episode.table}: {feature.key} has the shape {values.shape[1:]}, "
+                    f"and {feature.shape} is described"
+                )
+        return found
+
+    def decoded(self, episode: Episode, key: str) -> Iterator[npt.NDArray[np.uint8]]:
+        """The pictures of an episode, (H, W, 3) RGB, one after the other. Raises DatasetError."""
+        height, width, _ = self.features[key].shape
+        where = episode.pictures[key]
+        try:
+            if self.pictures == "table":
+                for value in self._table(episode).column(key):
+                    yield picture_of(value.as_py()["bytes"], where.path, height, width)
+            elif self.pictures == "video":
+                yield from _video(where, self.fps, height, width)
+            else:
+                suffix = ".png" if self.pictures == "png" else ".jpg"
+                for number in range(where.frames):
+                    path = where.path / f"frame-{number:06d}{suffix}"
+                    yield picture_of(path.read_bytes(), path, height, width)
+        except (OSError, av.FFmpegError, TypeError, KeyError, ValueError) as error:
+            raise DatasetError(f"{where.path}: {error}") from error
+
+    def _table(self, episode: Episode) -> pa.Table:
+        path = episode.table
+        try:
+            if path.suffix == ".csv":
+                table = pa_csv.read_csv(path)
+            elif path.suffix == ".jsonl":
+                with path.open(encoding="utf-8") as file:
+                    table = pa.Table.from_pylist([json.loads(line) for line in file])
+            else:
+                table = pq.read_table(path, filters=[("episode_index", "=", episode.index)])
+            if "episode_index" not in table.column_names:
+                raise DatasetError(f"{path} lacks the column episode_index")
+            return table
+        except (OSError, ValueError, TypeError, pa.ArrowException) as error:
+            raise DatasetError(f"{path} cannot be read: {error}") from error
+
+    def _gathered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """The columns of a CSV table with each vector in one."""
+        found = dict(columns)
+        for feature in self.features.numbers:
+            names = feature.names or tuple(map(str, range(feature.shape[0])))
+            parts = [found.pop(f"{feature.key}.{name}", None) for name in names]
+            if all(part is not None for part in parts):
+                found[feature.key] = np.stack([np.asarray(part) for part in parts], axis=1)
+        return found
+
+    def _rows_v3(self) -> Iterator[dict[str, Any]]:
+        for path in sorted((self.folder / "meta" / "episodes").glob("chunk-*/file-*.parquet")):
+            try:
+                with pq.ParquetFile(path) as file:
+                    for batch in file.iter_batches(batch_size=64):
+                        yield from batch.to_pylist()
+            except (OSError, pa.ArrowException) as error:
+                raise DatasetError(f"{path} cannot be read: {error}") from error
+
+    def _rows_v2(self) -> Iterator[dict[str, Any]]:
+        meta = self.folder / "meta"
+        found = {
+            int(r["episode_index"]): r.get("stats", {}) for r in _lines(meta / "episodes_stats.jsonl", False)
+        }
+        for row in _lines(meta / "episodes.jsonl", True):
+            yield row | {"stats": found.get(int(row["episode_index"]), {})}
+
+    def _episode(self, row: Mapping[str, Any], index: int) -> Episode:
+        info, length = self.info, int(row["length"])
+        if self.version == "v3.0":
+            file = {name: int(row[f"data/{name}"]) for name in ("chunk_index", "file_index")}
+            found: dict[str, dict[str, Any]] = {}
+            for name, value in row.items():
+                if name.startswith("stats/") and value is not None:
+                    key, _, which = name.removeprefix("stats/").rpartition("/")
+                    found.setdefault(key, {})[which] = value
+        else:
+            file = {"episode_chunk": index // int(info.get("chunks_size", 1000)), "episode_index": index}
+            found = dict(row["stats"])
+        table = self._inside(str(info["data_path"]), file)
+        pictures = {}
+        for feature in self.features.pictures:
+            key, path, from_s = feature.key, table, 0.0
+            if self.pictures != "table":
+                if self.version == "v3.0":
+                    names = ("chunk_index", "file_index")
+                    file = {name: int(row[f"videos/{key}/{name}"]) for name in names}
+                    from_s = float(row[f"videos/{key}/from_timestamp"])
+                path = self._inside(str(info["video_path"]), file | {"video_key": key})
+            pictures[key] = Pictures(path, from_s, length)
+        counts = {name: int(row.get(f"counts/{name}") or 0) for name in self.counters}
+        return Episode(index, length, tuple(map(str, row["tasks"])), table, pictures, found, counts)
+
+    def _inside(self, template: str, values: Mapping[str, Any]) -> Path:
+        """A path of the data set. Raises ValueError for one that leads out of it."""
+        path = self.folder / template.format(**values)
+        if not path.resolve().is_relative_to(self.folder.resolve()):
+            raise ValueError(f"the path {path} leads out of the data set")
+        return path
+
+
+def _codec(described: Mapping[str, Any]) -> str:
+    found = described.get("info") or described.get("video_info") or {}
+    return str(found.get("video.codec", ""))
+
+
+def _tasks(folder: Path, version: str) -> tuple[str, ...]:
+    if version == "v3.0":
+        path = folder / TASKS
+        try:
+            columns = pq.read_table(path).to_pydict()
+        except FileNotFoundError:
+            return ()
+        except (OSError, pa.ArrowException) as error:
+            raise DatasetError(f"{path} cannot be read: {error}") from error
+        names: list[Any] = next((values for name, values in columns.items() if name != "task_index"), [])
+        pairs = zip(columns["task_index"], names, strict=True)
+    else:
+        rows = list(_lines(folder / "meta" / "tasks.jsonl", True))
+        pairs = zip((row["task_index"] for row in rows), (row["task"] for row in rows), strict=True)
+    return tuple(str(name) for _, name in sorted(pairs))
+
+
+def _json(path: Path, folder: Path) -> Any:
+    try:
+        if path.stat().st_size > LARGEST_JSON:
+            raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DatasetError(f"{folder} is no data set: it has no {path.relative_to(folder)}") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise DatasetError(f"{path} cannot be read: {error}") from error
+
+
+def _lines(path: Path, needed: bool) -> Iterator[dict[str, Any]]:
+    try:
+        with path.open(encoding="utf-8") as file:
+            for line in file:
+                if line.strip():
+                    yield dict(json.loads(line))
+    except FileNotFoundError as error:
+        if needed:
+            raise DatasetError(f"{path} is missing") from error
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        raise DatasetError(f"{path} cannot be read: {error}") from error
+
+
+def _array(column: pa.ChunkedArray) -> npt.NDArray[Any]:
+    values = column.combine_chunks()
+    kind = values.type
+    if pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind) or pa.types.is_large_list(kind):
+        flat = values.flatten().to_numpy(zero_copy_only=False)
+        if len(values) and len(flat) % len(values) == 0 and not values.null_count:
+            return np.asarray(flat).reshape(len(values), -1)
+        return np.asarray(values.to_pylist(), dtype=object)
+    return np.asarray(values.to_numpy(zero_copy_only=False))
+
+
+def picture_of(data: bytes, path: Path, height: int, width: int) -> npt.NDArray[np.uint8]:
+    """Decodes a picture of a known size. Raises DatasetError and av.FFmpegError."""
+    container: Any
+    with av.open(io.BytesIO(data)) as container:
+        _fits(container.streams.video[0], path, height, width)
+        for picture in container.decode(video=0):
+            return _rgb(picture)
+    raise DatasetError(f"{path} holds no picture")
+
+
+def _video(where: Pictures, fps: int, height: int, width: int) -> Iterator[npt.NDArray[np.uint8]]:
+    with av.open(str(where.path)) as container:
+        stream = container.streams.video[0]
+        _fits(stream, where.path, height, width)
+        stream.thread_type = "AUTO"
+        half_s = 0.5 / fps
+        if where.from_s > 0 and stream.time_base is not None:
+            container.seek(int((where.from_s - half_s) / stream.time_base), stream=stream)
+        count = 0
+        for picture in container.decode(stream):
+            if picture.time is not None and picture.time < where.from_s - half_s:
+                continue
+            if count == where.frames:
+                return
+            yield _rgb(picture)
+            count += 1
+
+
+def _fits(stream: Any, path: Path, height: int, width: int) -> None:
+    found = (stream.codec_context.height, stream.codec_context.width)
+    if found[0] * found[1] > LARGEST_PICTURE or found != (height, width):
+        raise DatasetError(
+            f"{path} has pictures of {found[1]} x {found[0]}, and {width} x {height} is described"
+        )
+
+
+def _rgb(picture: Any) -> npt.NDArray[np.uint8]:
+    found: npt.NDArray[np.uint8] = picture.to_ndarray(format="rgb24")
+    return found

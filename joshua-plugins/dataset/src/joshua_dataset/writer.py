@@ -1,0 +1,362 @@
+"""Writes a data set episode by episode, in LeRobot's v3 layout or as plain tables with the same columns.
+
+Each episode has files of its own: a table, a video for each camera, a row of metadata. An episode is
+complete when ``meta/info.json`` counts it, which is replaced last, after all else is safe on the disk. So a
+discarded episode leaves nothing behind, a data set is complete at any time, and an episode costs the same
+however many precede it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import pyarrow as pa
+from joshua.features import (
+    DatasetLayout,
+    EpisodeError,
+    EpisodeWriter,
+    FeatureError,
+    FeatureSet,
+    Frame,
+    checked,
+)
+
+from joshua_dataset import metadata, open_episode, statistics
+from joshua_dataset.files import Files, Staging
+from joshua_dataset.lock import PRIVATE, WriterLock
+from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STAMP, STATS, TASKS
+from joshua_dataset.open_episode import OpenEpisode
+from joshua_dataset.pictures import ENCODERS, ERRORS, Encoder
+from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.statistics import Statistics
+
+
+class DatasetWriter(EpisodeWriter):
+    """See ``EpisodeWriter``.
+
+    Args:
+        layout: what the data set holds; videos have even widths and heights.
+        files: carries changes of the disk out.
+
+    Attributes:
+        frames: of all episodes that have ended.
+        task: that a repair gives to an episode which was never ended.
+    """
+
+    format: ClassVar[str]
+
+    def __init__(self, layout: DatasetLayout, files: Files | None = None) -> None:
+        super().__init__(layout)
+        self._files = files or Files()
+        self._lock = WriterLock(layout.folder)
+        schema = metadata.data_schema(layout)
+        self._schema: Any = schema
+        kept = [field for field in schema if field.name not in INDEX_COLUMNS or field.name == STAMP]
+        self._row_schema = pa.schema(kept)
+        self._statistics: dict[str, Statistics] = {}
+        self._tasks: list[str] = []
+        self._open: OpenEpisode | None = None
+        self.frames = 0
+        self.task = ""
+
+    @property
+    def open_frames(self) -> int:
+        """Frames of the open episode."""
+        return self._open.frames if self._open is not None else 0
+
+    @property
+    def waiting(self) -> int:
+        """Pictures that wait for their encoder, of the camera that is most behind."""
+        return max((item.waiting for item in self._encoders), default=0)
+
+    @property
+    def busy_s(self) -> float:
+        """Processor time of the encoders of the open episode."""
+        return sum((item.busy_s for item in self._encoders), 0.0)
+
+    def open(self) -> None:
+        """See ``EpisodeWriter``."""
+        self._check_layout()
+        folder = self.layout.folder
+        try:
+            found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
+            if found and not self.layout.resume:
+                raise EpisodeError(
+                    f"{folder} is not empty, and data sets are never overwritten. "
+                    "Name another local_path, move the folder away, or append with resume: true"
+                )
+            self._files.make_folder(folder)
+            self._lock.take()
+            try:
+                if open_episode.read_journal(folder) is not None:
+                    raise EpisodeError(
+                        f"{folder} has an episode that a killed recording left unfinished. "
+                        f"Run `joshua dataset repair {folder}` to keep it, or with --cut to discard it"
+                    )
+                if found:
+                    self._resume()
+            except BaseException:
+                self._lock.release()
+                raise
+        except OSError as error:
+            raise EpisodeError(
+                f"{folder} cannot be written: {error.strerror or error}. Name another local_path"
+            ) from error
+
+    def add_frame(self, frame: Frame) -> None:
+        """See ``EpisodeWriter``."""
+        features = self.layout.features
+        missing = [key for key in features if key not in frame.values]
+        if missing:
+            raise EpisodeError(f"a frame lacks {', '.join(missing)}")
+        try:
+            values = {key: checked(feature, frame[key]) for key, feature in features.items()}
+            if self._open is None:
+                self._open = OpenEpisode(self.layout, self._row_schema, self.episodes, self._journal())
+            self._open.add(frame.stamp_ns, values)
+        except FeatureError as error:
+            raise EpisodeError(str(error)) from error
+        except (*ERRORS, pa.ArrowException) as error:
+            raise EpisodeError(f"{self.layout.folder} takes no frame: {error}") from error
+
+    def end_episode(self, task: str, counts: Mapping[str, int] | None = None) -> None:
+        """See ``EpisodeWriter``."""
+        if self._open is None:
+            raise EpisodeError(f"{self.layout.folder}: an episode without a frame cannot be kept")
+        try:
+            columns, pictures = self._open.finish()
+        except (*ERRORS, pa.ArrowException) as error:
+            raise self._not_kept(error) from error
+        self.keep(columns, pictures, task, counts or {})
+        self._open = None
+
+    def keep(
+        self,
+        columns: Mapping[str, Any],
+        pictures: Mapping[str, Statistics],
+        task: str,
+        counts: Mapping[str, int],
+    ) -> None:
+        """Put the open episode, whose files are complete, into the data set. Raises EpisodeError."""
+        length = len(columns[STAMP])
+        tasks = self._tasks if task in self._tasks else [*self._tasks, task]
+        whole = {
+            **columns,
+            "timestamp": np.arange(length, dtype=np.float32) / np.float32(self.layout.fps),
+            "frame_index": np.arange(length),
+            "episode_index": np.full(length, self.episodes),
+            "index": np.arange(self.frames, self.frames + length),
+            "task_index": np.full(length, tasks.index(task)),
+        }
+        found = {key: statistics.of_rows(values.reshape(length, -1)) for key, values in whole.items()} | dict(
+            pictures
+        )
+        together = {
+            key: statistics.merged([self._statistics[key], part]) if key in self._statistics else part
+            for key, part in found.items()
+        }
+        staging = Staging(self._files)
+        try:
+            self._stage(staging, whole, found, together, tasks, task, counts)
+            staging.commit()
+        except (*ERRORS, pa.ArrowException) as error:
+            staging.discard()
+            raise self._not_kept(error) from error
+        self._statistics, self._tasks = together, tasks
+        self.episodes += 1
+        self.frames += length
+        open_episode.remove(self.layout.folder)
+
+    def drop_episode(self) -> None:
+        """See ``EpisodeWriter``."""
+        if self._open is not None:
+            self._open.drop()
+            self._open = None
+
+    def close(self) -> None:
+        """See ``EpisodeWriter``; a data set without an episode is removed."""
+        super().close()
+        self._lock.release()
+        if not self.episodes:
+            self._remove_empty_folders()
+
+    @property
+    def _encoders(self) -> list[Encoder]:
+        return list(self._open.encoders.values()) if self._open is not None else []
+
+    def _check_layout(self) -> None:
+        layout = self.layout
+        for feature in layout.features.values():
+            if 0 in feature.shape or not (feature.is_picture or len(feature.shape) == 1):
+                raise EpisodeError(f"{feature.key} has the shape {feature.shape}, which no column can have")
+            odd = feature.is_picture and (feature.shape[0] % 2 or feature.shape[1] % 2)
+            if odd and layout.pictures == "video":
+                height, width, _ = feature.shape
+                raise EpisodeError(
+                    f"{feature.key} is {width} x {height}: a video needs an even width and height"
+                )
+        if layout.codec not in ENCODERS:
+            raise EpisodeError(f"no encoder for the codec {layout.codec!r}; allowed: {', '.join(ENCODERS)}")
+        if self.format == "lerobot" and layout.pictures != "video":
+            raise EpisodeError("LeRobot's layout keeps pictures as videos: leave picture_files out")
+
+    def _resume(self) -> None:
+        """Takes up a data set that exists. Raises EpisodeError."""
+        layout = self.layout
+        try:
+            there = Dataset.read(layout.folder)
+        except DatasetError as error:
+            raise EpisodeError(f"{layout.folder} cannot be appended to: {error}") from error
+        different = self._differences(there)
+        if different:
+            raise EpisodeError(
+                f"{layout.folder} cannot be appended to, because it differs: " + "; ".join(different)
+            )
+        self._take_up(there)
+
+    def take_up(self) -> None:
+        """Lock a data set and continue it, whatever its features. Raises EpisodeError and OSError."""
+        self._lock.take()
+        if (self.layout.folder / INFO).exists():
+            try:
+                self._take_up(Dataset.read(self.layout.folder))
+            except DatasetError as error:
+                raise EpisodeError(str(error)) from error
+
+    def _journal(self) -> dict[str, Any]:
+        info = metadata.info(self.layout, self.format, episodes=0, frames=0, tasks=0)
+        return {"task": self.task, "info": info}
+
+    def _take_up(self, there: Dataset) -> None:
+        self.episodes, self.frames = there.episodes, there.frames
+        self._tasks = list(there.tasks)
+        self._statistics = there.statistics()
+
+    def _differences(self, there: Dataset) -> list[str]:
+        layout = self.layout
+        found = []
+        pairs = {
+            "format": (self.format, there.format),
+            "fps": (layout.fps, there.fps),
+            "robot_type": (layout.robot_type, there.robot_type),
+            "pictures": (layout.pictures, there.pictures),
+            **{name: (value, there.identity.get(name, value)) for name, value in layout.identity.items()},
+        }
+        for name, (ours, theirs) in pairs.items():
+            if ours != theirs:
+                found.append(f"{name} is {ours} here and {theirs} there")
+        ours_only = FeatureSet(feature for feature in layout.features.values())
+        return found + ours_only.differences(there.features)
+
+    def _stage(
+        self,
+        staging: Staging,
+        columns: Mapping[str, Any],
+        found: Mapping[str, Statistics],
+        together: Mapping[str, Statistics],
+        tasks: list[str],
+        task: str,
+        counts: Mapping[str, int],
+    ) -> None:
+        folder, place = self.layout.folder, metadata.place(self.episodes)
+        for feature in self.layout.features.pictures:
+            template = metadata.pictures_of(self.layout, feature.key)
+            staging.move(
+                open_episode.pictures_path(self.layout, feature.key), folder / template.format(**place)
+            )
+        path = folder / (metadata.DATA_PATH.format(**place) + metadata.SUFFIXES[self.format])
+        staging.table(path, self._table(columns))
+        if self.format != "lerobot" and not self.episodes:
+            staging.json(folder / "schema.json", metadata.table_schema(self.layout, self.format))
+        row = self._episode_row(len(columns[STAMP]), task, found, counts)
+        staging.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))
+        if tasks != self._tasks:
+            staging.table(folder / TASKS, metadata.tasks_table(tasks))
+        staging.json(folder / STATS, {key: statistics.as_json(value) for key, value in together.items()})
+        frames = self.frames + len(columns[STAMP])
+        info = metadata.info(
+            self.layout, self.format, episodes=self.episodes + 1, frames=frames, tasks=len(tasks)
+        )
+        staging.json(folder / INFO, info)  # last: it counts the episode
+
+    def _table(self, columns: Mapping[str, Any]) -> pa.Table:
+        arrays = [
+            pa.FixedSizeListArray.from_arrays(pa.array(columns[field.name].reshape(-1)), field.type.list_size)
+            if pa.types.is_fixed_size_list(field.type)
+            else pa.array(columns[field.name], field.type)
+            for field in self._schema
+        ]
+        table = pa.Table.from_arrays(arrays, schema=self._schema)
+        return metadata.flat_table(table, self.layout) if self.format == "csv" else table
+
+    def _episode_row(
+        self, length: int, task: str, found: Mapping[str, Statistics], counts: Mapping[str, int]
+    ) -> dict[str, Any]:
+        place = metadata.place(self.episodes)
+        row: dict[str, Any] = {
+            "episode_index": self.episodes,
+            "tasks": [task],
+            "length": length,
+            "data/chunk_index": place["chunk_index"],
+            "data/file_index": place["file_index"],
+            "dataset_from_index": self.frames,
+            "dataset_to_index": self.frames + length,
+        }
+        for picture in self.layout.features.pictures:
+            row |= {
+                f"videos/{picture.key}/chunk_index": place["chunk_index"],
+                f"videos/{picture.key}/file_index": place["file_index"],
+                f"videos/{picture.key}/from_timestamp": 0.0,
+                f"videos/{picture.key}/to_timestamp": length / self.layout.fps,
+            }
+        row |= metadata.episode_columns({key: statistics.as_json(value) for key, value in found.items()})
+        row |= {f"counts/{name}": int(counts.get(name, 0)) for name in self.layout.counters}
+        return row | {f"meta/episodes/{name}": value for name, value in place.items()}
+
+    def _not_kept(self, error: Exception) -> EpisodeError:
+        return EpisodeError(f"{self.layout.folder}: the episode cannot be kept: {error}")
+
+    def _remove_empty_folders(self) -> None:
+        folder = self.layout.folder
+        for inner in sorted(folder.rglob("*"), reverse=True):
+            with contextlib.suppress(OSError):  # what somebody else has put there stays
+                inner.rmdir()
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+
+
+class LeRobotWriter(DatasetWriter):
+    """Data sets in the layout of LeRobot v3."""
+
+    format = "lerobot"
+
+
+class ParquetWriter(DatasetWriter):
+    """Tables in Parquet, pictures beside them."""
+
+    format = "parquet"
+
+
+class CsvWriter(DatasetWriter):
+    """Comma-separated values, a column for each number."""
+
+    format = "csv"
+
+
+class JsonlWriter(DatasetWriter):
+    """One JSON object a frame."""
+
+    format = "jsonl"
+
+
+_WRITERS: dict[str, type[DatasetWriter]] = {
+    kind.format: kind for kind in (LeRobotWriter, ParquetWriter, CsvWriter, JsonlWriter)
+}
+
+
+def writer_of(table_format: str) -> type[DatasetWriter]:
+    """The writer of a format. Raises KeyError."""
+    return _WRITERS[table_format]
