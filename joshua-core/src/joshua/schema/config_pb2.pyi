@@ -295,23 +295,49 @@ class SingleAction(_message.Message):
     def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., dynamixel_config: _Optional[_Union[DynamixelConfig, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ..., safe_state: _Optional[_Union[SafeState, str]] = ..., park_pose_rad: _Optional[_Iterable[float]] = ..., on_stale: _Optional[_Union[SafeState, str]] = ..., park_timeout_s: _Optional[float] = ..., on_stale_after_s: _Optional[float] = ...) -> None: ...
 
 class STS3215Config(_message.Message):
-    __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration")
+    __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration", "joint")
     COMM_FIELD_NUMBER: _ClassVar[int]
     MOTOR_IDS_FIELD_NUMBER: _ClassVar[int]
     POSITION_MIN_FIELD_NUMBER: _ClassVar[int]
     POSITION_MAX_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    JOINT_FIELD_NUMBER: _ClassVar[int]
     comm: _comm_pb2.Comm
     motor_ids: _containers.RepeatedScalarFieldContainer[int]
     position_min: int
     position_max: int
     velocity: int
     acceleration: int
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
+    joint: _containers.RepeatedCompositeFieldContainer[STS3215Joint]
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ..., joint: _Optional[_Iterable[_Union[STS3215Joint, _Mapping]]] = ...) -> None: ...
+
+class STS3215Joint(_message.Message):
+    __slots__ = ("motor_id", "gripper", "torque_limit_percent", "protection_current_ma", "overload_torque_percent", "overload_time_s", "position_p", "position_i", "position_d", "acceleration")
+    MOTOR_ID_FIELD_NUMBER: _ClassVar[int]
+    GRIPPER_FIELD_NUMBER: _ClassVar[int]
+    TORQUE_LIMIT_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    PROTECTION_CURRENT_MA_FIELD_NUMBER: _ClassVar[int]
+    OVERLOAD_TORQUE_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    OVERLOAD_TIME_S_FIELD_NUMBER: _ClassVar[int]
+    POSITION_P_FIELD_NUMBER: _ClassVar[int]
+    POSITION_I_FIELD_NUMBER: _ClassVar[int]
+    POSITION_D_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    motor_id: int
+    gripper: bool
+    torque_limit_percent: float
+    protection_current_ma: float
+    overload_torque_percent: float
+    overload_time_s: float
+    position_p: int
+    position_i: int
+    position_d: int
+    acceleration: int
+    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., protection_current_ma: _Optional[float] = ..., overload_torque_percent: _Optional[float] = ..., overload_time_s: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
 
 class DynamixelConfig(_message.Message):
-    __slots__ = ("comm", "motor_ids", "models", "position_min", "position_max", "velocity", "acceleration")
+    __slots__ = ("comm", "motor_ids", "models", "position_min", "position_max", "velocity", "acceleration", "joint")
     COMM_FIELD_NUMBER: _ClassVar[int]
     MOTOR_IDS_FIELD_NUMBER: _ClassVar[int]
     MODELS_FIELD_NUMBER: _ClassVar[int]
@@ -319,6 +345,7 @@ class DynamixelConfig(_message.Message):
     POSITION_MAX_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    JOINT_FIELD_NUMBER: _ClassVar[int]
     comm: _comm_pb2.Comm
     motor_ids: _containers.RepeatedScalarFieldContainer[int]
     models: _containers.RepeatedScalarFieldContainer[str]
@@ -326,7 +353,28 @@ class DynamixelConfig(_message.Message):
     position_max: int
     velocity: int
     acceleration: int
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., models: _Optional[_Iterable[str]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
+    joint: _containers.RepeatedCompositeFieldContainer[DynamixelJoint]
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., models: _Optional[_Iterable[str]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ..., joint: _Optional[_Iterable[_Union[DynamixelJoint, _Mapping]]] = ...) -> None: ...
+
+class DynamixelJoint(_message.Message):
+    __slots__ = ("motor_id", "gripper", "torque_limit_percent", "current_limit_ma", "position_p", "position_i", "position_d", "acceleration")
+    MOTOR_ID_FIELD_NUMBER: _ClassVar[int]
+    GRIPPER_FIELD_NUMBER: _ClassVar[int]
+    TORQUE_LIMIT_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    CURRENT_LIMIT_MA_FIELD_NUMBER: _ClassVar[int]
+    POSITION_P_FIELD_NUMBER: _ClassVar[int]
+    POSITION_I_FIELD_NUMBER: _ClassVar[int]
+    POSITION_D_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    motor_id: int
+    gripper: bool
+    torque_limit_percent: float
+    current_limit_ma: float
+    position_p: int
+    position_i: int
+    position_d: int
+    acceleration: int
+    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., current_limit_ma: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
 
 class MockMotorConfig(_message.Message):
     __slots__ = ("num_motors", "position_min", "position_max", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "time_constant_s")

@@ -64,10 +64,12 @@ class DynamixelActuator(ServoArm):
         """Acceleration and speed of a move; a servo refuses a speed above its velocity limit."""
         return [
             {
-                PROFILE_ACCELERATION: self.settings.acceleration,
+                PROFILE_ACCELERATION: self.settings.acceleration
+                if joint.acceleration is None
+                else joint.acceleration,
                 PROFILE_VELOCITY: min(self.settings.velocity, round(setup.max_speed / VELOCITY_TICKS_S)),
             }
-            for setup in self._setups
+            for setup, joint in zip(self._setups, self.settings.joint_settings, strict=True)
         ]
 
     def parse(self, values: Sequence[bytes]) -> list[Feedback]:

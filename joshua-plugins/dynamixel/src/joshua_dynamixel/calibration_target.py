@@ -41,10 +41,6 @@ class DynamixelCalibrationTarget(ServoCalibrationTarget):
         self._setups = {setup.servo_id: setup for setup in read_setups(self._bus, self._settings.motor_ids)}
         return list(self._setups.values())
 
-    def write_eeprom(self, servo_id: int, values: dict[Register, int]) -> None:
-        """Writes the EEPROM of one servo and reads it back. Raises DeviceError."""
-        self._bus.write_checked(servo_id, values)
-
     def refuse_unfit(self, motor_id: int, registers: dict[Register, int]) -> None:
         """Refuses what a servo cannot hold or would ignore, before the first register is written."""
         super().refuse_unfit(motor_id, registers)

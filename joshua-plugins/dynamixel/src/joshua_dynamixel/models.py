@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from joshua.api.calibration import TICKS_PER_TURN
+from joshua_dynamixel.registers import TICKS_PER_TURN
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ Source: the vendor's control tables; the models that ``models`` lists agree in a
 
 from __future__ import annotations
 
-from joshua.api.calibration import TICKS_PER_TURN
 from joshua_servo.register import Register
 from joshua_servo.status_bits import StatusBits
 
+TICKS_PER_TURN = 4096
 BAUDRATES = {0: 9_600, 1: 57_600, 2: 115_200, 3: 1_000_000, 4: 2_000_000, 5: 3_000_000, 6: 4_000_000}
 
 VELOCITY_TICKS_S = 0.229 * TICKS_PER_TURN / 60  # one unit of a velocity: 0.229 rev/min
@@ -32,6 +32,11 @@ MIN_POSITION = Register("min_position", 52, 4, eeprom=True)  # ticks; holds in p
 TORQUE_ENABLE = Register("torque_enable", 64, 1)  # 1 locks the EEPROM
 STATUS_LEVEL = Register("status_level", 68, 1)  # 2: every instruction is answered
 HARDWARE_ERROR = Register("hardware_error", 70, 1)  # bits of HARDWARE_ERRORS; a reboot clears them
+POSITION_D = Register("position_d", 80, 2)
+POSITION_I = Register("position_i", 82, 2)
+POSITION_P = Register("position_p", 84, 2)
+GOAL_PWM = Register("goal_pwm", 100, 2, signed=True)  # 0.113 %, of 885 at most
+GOAL_CURRENT = Register("goal_current", 102, 2, signed=True)  # the model's unit; holds in mode 5
 PROFILE_ACCELERATION = Register("profile_acceleration", 108, 4)  # 214.577 rev/min²; 0 is the most
 PROFILE_VELOCITY = Register("profile_velocity", 112, 4)  # 0.229 rev/min; 0 is the most
 GOAL_POSITION = Register("goal_position", 116, 4, signed=True)  # ticks

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from joshua.api import FieldError
-from joshua_servo.settings import ServoSettings
+from joshua_servo.register import Register
+from joshua_servo.settings import ServoJoint, ServoSettings
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
 from joshua_dynamixel.models import MODELS, Model
-from joshua_dynamixel.registers import BAUDRATES, VELOCITY_TICKS_S
+from joshua_dynamixel.registers import (
+    BAUDRATES,
+    GOAL_CURRENT,
+    GOAL_PWM,
+    POSITION_D,
+    POSITION_I,
+    POSITION_P,
+    VELOCITY_TICKS_S,
+)
+
+
+class DynamixelJoint(ServoJoint):
+    """Settings of one servo, in the units of its block."""
+
+    gripper_defaults: ClassVar[Mapping[str, float]] = {"torque_limit_percent": 50}
+
+    current_limit_ma: float | None = None
 
 
 class DynamixelSettings(ServoSettings):
@@ -26,6 +44,16 @@ class DynamixelSettings(ServoSettings):
     line_speeds: ClassVar[tuple[int, ...]] = tuple(BAUDRATES.values())
     factory_speed: ClassVar[int] = 57_600
 
+    joint_type: ClassVar[type[ServoJoint]] = DynamixelJoint
+    tuned: ClassVar[Mapping[str, tuple[Register, float]]] = {
+        "position_d": (POSITION_D, 1),
+        "position_i": (POSITION_I, 1),
+        "position_p": (POSITION_P, 1),
+        "torque_limit_percent": (GOAL_PWM, 8.85),
+        "current_limit_ma": (GOAL_CURRENT, 0),  # the unit is the model's
+    }
+
+    joint: tuple[DynamixelJoint, ...] = ()
     models: tuple[str, ...] = Field(min_length=1)
     velocity: int = 0
     acceleration: int = 0
@@ -40,6 +68,25 @@ class DynamixelSettings(ServoSettings):
                 remedy="write one model for each id, in the same order, or one for all",
             )
         return self
+
+    @model_validator(mode="after")
+    def _measures_the_current_that_it_limits(self) -> Self:
+        if len(self.models) not in (1, len(self.motor_ids)):
+            return self
+        for joint, model in zip(self.joint_settings, self.joint_models, strict=True):
+            assert isinstance(joint, DynamixelJoint)
+            if joint.current_limit_ma is not None and not model.current_unit_a:
+                raise FieldError(
+                    "joint",
+                    f"an {model.name} has no current limit: it measures its load instead",
+                    remedy="set torque_limit_percent instead of current_limit_ma",
+                )
+        return self
+
+    def steps(self, name: str, index: int) -> float:
+        """Steps of the current register in 1 mA."""
+        del name
+        return 0.001 / self.joint_models[index].current_unit_a
 
     @property
     def joint_models(self) -> tuple[Model, ...]:

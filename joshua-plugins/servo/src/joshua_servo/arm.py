@@ -37,6 +37,7 @@ from joshua_servo.safe_stop import ServoStopRequest
 from joshua_servo.settings import ServoSettings
 from joshua_servo.state import StateReader
 from joshua_servo.torque import MoveValues, TorqueSwitch
+from joshua_servo.tuning import Tuning
 from joshua_servo.watch import HealthLimits, HealthWatch
 
 TORQUE_CHECK_S = 0.5  # how often torque is looked at while all replies come
@@ -78,6 +79,7 @@ class ServoArm(Actuator):
         names = dict(zip(self._ids, settings.joint_names, strict=True))
         self._torque = TorqueSwitch(self._bus, self.family, names)
         self._state = StateReader(self._bus, self.family, names, self.parse)
+        self._tuning = Tuning(self._bus, self.family, settings.register_values())
         self._lock = threading.RLock()
         self._enabled = False
         self._tripped = ""
@@ -206,7 +208,7 @@ class ServoArm(Actuator):
         )
 
     def prepare(self) -> None:
-        """Clears faults that servos keep until they are told, and finds the turns that they count in now.
+        """Clears latched faults, writes the settings of single servos, and finds the turns they count in.
 
         Raises NotCalibrated, unless the plan waives the calibration, and DeviceDisconnected.
         """
@@ -216,6 +218,8 @@ class ServoArm(Actuator):
             readings = self._state.settled_feedback()
             if not self._dry_run and self.clear_faults(readings):
                 readings = self._state.settled_feedback()
+            if not self._dry_run:
+                self._tuning.apply()
             positions = [reading.position for reading in readings]
             self._map.follow_turns(positions, [setup.turns for setup in self._setups])
 
@@ -296,10 +300,22 @@ class ServoArm(Actuator):
             return self._torque.read()
 
     def disconnect(self) -> None:
-        """Closes the port, torque as it is; a second call does nothing."""
+        """Restores what the servos' EEPROM held and closes the port, torque as it is; idempotent."""
         with self._lock:
             self._enabled = False
+            if self.connected and self._tuning.before:
+                self._restore()
             self._port.close()
+
+    def _restore(self) -> None:
+        """Restores the EEPROM, unless a servo does not reply: then nothing may delay the guardian."""
+        try:
+            if self._state.missed:
+                raise NoReply("a servo does not reply")
+            self._tuning.restore()
+        except DeviceError as error:
+            ids = ", ".join(map(str, self._tuning.before))
+            self.context.log.warning("ids %s keep the settings of this run in their EEPROM: %s", ids, error)
 
     def diagnostics(self) -> list[DiagnosticStatus]:
         """One row for each joint as last read, and one for the bus."""
@@ -340,6 +356,7 @@ class ServoArm(Actuator):
             vid_pid=endpoint.vid_pid,
             device_root=endpoint.device_root,
             park_ticks=park,
+            eeprom=self._tuning.before,
             timeout_s=timeout_s,
         )
 

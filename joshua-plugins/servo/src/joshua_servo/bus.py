@@ -183,6 +183,10 @@ class ServoBus(ABC):
                     "Check the supply voltage and try again; the servo may be worn out."
                 )
 
+    def write_eeprom(self, servo_id: int, values: Mapping[Register, int]) -> None:
+        """Writes registers of the EEPROM and reads each one back. Raises as ``write_checked``."""
+        self.write_checked(servo_id, values)
+
     def ping(self, servo_id: int) -> bool:
         """Whether a servo answers, in one attempt. Raises PortDisconnected."""
         return self.ask(servo_id, self.ping_request(servo_id), self.ping_length()) is not None

@@ -66,10 +66,6 @@ class ServoCalibrationTarget(CalibrationTarget):
     def read_setups(self) -> Sequence[ServoSetup]:
         """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
 
-    @abstractmethod
-    def write_eeprom(self, servo_id: int, values: dict[Register, int]) -> None:
-        """Writes the EEPROM of one servo and reads it back. Raises DeviceError."""
-
     @property
     def motors(self) -> tuple[TargetMotor, ...]:
         """The servos in cable order."""
@@ -158,7 +154,7 @@ class ServoCalibrationTarget(CalibrationTarget):
         }
         self.refuse_unfit(motor_id, registers)
         with self._patiently():
-            self.write_eeprom(motor_id, registers)
+            self._bus.write_eeprom(motor_id, registers)
         self._offsets[motor_id] = values.homing_offset
 
     def _require_open(self, verb: str) -> None:

@@ -6,7 +6,7 @@ Needs the port and nothing of the driver's state. Light to import: no numpy, no 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -18,6 +18,7 @@ from joshua_serial.usb_ports import Endpoint
 from joshua_servo.bus import ServoBus
 from joshua_servo.family import ServoFamily
 from joshua_servo.register_read import read_registers
+from joshua_servo.tuning import StoredRegister, restore
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -36,6 +37,7 @@ class ServoStopRequest(SafeStopRequest):
     Attributes:
         path, serial_number, vid_pid, device_root, baudrate: the port.
         park_ticks: pose of PARK_THEN_RELEASE by servo id; park_speed_ticks_s: how fast.
+        eeprom: what the driver changed in the EEPROM, as it was before, by servo id.
     """
 
     family: ClassVar[ServoFamily]
@@ -49,12 +51,14 @@ class ServoStopRequest(SafeStopRequest):
     device_root: str = "/"
     park_ticks: Mapping[int, int] = field(default_factory=dict)
     park_speed_ticks_s: int = PARK_SPEED_TICKS_S
+    eeprom: Mapping[int, Sequence[StoredRegister]] = field(default_factory=dict)
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Self:
         """Reads what ``to_values`` wrote: JSON has lists for tuples, and names for numbers as keys."""
         park = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
-        return cls(**{**values, "ids": tuple(values["ids"]), "park_ticks": park})
+        eeprom = {int(key): [tuple(row) for row in rows] for key, rows in values.get("eeprom", {}).items()}
+        return cls(**{**values, "ids": tuple(values["ids"]), "park_ticks": park, "eeprom": eeprom})
 
     def run(self) -> SafeStopResult:
         """Takes the port, applies the safe state and verifies it; never raises for what a device does."""
@@ -144,6 +148,8 @@ class _SafeStop:
             self._park()
         if self.request.action != "HOLD":
             self._release()
+        if self.report.complete and self._time_left():
+            restore(self._bus, self.request.eeprom)
 
     def close(self) -> None:
         self._port.close()

@@ -10,18 +10,58 @@ from google.protobuf.message import Message
 from joshua.api import ActuatorSettings, BlockContext, FieldError, FromField, JointRange
 from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration, ticks_to_rad
 from joshua_serial.settings import SerialSettings
-from pydantic import Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from typing_extensions import Self
+
+from joshua_servo.register import Register
 
 MIDDLE_TICK = TICKS_PER_TURN // 2
 
 _VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")
 
 
+#: Name of the joint that is a gripper unless the file says otherwise.
+GRIPPER = "gripper"
+
+
+class ServoJoint(BaseModel):
+    """Settings of one servo; None keeps the servo's own value, or takes the default of a gripper.
+
+    Attributes:
+        motor_id: None in an entry that applies to every servo.
+        torque_limit_percent: of the stall torque; acceleration: in the unit of the bus's acceleration.
+    """
+
+    model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    #: What a gripper is set to unless the file says otherwise.
+    gripper_defaults: ClassVar[Mapping[str, float]] = {}
+
+    motor_id: int | None = None
+    gripper: bool | None = None
+    torque_limit_percent: float | None = None
+    position_p: int | None = None
+    position_i: int | None = None
+    position_d: int | None = None
+    acceleration: int | None = None
+
+    def over(self, general: Self | None) -> Self:
+        """These settings, completed by those that apply to every servo."""
+        return self if general is None else self.model_copy(update=_given(general) | _given(self))
+
+    def of_gripper(self) -> Self:
+        """These settings, completed by the defaults of a gripper."""
+        return self.model_copy(update={"gripper": True, **self.gripper_defaults} | _given(self))
+
+
+def _given(joint: ServoJoint) -> dict[str, Any]:
+    return {name: value for name, value in joint if value is not None}
+
+
 class ServoSettings(SerialSettings, ActuatorSettings):
     """What the driver is set to. Ticks stay ticks here: the servo counts in them.
 
     Attributes:
+        joint: settings of single servos.
         calibration: None where the arm is not calibrated.
     """
 
@@ -30,11 +70,16 @@ class ServoSettings(SerialSettings, ActuatorSettings):
     #: Line speeds that they know, and the one that they leave the factory with, bit/s.
     line_speeds: ClassVar[tuple[int, ...]]
     factory_speed: ClassVar[int]
+    #: Settings of one servo.
+    joint_type: ClassVar[type[ServoJoint]]
+    #: Registers behind the settings of a servo, and steps of the register in one unit of the setting.
+    tuned: ClassVar[Mapping[str, tuple[Register, float]]]
 
     baudrate: Annotated[int, FromField("comm.serial.baudrate")] = 1_000_000
     motor_ids: tuple[int, ...] = Field(min_length=1)
     position_min_ticks: Annotated[int, FromField("position_min")] = 0
     position_max_ticks: Annotated[int, FromField("position_max")] = TICKS_PER_TURN - 1
+    joint: tuple[ServoJoint, ...] = ()
     calibration: ArmCalibration | None = None
 
     @classmethod
@@ -84,6 +129,28 @@ class ServoSettings(SerialSettings, ActuatorSettings):
         return self
 
     @model_validator(mode="after")
+    def _names_each_servo_once(self) -> Self:
+        seen: set[int | None] = set()
+        for index, joint in enumerate(self.joint):
+            if joint.motor_id is not None and joint.motor_id not in self.motor_ids:
+                raise FieldError(
+                    f"joint[{index}].motor_id",
+                    f"the bus has no servo {joint.motor_id}",
+                    allowed=tuple(map(str, self.motor_ids)),
+                    remedy="name one of motor_ids, or omit motor_id for every servo",
+                )
+            if joint.motor_id in seen:
+                raise FieldError(
+                    f"joint[{index}]",
+                    "every servo has an entry already"
+                    if joint.motor_id is None
+                    else f"servo {joint.motor_id} has an entry already",
+                    remedy="write all settings into one entry",
+                )
+            seen.add(joint.motor_id)
+        return self
+
+    @model_validator(mode="after")
     def _fits_its_calibration(self) -> Self:
         if self.calibration is None:
             return self
@@ -116,6 +183,34 @@ class ServoSettings(SerialSettings, ActuatorSettings):
             motor.joint_name if motor else f"joint_{servo_id}"
             for servo_id, motor in zip(self.motor_ids, motors, strict=True)
         )
+
+    @property
+    def joint_settings(self) -> tuple[ServoJoint, ...]:
+        """Settings of each servo, in the order of motor_ids."""
+        by_id = {joint.motor_id: joint for joint in self.joint}
+        found = []
+        for servo_id, name in zip(self.motor_ids, self.joint_names, strict=True):
+            joint = by_id.get(servo_id, self.joint_type()).over(by_id.get(None))
+            is_gripper = name == GRIPPER if joint.gripper is None else joint.gripper
+            found.append(joint.of_gripper() if is_gripper else joint)
+        return tuple(found)
+
+    def register_values(self) -> dict[int, dict[Register, int]]:
+        """Values of the registers behind the settings of each servo, by its id; those with settings only."""
+        values = {}
+        for index, (servo_id, joint) in enumerate(zip(self.motor_ids, self.joint_settings, strict=True)):
+            row = {
+                register: round(getattr(joint, name) * (steps or self.steps(name, index)))
+                for name, (register, steps) in self.tuned.items()
+                if getattr(joint, name) is not None
+            }
+            if row:
+                values[servo_id] = row
+        return values
+
+    def steps(self, name: str, index: int) -> float:
+        """Steps of a register in one unit of a setting, where that depends on the servo."""
+        raise NotImplementedError(f"{type(self).__name__} has no unit for {name} of servo {index}")
 
     @property
     def zero_ticks(self) -> float:

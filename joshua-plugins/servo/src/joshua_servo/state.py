@@ -53,6 +53,11 @@ class StateReader:
         self._next_s = 0.0
         self._reason = ""
 
+    @property
+    def missed(self) -> bool:
+        """Whether a servo did not answer the last reading."""
+        return self._missed
+
     def settled_feedback(self) -> list[Feedback]:
         """Feedback where nothing is in a hurry, and a machine that starts a run may stand still for a moment.
 

@@ -72,10 +72,13 @@ class Sts3215Actuator(ServoArm):
         check_start(self._bus, self.joint_names, self._setups, positions, BEYOND_TICKS)
 
     def move_values(self) -> list[MoveValues]:
-        """Acceleration and speed of a move, the same for all servos."""
-        values = {
-            ACCELERATION: self.settings.acceleration,
-            GOAL_TIME: 0,
-            GOAL_SPEED: self.settings.velocity_ticks_s,
-        }
-        return [values] * len(self.settings.motor_ids)
+        """Acceleration and speed of a move."""
+        general = self.settings.acceleration
+        return [
+            {
+                ACCELERATION: general if joint.acceleration is None else joint.acceleration,
+                GOAL_TIME: 0,
+                GOAL_SPEED: self.settings.velocity_ticks_s,
+            }
+            for joint in self.settings.joint_settings
+        ]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from joshua_serial.port import SerialPort
 from joshua_servo.calibration_target import ServoCalibrationTarget
 from joshua_servo.inspection import ServoSetup
-from joshua_servo.register import Register
 
 from joshua_sts3215.bus import Bus
 from joshua_sts3215.family import STS3215
@@ -36,7 +35,3 @@ class Sts3215CalibrationTarget(ServoCalibrationTarget):
     def read_setups(self) -> Sequence[ServoSetup]:
         """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
         return read_setups(self._bus, self._settings.motor_ids)
-
-    def write_eeprom(self, servo_id: int, values: dict[Register, int]) -> None:
-        """Writes the EEPROM of one servo and reads it back. Raises DeviceError."""
-        self._bus.write_eeprom(servo_id, values)

@@ -30,13 +30,20 @@ MAX_POSITION = Register("max_position", 11, 2, eeprom=True)  # ticks
 MAX_TEMPERATURE = Register("max_temperature", 13, 1, eeprom=True)  # °C
 MAX_VOLTAGE = Register("max_voltage", 14, 1, eeprom=True)  # 0.1 V
 MIN_VOLTAGE = Register("min_voltage", 15, 1, eeprom=True)  # 0.1 V
+POSITION_P = Register("position_p", 21, 1, eeprom=True)
+POSITION_D = Register("position_d", 22, 1, eeprom=True)
+POSITION_I = Register("position_i", 23, 1, eeprom=True)
+PROTECTION_CURRENT = Register("protection_current", 28, 2, eeprom=True)  # 6.5 mA
 HOMING_OFFSET = Register("homing_offset", 31, 2, sign_bit=11, eeprom=True)  # ticks
 MODE = Register("mode", 33, 1, eeprom=True)  # 0 position, 1 velocity, 2 PWM, 3 step
+OVERLOAD_TIME = Register("overload_time", 35, 1, eeprom=True)  # 10 ms
+OVERLOAD_TORQUE = Register("overload_torque", 36, 1, eeprom=True)  # % of stall torque
 TORQUE_ENABLE = Register("torque_enable", 40, 1)
 ACCELERATION = Register("acceleration", 41, 1)  # 100 ticks/s²; 0 is the most
 GOAL_POSITION = Register("goal_position", 42, 2, sign_bit=15)  # ticks; a write takes the motor under power
 GOAL_TIME = Register("goal_time", 44, 2, sign_bit=10)
 GOAL_SPEED = Register("goal_speed", 46, 2, sign_bit=15)  # ticks/s; 0 is the most
+TORQUE_LIMIT = Register("torque_limit", 48, 2)  # 0.1 % of stall torque
 LOCK = Register("lock", 55, 1)  # 1: writes to EEPROM are dropped without a word
 PRESENT_POSITION = Register("present_position", 56, 2, sign_bit=15)  # ticks
 STATUS = Register("status", 65, 1)  # bits of StatusBit

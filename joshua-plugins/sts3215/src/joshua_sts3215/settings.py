@@ -2,12 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from joshua.api import FromField
-from joshua_servo.settings import ServoSettings
+from joshua_servo.register import Register
+from joshua_servo.settings import ServoJoint, ServoSettings
 
-from joshua_sts3215.registers import BAUDRATES, MAX_SPEED_TICKS_S, MODEL_NAMES, MODEL_NUMBER
+from joshua_sts3215.registers import (
+    BAUDRATES,
+    MAX_SPEED_TICKS_S,
+    MODEL_NAMES,
+    MODEL_NUMBER,
+    OVERLOAD_TIME,
+    OVERLOAD_TORQUE,
+    POSITION_D,
+    POSITION_I,
+    POSITION_P,
+    PROTECTION_CURRENT,
+    TORQUE_LIMIT,
+)
+
+
+class Sts3215Joint(ServoJoint):
+    """Settings of one servo, in the units of its block."""
+
+    #: Public practice for the grippers of SO-100 and SO-101 arms.
+    gripper_defaults: ClassVar[Mapping[str, float]] = {
+        "torque_limit_percent": 50,
+        "protection_current_ma": 1625,
+        "overload_torque_percent": 25,
+        "position_p": 16,
+    }
+
+    protection_current_ma: float | None = None
+    overload_torque_percent: float | None = None
+    overload_time_s: float | None = None
 
 
 class Sts3215Settings(ServoSettings):
@@ -21,6 +51,18 @@ class Sts3215Settings(ServoSettings):
     line_speeds: ClassVar[tuple[int, ...]] = tuple(BAUDRATES.values())
     factory_speed: ClassVar[int] = 1_000_000
 
+    joint_type: ClassVar[type[ServoJoint]] = Sts3215Joint
+    tuned: ClassVar[Mapping[str, tuple[Register, float]]] = {
+        "position_p": (POSITION_P, 1),
+        "position_d": (POSITION_D, 1),
+        "position_i": (POSITION_I, 1),
+        "protection_current_ma": (PROTECTION_CURRENT, 1 / 6.5),
+        "overload_time_s": (OVERLOAD_TIME, 100),
+        "overload_torque_percent": (OVERLOAD_TORQUE, 1),
+        "torque_limit_percent": (TORQUE_LIMIT, 10),
+    }
+
+    joint: tuple[Sts3215Joint, ...] = ()
     velocity_ticks_s: Annotated[int, FromField("velocity")] = 0
     acceleration: int = 0
 
