@@ -188,8 +188,8 @@ class MovesBeyondLimits(MockActuator):
     def hold(self) -> None:
         self.require_connected("hold")
 
-    def _within(self, position: Any) -> Any:
-        return np.array(position)
+    def read(self) -> JointReading:
+        return replace(super().read(), position_rad=self._position.copy())
 
 
 class AnswersInTicks(MockActuator):

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from joshua.messages.typestore import typestore
 from joshua.node.endpoints import Endpoints
-from joshua.plan import TopicSpec
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
 
 TYPE = "sensor_msgs/msg/BatteryState"
+SPEC = NodeSpec(name="node", kind=NodeKind.SENSOR, behaviour="", implementation="")
 
 
 @pytest.mark.parametrize("declare", ["publisher", "subscribe"])
@@ -22,7 +23,7 @@ def test_no_codec_is_left_to_be_compiled_by_the_first_message(
     handle: Any = SimpleNamespace(
         create_publisher=lambda *_, **__: SimpleNamespace(), create_subscription=lambda *_, **__: None
     )
-    endpoints = Endpoints(handle, "/node", lambda _: None, lambda _: None, logging.getLogger())
+    endpoints = Endpoints(handle, SPEC, lambda _: None, lambda _: None, logging.getLogger())
     monkeypatch.delitem(typestore().cache, TYPE, raising=False)
     topic = TopicSpec(name="/battery", type_name=TYPE)
     if declare == "publisher":

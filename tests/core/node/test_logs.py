@@ -17,7 +17,7 @@ def logs():
     loggers = []
 
     def logger(name):
-        made = node_logger(handler, name, logging.DEBUG)
+        made = node_logger(name, logging.DEBUG)
         made.propagate = False
         made.handlers[:] = [handler]
         loggers.append(made)

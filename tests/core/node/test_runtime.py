@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from joshua.ipc.messages import Report
 from joshua.node.behaviour import NodeBehaviour
+from joshua.node.logs import NodeLogHandler
 from joshua.node.runtime import NodeRuntime, RuntimeServices
 from joshua.plan import NodeKind, NodeSpec
 
@@ -55,10 +56,8 @@ def test_a_device_is_closed_also_where_the_results_of_a_test_cannot_be_had(
         send=sent.append,
         transport=lambda: transport,  # type: ignore[arg-type, return-value]
         activation=activation,
-        logger=logging.getLogger,
-        adopt_thread=lambda _: None,
-        observe_logs=lambda *_: None,
-        settle_logs=lambda _: None,
+        logs=NodeLogHandler(sent.append, "/arm"),
+        log_level=logging.INFO,
         heartbeat_s=0.05,
     )
     spec = NodeSpec(

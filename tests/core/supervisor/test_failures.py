@@ -49,9 +49,9 @@ def test_a_missing_module_at_the_start_is_exit_3_with_the_command_that_installs_
 @pytest.mark.parametrize(
     ("module", "behaviour", "words"),
     [
-        ("no_such_module", "Thing", "the module no_such_module is not installed: pip install acme-x"),
-        ("runtime_behaviours", "NoSuchClass", "has no 'NoSuchClass'"),
-        ("json", "JSONDecoder", "expected a subclass of"),
+        ("no_such_module", "Thing", "named 'no_such_module'; install the plugin: pip install acme-x"),
+        ("runtime_behaviours", "NoSuchClass", "runtime_behaviours has no NoSuchClass; reinstall the plugin"),
+        ("json", "JSONDecoder", "json:JSONDecoder does not derive from joshua.node.behaviour:NodeBehaviour"),
     ],
 )
 def test_a_behaviour_that_cannot_be_loaded_is_exit_3(robot, module, behaviour, words):

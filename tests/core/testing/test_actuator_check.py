@@ -128,7 +128,7 @@ BROKEN: list[tuple[type[Actuator], str, str]] = [
     (TellsWhatItWanted, "torque read back", "read_torque after release returned {'joint_1': True"),
     (JumpsAtEnable, "enable", "enable moved a joint by 0."),
     (IgnoresLimits, "limits", "write of a goal 1 rad above the limits returned one 1.0"),
-    (MovesBeyondLimits, "limits", "1 rad above the limits returned one"),
+    (MovesBeyondLimits, "limits", "a joint stands 1.000 rad beyond its limits after such goals"),
     (AnswersInTicks, "limits", "write of the present position returned a goal 2048"),
     (TakesNan, "refused goals", "write of NaN returned array("),
     (TakesAnyShape, "refused goals", "write of shape (3,) returned array("),

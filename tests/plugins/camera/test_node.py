@@ -70,7 +70,7 @@ def run() -> Iterator[Runner]:
 
 
 def stop(node: CameraNode, context: RecordingContext) -> None:
-    context._stopping.set()
+    context._stop.set()
     node.deactivate()
     context.stop()
     node.cleanup()

@@ -84,8 +84,7 @@ def test_without_calibration_the_mark_is_zero_and_half_a_turn_is_allowed() -> No
     joints = JointMap(settings(), [90, -170])
     assert settings().joint_names == ("joint_a", "joint_c")
     assert joints.radians([90, -170]) == pytest.approx(np.radians([90, -170]))
-    limits = joints.limits()
-    assert limits.position_max_rad == pytest.approx([math.pi, math.pi])
+    assert [joint.max_rad for joint in settings().joints()] == pytest.approx([math.pi, math.pi])
     assert joints.degrees(np.array([4.0, -4.0])) == (180, -180)
 
 
@@ -101,8 +100,8 @@ def test_zero_is_the_calibrated_one_and_turns_before_the_start_do_not_count() ->
 
 def test_whole_degrees_never_leave_the_range() -> None:
     values = {"motors": [{"id": 1, "joint_name": "j", "range_min": 1000, "range_max": 3001}]}
-    joints = JointMap(settings(port_names=["A"], calibration=values), [170])
-    low, high = joints.limits().position_min_rad[0], joints.limits().position_max_rad[0]
+    made = settings(port_names=["A"], calibration=values)
+    joints, (joint,) = JointMap(made, [170]), made.joints()
     for goal in np.linspace(-4, 4, 400):
         back = joints.radians(joints.degrees(np.array([goal])))[0]
-        assert low <= back <= high
+        assert joint.min_rad <= back <= joint.max_rad

@@ -43,7 +43,7 @@ def start() -> Iterator[Callable[..., Started]]:
 
     yield begin
     for node, context in started:
-        context._stopping.set()
+        context._stop.set()
         node.deactivate()
         context.stop()
         node.cleanup()

@@ -37,11 +37,9 @@ if TYPE_CHECKING:
     from joshua.models.model import Model as Model
     from joshua.models.model import ModelError as ModelError
     from joshua.models.model import Observation as Observation
-    from joshua.node.behaviour import NodeContext as NodeContext
+    from joshua.node.behaviour import NodeBehaviour as NodeBehaviour
+    from joshua.node.context import NodeContext as NodeContext
     from joshua.node.errors import Cancelled as Cancelled
-    from joshua.node.service import Simulator as Simulator
-    from joshua.node.service import Store as Store
-    from joshua.node.service import Trainer as Trainer
     from joshua.node.verbs import RefusedError as RefusedError
     from joshua.node.verbs import verb as verb
     from joshua.plan import JointRange as JointRange
@@ -87,8 +85,8 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.models.model": ("Model", "ModelError", "JointSpace", "Observation"),
     },
     "Services and verbs": {
-        "joshua.node.service": ("Store", "Trainer", "Simulator"),
-        "joshua.node.behaviour": ("NodeContext",),
+        "joshua.node.behaviour": ("NodeBehaviour",),
+        "joshua.node.context": ("NodeContext",),
         "joshua.node.verbs": ("verb", "RefusedError"),
     },
     "Settings": {

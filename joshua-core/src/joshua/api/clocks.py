@@ -1,6 +1,5 @@
-"""Clocks that tell a silent device from a busy computer, rates and ROS 2 time."""
+"""Clocks that tell a silent device from a busy computer, and ROS 2 time."""
 
 from joshua.guardian.silence import AwakeClock as AwakeClock
 from joshua.guardian.silence import witness as witness
 from joshua.node import ros_time as ros_time
-from joshua.node.rates import RateMeter as RateMeter

@@ -25,14 +25,15 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of all joints, shape (N,), in joint order.
-
-    The tightest of configuration, calibration and device holds.
-    """
+    """Limits of all joints, shape (N,), in joint order: the tightest of file, calibration and device."""
 
     position_min_rad: FloatArray
     position_max_rad: FloatArray
     velocity_max_rad_s: FloatArray
+
+    def clip(self, position_rad: FloatArray) -> FloatArray:
+        """Positions within the limits, shape (N,)."""
+        return np.clip(position_rad, self.position_min_rad, self.position_max_rad)
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class Actuator(Device):
         self.settings = settings
         self.context = context or ActuatorContext(ActuatorFacts())
         self._joint_names: tuple[str, ...] | None = None
+        self._limits: JointLimits | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -76,9 +78,24 @@ class Actuator(Device):
         return self._joint_names
 
     @property
-    @abstractmethod
+    def velocity_max_rad_s(self) -> float | FloatArray:
+        """Top speed of the joints, one value or shape (N,); each driver sets it."""
+        raise NotImplementedError(f"{type(self).__name__} has no top speed: set velocity_max_rad_s")
+
+    @property
     def limits(self) -> JointLimits:
-        """Limits that ``write`` honours."""
+        """Limits that ``write`` honours: the ranges of its settings' joints, and its top speed.
+
+        Override it only for a device that narrows them once it is connected.
+        """
+        if self._limits is None:
+            joints = self.settings.joints()
+            self._limits = JointLimits(
+                np.array([joint.min_rad for joint in joints], np.float64),
+                np.array([joint.max_rad for joint in joints], np.float64),
+                np.full(len(joints), self.velocity_max_rad_s),
+            )
+        return self._limits
 
     @abstractmethod
     def read(self) -> JointReading:

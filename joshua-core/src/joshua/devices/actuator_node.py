@@ -17,9 +17,11 @@ from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
 from joshua.guardian.order import BEAT_S
 from joshua.messages.make import joint_state
-from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.behaviour import NodeBehaviour
+from joshua.node.cadence import TrafficFigures
+from joshua.node.context import NodeContext
+from joshua.node.endpoints import MessagePublisher, Outputs
 from joshua.node.implementation import load_implementation
-from joshua.node.rates import RateLimit, RateMeter, limit_below
 from joshua.node.verbs import RefusedError, verb
 from joshua.plan import ActuatorFacts, JointTrace, TopicSpec
 
@@ -54,9 +56,9 @@ class ActuatorNode(NodeBehaviour):
         self._rate_hz = max(states_hz, default=CONTROL_RATE_HZ)
         self._actuator: Actuator | None = None
         self._goals: GoalGenerator | None = None
-        self._readers: list[CommandReader] = []
+        self._commands: list[tuple[CommandReader, TrafficFigures]] = []
         self._on_stale: StalePolicy | None = None
-        self._states: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
+        self._outputs = Outputs(())
         self._written: MessagePublisher | None = None
         self._energised = self._timer_runs = False
         self._last_state = GoalState.WAITING
@@ -94,14 +96,7 @@ class ActuatorNode(NodeBehaviour):
         )
         on_stale = self._facts.on_stale
         self._on_stale = StalePolicy(self._goals, on_stale) if on_stale else None
-        self._states = [
-            (
-                self.context.publisher(topic),
-                limit_below(topic.rate_hz, self._rate_hz),
-                self._test.meter(topic.name),
-            )
-            for topic in spec.publishers
-        ]
+        self._outputs = Outputs(map(self.context.publisher, spec.publishers), self._rate_hz)
         if self._is_commanded and self._facts.keeps_last_goal:
             self.context.warn(
                 f"{spec.full_name}: no safe stop: if this driver dies, the joints keep their last goal"
@@ -209,7 +204,7 @@ class ActuatorNode(NodeBehaviour):
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates, commands, tracking error, range, and a fault that was not ended."""
-        results = self._test.results(self._readers)
+        results = [*self._outputs.checks(), *self._test.results(self._commands)]
         return [*results, ("torque", False, self._status.fault)] if self._status.fault else results
 
     def test_traces(self) -> list[JointTrace]:
@@ -247,14 +242,12 @@ class ActuatorNode(NodeBehaviour):
     def _subscribe(self, actuator: Actuator, topic: TopicSpec, take_over: TakeOver | None) -> None:
         mappings = leader_mappings(self.context, topic.name)
         reader = CommandReader(topic.name, actuator.joint_names, self.context.log, mappings)
-        self._readers.append(reader)
         _, goals = self._device()
-        commands = CommandIntake(reader, goals, take_over, self._test.meter(topic.name).add)
+        commands = CommandIntake(reader, goals, take_over)
         take = commands.joint_state if topic.type_name == JOINT_STATE else commands.trajectory
-        if mappings or take_over is not None:
-            self.context.subscribe_named(topic, take)
-        else:
-            self.context.subscribe(topic, take)
+        named = bool(mappings) or take_over is not None
+        subscribe = self.context.subscribe_named if named else self.context.subscribe
+        self._commands.append((reader, subscribe(topic, take)))
 
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever else the device raises fails the node."""
@@ -266,12 +259,7 @@ class ActuatorNode(NodeBehaviour):
             return
         if reading is None:
             return
-        for publisher, limit, meter in self._states:
-            if limit is None or limit.passes(reading.stamp_ns):
-                message = self._message(reading, publisher.topic.type_name)
-                if message is not None:
-                    publisher.publish(message)
-                    meter.add()
+        self._outputs.publish(reading.stamp_ns, lambda type_name: self._message(reading, type_name))
         self._test.state(reading, actuator.limits)
         if not self._energised:
             return

@@ -13,7 +13,7 @@ from joshua.devices.errors import DeviceError
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import GuardianOrder
-from joshua.node.behaviour import NodeContext
+from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, SafeStop
 
 

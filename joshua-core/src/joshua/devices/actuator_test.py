@@ -10,7 +10,7 @@ import numpy as np
 from joshua.devices.actuator import FloatArray, JointLimits, JointReading
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.joint_command import CommandReader
-from joshua.node.rates import RateMeter, meter_for
+from joshua.node.cadence import TrafficFigures
 from joshua.plan import ActuatorFacts, JointTrace, NodeSpec
 
 #: When so many samples are held, every other one is dropped and only every other cycle recorded from then on.
@@ -176,7 +176,6 @@ class ActuatorTest:
 
     def __init__(self, spec: NodeSpec) -> None:
         self._spec = spec
-        self._meters: dict[str, RateMeter] = {}
         self._states = 0
         self._goal: FloatArray | None = None
         self._squares = 0.0
@@ -185,10 +184,6 @@ class ActuatorTest:
         self._outside_rad = 0.0
         self._finite = True
         self._recorder = MotionRecorder() if spec.facts.testing else None
-
-    def meter(self, topic: str) -> RateMeter:
-        """The counter of the messages on a topic."""
-        return self._meters.setdefault(topic, meter_for(self._spec))
 
     def state(self, reading: JointReading, limits: JointLimits) -> None:
         """Takes a state, and compares it with the goal of the cycle before."""
@@ -224,24 +219,20 @@ class ActuatorTest:
         names = [joint.name for joint in self._spec.facts_as(ActuatorFacts).joints]
         return self._recorder.traces(names) if self._recorder is not None else []
 
-    def results(self, readers: Sequence[CommandReader]) -> list[Result]:
-        """The rows of the table."""
-        rows = [
-            self.meter(topic.name).check(f"rate of {topic.name}", topic.rate_hz)
-            for topic in self._spec.publishers
-        ]
+    def results(self, commands: Sequence[tuple[CommandReader, TrafficFigures]]) -> list[Result]:
+        """The rows of the table about positions and commands."""
+        rows: list[Result] = []
         if not self._finite:
             rows.append(("positions", False, "a position was not a finite number"))
         elif self._states:
             inside = self._outside_rad <= RANGE_TOLERANCE_RAD
             text = "within the limits" if inside else f"up to {self._outside_rad:.3f} rad beyond the limits"
             rows.append(("positions", inside, text))
-        for reader in readers:
-            meter = self.meter(reader.topic)
-            text = f"{reader.accepted} at {meter.rate_hz:.4g} Hz"
+        for reader, figures in commands:
+            text = f"{reader.accepted} at {figures.rate_hz:.4g} Hz"
             text += f", {reader.refused} refused" if reader.refused else ""
             rows.append((f"commands on {reader.topic}", reader.accepted > 0 and not reader.refused, text))
-        rows += self._tracking(bool(readers))
+        rows += self._tracking(bool(commands))
         if self._recorder is not None:
             rows += self._recorder.results()
         return rows

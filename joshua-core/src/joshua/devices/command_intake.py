@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from enum import Enum
 from typing import Any
 
@@ -15,7 +15,7 @@ from joshua.devices.errors import DeviceError
 from joshua.devices.goal import GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.mapping import LeaderMapping
-from joshua.node.behaviour import NodeContext
+from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, Commander, OnStale
 
 NS_PER_S = 1_000_000_000
@@ -119,7 +119,7 @@ class StalePolicy:
                 return f"no command came back within {self._after_s:g} s, so the torque was taken off"
             self._goals.park(self._pose)
         if state is GoalState.PARKING:
-            if np.abs(position_rad - self._goals.reachable(self._pose)).max() < ARRIVED_RAD:
+            if np.abs(position_rad - self._goals.limits.clip(self._pose)).max() < ARRIVED_RAD:
                 return "no command came back, so the joints were parked and their torque was taken off"
             if elapsed_s >= self._timeout_s:
                 return (
@@ -136,22 +136,14 @@ class CommandIntake:
         reader: of the topic.
         goals: get the commands.
         take_over: decides between publishers; None where none is declared as override.
-        count: called for each message.
     """
 
-    def __init__(
-        self,
-        reader: CommandReader,
-        goals: GoalGenerator,
-        take_over: TakeOver | None,
-        count: Callable[[], None],
-    ) -> None:
-        self._reader, self._goals, self._take_over, self._count = reader, goals, take_over, count
+    def __init__(self, reader: CommandReader, goals: GoalGenerator, take_over: TakeOver | None) -> None:
+        self._reader, self._goals, self._take_over = reader, goals, take_over
 
     def joint_state(self, message: Any, received_ns: int, publisher: str = "") -> None:
         """Takes a JointState."""
         del received_ns  # the watchdog needs the monotonic clock
-        self._count()
         now_ns = time.monotonic_ns()
         if not self._has_turn(publisher, now_ns, 0.0):
             return
@@ -161,7 +153,6 @@ class CommandIntake:
     def trajectory(self, message: Any, received_ns: int, publisher: str = "") -> None:
         """Takes a JointTrajectory."""
         del received_ns
-        self._count()
         now_ns = time.monotonic_ns()
         trajectory = self._reader.trajectory(message, publisher)
         lasts_s = trajectory.duration_s if trajectory is not None and len(trajectory.time_s) else 0.0

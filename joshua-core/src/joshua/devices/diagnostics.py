@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from joshua.messages.make import header
 from joshua.messages.typestore import message_class
 from joshua.node import ros_time
-from joshua.node.behaviour import NodeContext
+from joshua.node.context import NodeContext
 from joshua.plan import TopicSpec
 
 #: Where ROS 2 tools look for the state of every device of a graph.

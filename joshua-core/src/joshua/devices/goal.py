@@ -58,7 +58,7 @@ class GoalGenerator:
         stale_after_s: float = STALE_AFTER_S,
         ramp_speed_rad_s: float = RAMP_SPEED_RAD_S,
     ) -> None:
-        self._limits = limits
+        self.limits = limits
         self._period_s = period_s
         self._stale_after_ns = round(stale_after_s * NS_PER_S)
         self._ramp_speed = np.minimum(ramp_speed_rad_s, limits.velocity_max_rad_s)
@@ -117,10 +117,6 @@ class GoalGenerator:
                 self._ramping[:] = True
                 self.state = GoalState.PARKING
 
-    def reachable(self, pose_rad: FloatArray) -> FloatArray:
-        """A pose within the limits."""
-        return np.clip(pose_rad, self._limits.position_min_rad, self._limits.position_max_rad)
-
     def approach(self) -> None:
         """Lets the joints approach the next command slowly, as they do a first one. Thread-safe."""
         with self._lock:
@@ -147,11 +143,10 @@ class GoalGenerator:
         return min(max(elapsed_s, 0.0), 2 * self._period_s)
 
     def _move(self, elapsed_s: float) -> None:
-        limits = self._limits
+        limits = self.limits
         commanded = np.isfinite(self._target)
         target = np.where(commanded, self._target, self._goal)
-        inside = np.clip(target, limits.position_min_rad, limits.position_max_rad)
-        way = np.where(commanded, inside - self._goal, 0.0)
+        way = np.where(commanded, limits.clip(target) - self._goal, 0.0)
         ramp_step = self._ramp_speed * elapsed_s
         self._ramping &= ~(commanded & (np.abs(way) <= ramp_step))
         largest = np.where(self._ramping, ramp_step, limits.velocity_max_rad_s * elapsed_s)

@@ -9,10 +9,11 @@ from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
-from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.behaviour import NodeBehaviour
+from joshua.node.context import NodeContext
+from joshua.node.endpoints import Outputs
 from joshua.node.errors import Cancelled
 from joshua.node.implementation import load_implementation
-from joshua.node.rates import RateLimit, RateMeter, meter_for
 from joshua.plan import SensorFacts
 
 #: Longest wait for a reading, so that the stop is noticed.
@@ -38,7 +39,7 @@ class SensorNode(NodeBehaviour):
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
         self._sensor: Sensor | None = None
-        self._outputs: list[tuple[MessagePublisher, RateLimit, RateMeter]] = []
+        self._outputs = Outputs(())
         self._reader_runs = False
         self._last: Reading | None = None
         self._readings = 0
@@ -68,10 +69,7 @@ class SensorNode(NodeBehaviour):
             self.context.warn(f"{spec.full_name}: a sensor takes no commands, so {names} has no effect")
         self._sensor = sensor
         sensor.connect()
-        self._outputs = [
-            (self.context.publisher(topic), RateLimit(topic.rate_hz), meter_for(spec))
-            for topic in spec.publishers
-        ]
+        self._outputs = Outputs(map(self.context.publisher, spec.publishers))
         self._diagnostics = DiagnosticsPublisher(self.context, self._diagnostic_rows)
 
     def verb_providers(self) -> tuple[object, ...]:
@@ -96,10 +94,7 @@ class SensorNode(NodeBehaviour):
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates, order and plausibility of the readings."""
-        rows = [
-            meter.check(f"rate of {publisher.topic.name}", publisher.topic.rate_hz)
-            for publisher, _, meter in self._outputs
-        ]
+        rows = self._outputs.checks()
         order = f"{self._readings} new, {self._repeated} repeated or out of order, {self._lost} lost"
         rows.append(("readings in order", self._readings > 0 and not self._repeated, order))
         plausible = self._implausible[0] if self._implausible else "all"
@@ -160,11 +155,8 @@ class SensorNode(NodeBehaviour):
             return
         self._readings += 1
         self._lost += reading.sequence - last.sequence - 1 if last is not None else 0
-        for publisher, limit, meter in self._outputs:
-            if limit.passes(reading.stamp_ns):
-                frame_id = self.context.spec.frame_id
-                publisher.publish(sensor.message(reading, publisher.topic.type_name, frame_id))
-                meter.add()
+        frame_id = self.context.spec.frame_id
+        self._outputs.publish(reading.stamp_ns, lambda name: sensor.message(reading, name, frame_id))
         self.observe(reading)
         if len(self._implausible) < 10 and (text := sensor.implausible(reading)):
             self._implausible.append(text)

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointReading
 from joshua.devices.context import ActuatorContext
 from joshua.devices.units import rad_to_ticks, ticks_to_rad
 from joshua.mock.motion import FileMotion, Motion, SineMotion
@@ -31,27 +31,16 @@ class MockActuator(Actuator):
     """
 
     settings: MockMotorSettings
+    velocity_max_rad_s = VELOCITY_MAX_RAD_S
 
     def __init__(self, settings: MockMotorSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
-        joints = settings.joint_ranges
-        self._limits = JointLimits(
-            position_min_rad=np.array([joint.min_rad for joint in joints]),
-            position_max_rad=np.array([joint.max_rad for joint in joints]),
-            velocity_max_rad_s=np.full(len(joints), VELOCITY_MAX_RAD_S),
-        )
         self._connected = False
         self._energised = False
         self._stamps = self.context.clock
         self._motion: Motion | None = None
         self._start_ns = self._simulated_ns = 0
-        self._position = np.zeros(len(joints))
-        self._goal = np.zeros(len(joints))
-
-    @property
-    def limits(self) -> JointLimits:
-        """Limits from block and calibration."""
-        return self._limits
+        self._position = self._goal = np.zeros(len(self.joint_names))
 
     @property
     def connected(self) -> bool:
@@ -62,7 +51,7 @@ class MockActuator(Actuator):
         """Places the joints in the middle of their range. Raises DeviceError for a bad motion file."""
         if self._connected:
             raise DeviceError("MockActuator.connect: the device is open already")
-        limits = self._limits
+        limits = self.limits
         middle = (limits.position_min_rad + limits.position_max_rad) / 2
         self._motion = self._make_motion()
         self._position, self._goal = middle, middle.copy()
@@ -77,7 +66,7 @@ class MockActuator(Actuator):
         stamp_ns = self._stamps.now_ns()
         position = np.array([ticks_to_rad(rad_to_ticks(value)) for value in self._position])
         effort = velocity / VELOCITY_MAX_RAD_S if self._energised else np.zeros_like(velocity)
-        return JointReading(stamp_ns, self._within(position), velocity, effort)
+        return JointReading(stamp_ns, self.limits.clip(position), velocity, effort)
 
     def enable(self) -> None:
         """Gives torque to all joints, where they are."""
@@ -96,7 +85,7 @@ class MockActuator(Actuator):
         if not self._energised:
             raise DeviceError("MockActuator.write: the joints have no torque: call enable first")
         self._advance()
-        self._goal = self._within(goal)
+        self._goal = self.limits.clip(goal)
         return self._goal.copy()
 
     def hold(self) -> None:
@@ -123,13 +112,10 @@ class MockActuator(Actuator):
     def _make_motion(self) -> Motion | None:
         settings = self.settings
         if settings.motion == "sine":
-            return SineMotion(self._limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
+            return SineMotion(self.limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
         if settings.motion == "file":
             return FileMotion(settings.motion_file, self.joint_names)
         return None
-
-    def _within(self, position: FloatArray) -> FloatArray:
-        return np.clip(position, self._limits.position_min_rad, self._limits.position_max_rad)
 
     def _advance(self) -> FloatArray:
         """Moves the joints to where they are now; returns their velocity, shape (N,)."""
@@ -142,7 +128,7 @@ class MockActuator(Actuator):
         if self._motion is None:
             return np.zeros_like(self._position)
         position, velocity = self._motion.at((now_ns - self._start_ns) / NS_PER_S)
-        self._position = self._within(position)
+        self._position = self.limits.clip(position)
         return np.where(self._position == position, velocity, 0.0)
 
 

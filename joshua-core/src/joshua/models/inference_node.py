@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -17,10 +17,12 @@ from joshua.messages.make import joint_state
 from joshua.models.chunk_player import ChunkPlayer
 from joshua.models.model import FloatArray, JointSpace, Model, ModelError
 from joshua.models.observer import STALE_AFTER_S, Observer, UnfitMessageError
-from joshua.node.behaviour import MessagePublisher, NodeBehaviour, NodeContext
+from joshua.node.behaviour import NodeBehaviour
+from joshua.node.cadence import TrafficFigures
+from joshua.node.context import NodeContext
+from joshua.node.endpoints import Outputs
 from joshua.node.errors import NodeError
 from joshua.node.implementation import load_implementation
-from joshua.node.rates import RateLimit, RateMeter, limit_below, meter_for
 from joshua.node.verbs import RefusedError, verb
 from joshua.plan import JointRange, ModelFacts
 
@@ -58,8 +60,8 @@ class InferenceNode(NodeBehaviour):
             STALE_AFTER_S if facts.observation_stale_s is None else facts.observation_stale_s,
             facts.task,
         )
-        self._outputs: list[tuple[MessagePublisher, RateLimit | None, RateMeter]] = []
-        self._received = {topic.name: RateMeter() for topic in context.spec.subscriptions}
+        self._outputs = Outputs(())
+        self._received: list[TrafficFigures] = []
         self._runs = False
         self._silent_about: tuple[str, ...] = ()
         self._said: deque[str] = deque(maxlen=16)
@@ -90,12 +92,11 @@ class InferenceNode(NodeBehaviour):
             if topic.type_name == COMPRESSED_IMAGE:
                 _require_decoder(spec.full_name)
         self._model = self._loaded()
-        self._outputs = [
-            (self.context.publisher(topic), limit_below(topic.rate_hz, self._rate_hz), meter_for(spec))
-            for topic in spec.publishers
+        self._outputs = Outputs(map(self.context.publisher, spec.publishers), self._rate_hz)
+        self._received = [
+            self.context.subscribe(topic, partial(self._observer.add, topic.name))
+            for topic in spec.subscriptions
         ]
-        for topic in spec.subscriptions:
-            self.context.subscribe(topic, self._take(topic.name))
 
     def verb_providers(self) -> tuple[object, ...]:
         """The node's own verbs, and those of its model."""
@@ -151,27 +152,14 @@ class InferenceNode(NodeBehaviour):
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates of actions and observations, and whether the model kept up."""
-        rows = [
-            meter.check(f"rate of {publisher.topic.name}", publisher.topic.rate_hz)
-            for publisher, _, meter in self._outputs
-        ]
-        for topic, meter in self._received.items():
-            rows.append(
-                (f"observations on {topic}", meter.count > 0, f"{meter.count} at {meter.rate_hz:.4g} Hz")
-            )
+        rows = self._outputs.checks()
+        for item in self._received:
+            measured = f"{item.count} at {item.rate_hz:.4g} Hz"
+            rows.append((f"observations on {item.topic.name}", item.count > 0, measured))
         kept_up = self._chunks > 0 and self._gaps <= GAPS_MAX * self._periods
         measured = f"{self._chunks} chunks, {self._gaps} of {self._periods} periods without an action"
         rows.append(("model keeps up", kept_up, measured))
         return rows
-
-    def _take(self, topic: str) -> Callable[[Any, int], None]:
-        count, add = self._received[topic].add, self._observer.add
-
-        def on_message(message: Any, received_ns: int) -> None:
-            count()
-            add(topic, message, received_ns)
-
-        return on_message
 
     def _infer(self) -> None:
         """Runs the model until the stop; whatever it raises fails the node."""
@@ -245,10 +233,7 @@ class InferenceNode(NodeBehaviour):
         self._started = True
         now_ns = self.context.now_ns()
         message = joint_state(self._joints.names, action, frame_id=self.context.spec.frame_id, at_ns=now_ns)
-        for publisher, limit, meter in self._outputs:
-            if limit is None or limit.passes(now_ns):
-                publisher.publish(message)
-                meter.add()
+        self._outputs.publish(now_ns, lambda _: message)
 
 
 def _require_decoder(node: str) -> None:

@@ -1,8 +1,13 @@
-"""Figures on how well timers and publishers hold their rates."""
+"""Rates of timers and topics: how well they are held, and the limit of a publisher."""
 
 from __future__ import annotations
 
+import time
+
+from joshua.guardian.silence import AwakeClock
 from joshua.plan import TimerReport, TopicReport, TopicSpec
+
+NS_PER_S = 1_000_000_000
 
 #: Buckets per power of two; more would be finer and larger.
 SUB_BUCKET_BITS = 5
@@ -13,44 +18,35 @@ _MAXIMUM_BITS = 42
 
 
 class DurationHistogram:
-    """Counts durations in logarithmic buckets.
+    """Counts durations in logarithmic buckets, as HDR histograms do: each power of two has equal parts.
 
-    The scheme is that of HDR histograms: each power of two is divided into equal parts.
+    Attributes:
+        count: durations so far; maximum_ns: the longest one, exactly, 0 for none.
     """
 
     def __init__(self) -> None:
         self._counts = [0] * ((_MAXIMUM_BITS - SUB_BUCKET_BITS + 1) * _SUB_BUCKETS)
-        self._total = 0
-        self._maximum_ns = 0
-
-    @property
-    def count(self) -> int:
-        """Durations so far."""
-        return self._total
-
-    @property
-    def maximum_ns(self) -> int:
-        """Longest duration so far, exactly; 0 for none."""
-        return self._maximum_ns
+        self.count = 0
+        self.maximum_ns = 0
 
     def add(self, duration_ns: int) -> None:
         """Counts one duration; a negative one counts as 0."""
         duration_ns = max(0, duration_ns)
-        self._total += 1
-        self._maximum_ns = max(self._maximum_ns, duration_ns)
+        self.count += 1
+        self.maximum_ns = max(self.maximum_ns, duration_ns)
         shift = duration_ns.bit_length() - SUB_BUCKET_BITS - 1
         index = duration_ns if shift <= 0 else shift * _SUB_BUCKETS + (duration_ns >> shift)
         self._counts[min(index, len(self._counts) - 1)] += 1
 
     def quantile_ns(self, fraction: float) -> int:
         """The duration that ``fraction`` (0 to 1) of all do not exceed; 0 when there are none."""
-        wanted = fraction * self._total
+        wanted = fraction * self.count
         seen = 0
         for index, count in enumerate(self._counts):
             seen += count
             if count and seen >= wanted:
-                return min(self._upper_ns(index), self._maximum_ns)
-        return self._maximum_ns
+                return min(self._upper_ns(index), self.maximum_ns)
+        return self.maximum_ns
 
     @staticmethod
     def _upper_ns(index: int) -> int:
@@ -58,9 +54,6 @@ class DurationHistogram:
         if shift == 0:
             return index
         return ((index - shift * _SUB_BUCKETS + 1) << shift) - 1
-
-
-NS_PER_S = 1_000_000_000
 
 
 class TimerCadence:
@@ -102,45 +95,62 @@ class TimerCadence:
 
 
 class TrafficFigures:
-    """Figures of one endpoint: running total, rate and, for a configured rate, deviation from it."""
+    """Figures of one endpoint: number and rate of its messages and, for a configured rate, the deviation.
 
-    def __init__(self, topic: TopicSpec, *, is_publisher: bool) -> None:
-        self._topic = topic
+    Args:
+        topic: of the endpoint; is_publisher: its direction.
+        witness: knows when this process was held up, which is not the fault of what sends the messages.
+
+    Attributes:
+        count: messages so far.
+    """
+
+    def __init__(self, topic: TopicSpec, *, is_publisher: bool, witness: AwakeClock | None = None) -> None:
+        self.topic = topic
+        self.count = 0
         self._is_publisher = is_publisher
+        self._witness = witness
         self._period_ns = round(NS_PER_S / topic.rate_hz) if topic.rate_hz > 0 else 0
         self._deviation = DurationHistogram()
-        self._count = 0
-        self._first_ns = 0
-        self._last_ns = 0
+        self._first_ns = self._last_ns = 0
 
-    @property
-    def name(self) -> str:
-        """Name of the topic."""
-        return self._topic.name
-
-    @property
-    def count(self) -> int:
-        """Messages so far."""
-        return self._count
-
-    def add(self, now_ns: int) -> None:
-        """Counts one message at ``now_ns`` of the monotonic clock."""
-        if self._count == 0:
+    def add(self, now_ns: int | None = None) -> None:
+        """Counts one message at ``now_ns`` of the monotonic clock; None for now."""
+        now_ns = time.monotonic_ns() if now_ns is None else now_ns
+        if self.count == 0:
             self._first_ns = now_ns
         elif self._period_ns:
             self._deviation.add(abs(now_ns - self._last_ns - self._period_ns))
         self._last_ns = now_ns
-        self._count += 1
+        self.count += 1
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate between the first and the last message; 0 for fewer than two."""
+        return rate_hz(self.count, self._last_ns - self._first_ns)
+
+    def check(self, tolerance: float = 0.1) -> tuple[str, bool, str]:
+        """A row of MODE_TEST: whether the rate is the configured one, within a fraction of it."""
+        wanted_hz, least_hz, most_hz, remark = self.topic.rate_hz, self.rate_hz, self.rate_hz, ""
+        elapsed_ns = self._last_ns - self._first_ns
+        first_s, last_s = self._first_ns / NS_PER_S, self._last_ns / NS_PER_S
+        held_ns = self._witness.missed_s(first_s, last_s) * NS_PER_S if self._witness else 0
+        if 0 < held_ns < elapsed_ns:  # nobody knows how many messages would have come
+            most_hz *= elapsed_ns / (elapsed_ns - held_ns)
+            remark = f", {most_hz:.4g} Hz excluding a {held_ns / NS_PER_S:.1f} s system stall"
+        passed = least_hz <= wanted_hz * (1 + tolerance) and most_hz >= wanted_hz * (1 - tolerance)
+        text = f"{least_hz:.4g} Hz of {wanted_hz:g} Hz, {self.count} messages{remark}"
+        return (f"rate of {self.topic.name}", passed, text)
 
     def report(self) -> TopicReport:
         """The figures so far."""
         return TopicReport(
-            name=self._topic.name,
-            type_name=self._topic.type_name,
+            name=self.topic.name,
+            type_name=self.topic.type_name,
             is_publisher=self._is_publisher,
-            count=self._count,
-            rate_hz=rate_hz(self._count, self._last_ns - self._first_ns),
-            configured_hz=self._topic.rate_hz,
+            count=self.count,
+            rate_hz=self.rate_hz,
+            configured_hz=self.topic.rate_hz,
             jitter_p50_s=self._deviation.quantile_ns(0.50) / NS_PER_S,
             jitter_p99_s=self._deviation.quantile_ns(0.99) / NS_PER_S,
             jitter_p999_s=self._deviation.quantile_ns(0.999) / NS_PER_S,
@@ -150,3 +160,33 @@ class TrafficFigures:
 def rate_hz(count: int, length_ns: int) -> float:
     """Events per second from their number and the time between the first and the last."""
     return (count - 1) * NS_PER_S / length_ns if length_ns > 0 else 0.0
+
+
+class RateLimit:
+    """Thins a stream of stamped readings to a rate, without a beat between the two rates.
+
+    A reading passes when it lies nearer to the next due time than the reading after it would, judged by
+    the distance of the last two; so a 30 Hz camera published at 30 Hz loses no frame to jitter.
+
+    Args:
+        rate_hz: largest rate of readings that pass, on average.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_ns = NS_PER_S / rate_hz
+        self._due_ns: float | None = None
+        self._last_ns: int | None = None
+
+    def passes(self, stamp_ns: int) -> bool:
+        """Whether the reading with this stamp is published."""
+        distance_ns = stamp_ns - self._last_ns if self._last_ns is not None else 0
+        self._last_ns = stamp_ns
+        if self._due_ns is None or distance_ns < 0:  # the first one, or a device that was opened again
+            self._due_ns = stamp_ns + self._period_ns
+            return True
+        tolerance_ns = min(distance_ns, self._period_ns) / 2
+        if stamp_ns < self._due_ns - tolerance_ns:
+            return False
+        late = stamp_ns - self._due_ns > self._period_ns
+        self._due_ns = (stamp_ns if late else self._due_ns) + self._period_ns
+        return True

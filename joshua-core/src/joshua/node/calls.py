@@ -20,7 +20,7 @@ from joshua.ipc.messages import (
     encode,
     printable,
 )
-from joshua.node.context import RuntimeContext
+from joshua.node.context import NodeContext
 from joshua.node.verbs import LOCAL, Caller, InvalidRequestError, RefusedError, Verb, allowed, verbs_of
 
 #: Largest reply; who has more to say publishes it on a topic.
@@ -51,7 +51,7 @@ class Calls:
 
     def __init__(
         self,
-        context: RuntimeContext,
+        context: NodeContext,
         send: Callable[[Message], None],
         wake: Callable[[], None],
         describe: Callable[[BaseException], str],

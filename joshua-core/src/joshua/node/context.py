@@ -1,4 +1,4 @@
-"""What the runtime offers to a behaviour: ``NodeContext`` made real."""
+"""What the runtime offers to a behaviour: topics, timers, threads, and a word to the supervisor."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from joshua.ipc.messages import (
     Message,
     Progressed,
     Said,
+    ThreadAge,
     printable,
 )
 from joshua.node import ros_time
-from joshua.node.endpoints import CountingPublisher, Endpoints, MessageCallback, NamedMessageCallback
-from joshua.node.readers import ReaderThread, ReaderThreads
+from joshua.node.cadence import TrafficFigures
+from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, NamedMessageCallback
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plan.events import Progress
@@ -25,7 +26,7 @@ from joshua.plan.events import Progress
 READER_HANG_S: dict[NodeKind, float] = {NodeKind.MODEL: 60.0}
 READER_HANG_DEFAULT_S = 5.0
 
-#: Distance of two reports of progress.
+#: Time between two progress reports.
 PROGRESS_PERIOD_S = 0.2
 
 
@@ -33,12 +34,21 @@ class NodeFailedError(Exception):
     """A behaviour declared its node as failed."""
 
 
-class RuntimeContext:
-    """The context of one node.
+class ReaderThread(threading.Thread):
+    """A thread that a behaviour started; asking ``context.stopping`` is its sign of life."""
+
+    def __init__(self, run: Callable[[], None], name: str, limit_s: float) -> None:
+        super().__init__(target=run, name=name, daemon=True)
+        self.limit_s = limit_s
+        self.seen_ns = time.monotonic_ns()
+
+
+class NodeContext:
+    """What the runtime offers to a behaviour, on the node's own thread unless said otherwise.
 
     Args:
-        spec: the node's part of the plan.
-        log: the node's logger.
+        spec: the node's part of the plan; ``spec.facts.restarted`` is true after a failure.
+        log: logger whose records reach the supervisor with the node's name.
         send: takes messages for the supervisor.
         prepare_thread: called on each new reader thread.
         wake: wakes the node's loop.
@@ -54,59 +64,91 @@ class RuntimeContext:
     ) -> None:
         self.spec = spec
         self.log = log
-        self.timers = TimerQueue()
-        self.readers = ReaderThreads()
+        self.timer_queue = TimerQueue()
         self.endpoints: Endpoints | None = None
         self.warnings: list[str] = []
         self.failure: BaseException | None = None
+        self._stop_requested = False
         self._send = send
         self._prepare_thread = prepare_thread
         self._wake = wake
         self._lock = threading.Lock()
-        self._stopping = False
+        self._readers: list[ReaderThread] = []
         self._shown = ""
         self._progress: dict[str, tuple[float, float, float, float]] = {}
 
-    def publisher(self, topic: TopicSpec) -> CountingPublisher:
-        """Declares a publisher."""
+    def publisher(self, topic: TopicSpec) -> MessagePublisher:
+        """Declares a publisher of the node block, or one of the node's own such as ``~/applied_command``."""
         return self._declared().publisher(topic)
 
-    def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> None:
-        """Declares a subscription."""
-        self._declared().subscribe(topic, callback)
+    def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> TrafficFigures:
+        """Calls ``callback(message, received_ns)`` on a transport thread for each message.
 
-    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> None:
-        """Declares a subscription whose callback learns which node published each message."""
-        self._declared().subscribe_named(topic, callback)
+        An exception of the callback fails the node. A payload that cannot be decoded is logged and skipped.
+        Returns the figures of the topic.
+        """
+        return self._declared().subscribe(topic, callback)
+
+    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
+        """Calls ``callback(message, received_ns, publisher)``; else as ``subscribe``.
+
+        ``publisher`` is the full name of the publishing node, "" for a program that is not a ROS 2 node.
+        Messages that arrive before the graph knows their publisher are dropped, for one second at most.
+        """
+        return self._declared().subscribe_named(topic, callback)
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
-        """Adds a timer; raises ValueError if the period is not a positive number."""
-        self.timers.add(Timer(period_s, callback, name or f"timer {len(self.timers.timers) + 1}"))
+        """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.
+
+        The first tick comes one period after ``activate`` has returned. Ticks that a long callback
+        overruns are skipped and counted. Raises ValueError if the period is not a positive number.
+        """
+        self.timer_queue.add(Timer(period_s, callback, name or f"timer {len(self.timer_queue.timers) + 1}"))
 
     def spawn_thread(
         self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
     ) -> None:
-        """Starts a reader thread."""
+        """Runs a blocking reader beside the timers; its exception fails the node; joined at the end.
+
+        Args:
+            target: returns soon after ``stopping`` becomes true, and polls it: a reader that does not
+                poll it for ``hang_after_s`` counts as hung.
+            name: for logs and reports.
+            hang_after_s: the limit; None takes the default of the node's kind.
+        """
+
+        def run() -> None:
+            self._prepare_thread()
+            try:
+                target()
+            except Exception as error:  # noqa: BLE001 (whatever a reader raises fails its node)
+                self.fail_with(error)
+
         limit_s = hang_after_s or READER_HANG_S.get(self.spec.kind, READER_HANG_DEFAULT_S)
-        self.readers.start(ReaderThread(target, name, limit_s, self._prepare_thread, self.fail_with))
+        with self._lock:
+            thread = ReaderThread(run, name, limit_s)
+            thread.start()
+            self._readers = [*(known for known in self._readers if known.is_alive()), thread]
 
     @property
     def stopping(self) -> bool:
-        """Whether the node has been asked to stop; asking counts as a sign of life of a reader."""
-        self.readers.touch_current()
-        return self._stopping
+        """Whether the node has been asked to stop; readers poll it, as their sign of life."""
+        thread = threading.current_thread()
+        if isinstance(thread, ReaderThread):
+            thread.seen_ns = time.monotonic_ns()
+        return self._stop_requested
 
     @property
     def stop_requested(self) -> bool:
         """The same, without the sign of life."""
-        return self._stopping
+        return self._stop_requested
 
     def now_ns(self) -> int:
-        """Nanoseconds since the epoch."""
+        """The node's clock for stamps, ns since the epoch."""
         return ros_time.now_ns()
 
     def fail(self, reason: str) -> None:
-        """Ends the node as failed."""
+        """Ends the node as failed with a reason that names the device and the remedy; any thread."""
         self.fail_with(NodeFailedError(reason))
 
     def fail_with(self, error: BaseException) -> None:
@@ -116,31 +158,31 @@ class RuntimeContext:
             if first:
                 self.failure = error
         if not first:
-            self.log.error("a further failure: %s: %s", type(error).__name__, error)
+            self.log.error("another failure: %s: %s", type(error).__name__, error)
         self.request_stop()
 
     def request_stop(self) -> None:
         """Asks the node to stop; any thread, any number of times."""
-        self._stopping = True
+        self._stop_requested = True
         self._wake()
 
     def warn(self, text: str) -> None:
-        """Adds a warning to the start-up table."""
+        """Adds a warning to the node's row of the start-up table; any thread."""
         self.warnings.append(printable(text))
         self._send(Said(kind="warning", node=self.spec.full_name, text=printable(text)))
 
     def waiting_for(self, text: str) -> None:
-        """Says what the node waits for."""
+        """Says what the node waits for, for the message of a start that takes too long; "" clears it."""
         self._send(Said(kind="waiting", node=self.spec.full_name, text=printable(text)))
 
     def fault(self, reason: str) -> None:
-        """Says that the device does nothing until it is resumed; "" ends that."""
+        """Reports that the node runs, but its device does nothing until it is resumed; "" clears it."""
         if reason:
             self.log.error("%s", reason)
         self._send(Said(kind="fault", node=self.spec.full_name, text=printable(reason)))
 
     def show(self, text: str) -> None:
-        """Puts a text into the status line."""
+        """Puts a short text into the node's part of the live status line; "" removes it; any thread."""
         if text != self._shown:
             self._shown = text
             self._send(Said(kind="shown", node=self.spec.full_name, text=printable(text, 120)))
@@ -155,10 +197,16 @@ class RuntimeContext:
         rate: float | None = None,
         remaining_s: float | None = None,
     ) -> None:
-        """Says how far work is; the end of it always, what lies between a few times a second."""
+        """Reports the progress of finite work, as often as it likes; any thread.
+
+        Args:
+            name: of the work, such as ``episodes``.
+            current: what is done, in ``unit``; total: all of it, None if unknown.
+            rate: units per second; remaining_s: time to the end. None computes them from earlier reports.
+        """
         now_s = time.monotonic()
         began_s, first, sent_s, sent = self._progress.get(name, (now_s, current, -math.inf, math.nan))
-        if current < first:  # it begins anew
+        if current < first:  # it starts over
             began_s, first = now_s, current
         if current == sent or (current != total and now_s - sent_s < PROGRESS_PERIOD_S):
             return
@@ -172,10 +220,26 @@ class RuntimeContext:
         self._send(Progressed(node=node, progress=said))
 
     def end_run(self, reason: str) -> None:
-        """Asks for the end of the run."""
+        """Asks for a clean end of the whole run, because the node's work is done; any thread."""
         self._send(Said(kind="stop-run", node=self.spec.full_name, text=printable(reason)))
+
+    def reader_ages(self) -> tuple[ThreadAge, ...]:
+        """The time since the last sign of life of each reader thread that runs."""
+        now_ns = time.monotonic_ns()
+        return tuple(
+            ThreadAge(name=thread.name, age_s=(now_ns - thread.seen_ns) / 1e9, limit_s=thread.limit_s)
+            for thread in self._readers
+            if thread.is_alive()
+        )
+
+    def join_readers(self, timeout_s: float) -> list[str]:
+        """Waits for all reader threads together; returns the names of those that still run."""
+        deadline_s = time.monotonic() + timeout_s
+        for thread in self._readers:
+            thread.join(max(0.0, deadline_s - time.monotonic()))
+        return [thread.name for thread in self._readers if thread.is_alive()]
 
     def _declared(self) -> Endpoints:
         if self.endpoints is None:
-            raise RuntimeError(f"{self.spec.full_name} has left the graph, it cannot declare topics now")
+            raise RuntimeError(f"{self.spec.full_name} has left the graph; it cannot declare topics now")
         return self.endpoints

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import selectors
 import socket
@@ -19,37 +20,32 @@ class ControlChannel:
     """Sends messages to the supervisor from any thread, and receives on a thread of its own.
 
     Args:
-        sock: the inherited control socket.
-        on_message: called on the control thread with each message of the supervisor.
-        on_orphaned: called once when the supervisor is gone.
-        on_signals: called with signal numbers, one byte each.
+        descriptor: of the inherited control socket; programs started here do not inherit it.
+        on_message: takes a message of the supervisor, on the control thread, as the others.
+        on_orphaned: called once, when the supervisor has gone.
+        on_signals: takes signals, one byte each.
     """
 
     def __init__(
         self,
-        sock: socket.socket,
+        descriptor: int,
         on_message: Callable[[ToChild], None],
         on_orphaned: Callable[[], None],
         on_signals: Callable[[bytes], None],
     ) -> None:
+        os.set_inheritable(descriptor, False)
+        self._frames = FrameSocket(socket.socket(fileno=descriptor))
         self._on_message, self._on_orphaned, self._on_signals = on_message, on_orphaned, on_signals
-        self._frames = FrameSocket(sock)
         self._lock = threading.Lock()
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
-        self._dropped = 0
         self._ended = False
 
     @property
     def wake_descriptor(self) -> int:
         """Descriptor for ``signal.set_wakeup_fd``: a byte written to it reaches ``on_signals``."""
         return self._wake_sender.fileno()
-
-    @property
-    def dropped(self) -> int:
-        """Messages dropped because the supervisor did not read."""
-        return self._dropped
 
     def start(self) -> None:
         """Starts the control thread."""
@@ -64,7 +60,6 @@ class ControlChannel:
         payload = encode(message)
         with self._lock:
             if self._ended or (can_miss and self._frames.pending_bytes > BACKLOG_LIMIT_BYTES):
-                self._dropped += 1
                 return
             try:
                 all_sent = self._frames.send(payload)
@@ -72,28 +67,19 @@ class ControlChannel:
                 self._ended = True  # the control thread sees it too and stops the nodes
                 return
         if not all_sent:
-            self._wake()
+            with contextlib.suppress(OSError):  # full: the thread is awake anyway
+                self._wake_sender.send(b"\0")
 
-    def drain(self, timeout_s: float) -> bool:
-        """Waits until everything has left, at the end of the process; returns whether it has."""
+    def drain(self, timeout_s: float) -> None:
+        """Waits at the end of the process until everything has been sent."""
         selector = selectors.DefaultSelector()
         selector.register(self._frames.fileno(), selectors.EVENT_WRITE)
-        with selector:
+        with selector, contextlib.suppress(EndOfStreamError):
             for _ in range(100):
                 with self._lock:
-                    try:
-                        if self._ended or self._frames.flush():
-                            return not self._ended
-                    except EndOfStreamError:
-                        return False
+                    if self._ended or self._frames.flush():
+                        return
                 selector.select(timeout_s / 100)
-        return False
-
-    def _wake(self) -> None:
-        try:
-            self._wake_sender.send(b"\0")
-        except OSError:
-            return  # full: the thread is awake anyway
 
     def _run(self) -> None:
         selector = selectors.DefaultSelector()
@@ -103,7 +89,7 @@ class ControlChannel:
         while True:
             for key, events in selector.select():
                 if key.data == "wake":
-                    numbers = self._read_wake().replace(b"\0", b"")
+                    numbers = self._wake_receiver.recv(4096).replace(b"\0", b"")
                     if numbers:
                         self._on_signals(numbers)
                 elif connected and not self._serve(events):
@@ -129,15 +115,3 @@ class ControlChannel:
             self._on_orphaned()
             return False
         return True
-
-    def _read_wake(self) -> bytes:
-        try:
-            return self._wake_receiver.recv(4096)
-        except BlockingIOError:
-            return b""
-
-
-def control_socket(descriptor: int) -> socket.socket:
-    """Takes over an inherited descriptor as the control socket and keeps it from programs started here."""
-    os.set_inheritable(descriptor, False)
-    return socket.socket(fileno=descriptor)

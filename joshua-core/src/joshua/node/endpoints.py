@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
+from joshua.guardian.silence import AwakeClock, witness
 from joshua.ipc.messages import FirstMessage, Topics
 from joshua.messages import MessageError, decode, encode, preload
-from joshua.node.cadence import TrafficFigures
-from joshua.plan import TopicReport, TopicSpec
+from joshua.node.cadence import RateLimit, TrafficFigures
+from joshua.plan import NodeSpec, TopicReport, TopicSpec
 from joshua.transport import NodeHandle, Publisher, Sample, Subscription
 
 #: The graph may learn of a publisher after its first messages; one that it has not learnt of by then belongs
@@ -70,29 +71,51 @@ NamedMessageCallback = Callable[[Any, int, str], None]
 _LOGGED_COUNTS = frozenset(10**power for power in range(12))
 
 
-class CountingPublisher:
-    """Serialises messages, sends them and counts them."""
+class MessagePublisher:
+    """Publishes ROS 2 messages (classes of ``joshua.messages``) on one topic, and counts them.
 
-    def __init__(self, publisher: Publisher, topic: TopicSpec) -> None:
+    Attributes:
+        topic: its topic; figures: number and rate of its messages.
+    """
+
+    def __init__(self, publisher: Publisher, topic: TopicSpec, witness: AwakeClock | None = None) -> None:
         self.topic = topic
-        self.figures = TrafficFigures(topic, is_publisher=True)
+        self.figures = TrafficFigures(topic, is_publisher=True, witness=witness)
         self._publisher = publisher
         self._lock = threading.Lock()
-
-    @property
-    def subscription_count(self) -> int:
-        """Matched subscriptions, in this process and in others."""
-        return self._publisher.subscription_count
 
     def publish(self, message: Any) -> None:
         """Serialises and sends one message. Raises MessageError if it does not fit its type."""
         self._publisher.publish(encode(message))
         with self._lock:
-            self.figures.add(time.monotonic_ns())
+            self.figures.add()
 
-    def assert_liveliness(self) -> None:
-        """Says that this publisher is alive (MANUAL_BY_TOPIC)."""
-        self._publisher.assert_liveliness()
+
+class Outputs:
+    """The publishers of a node block, each thinned to its own rate.
+
+    Args:
+        publishers: one per topic of the block.
+        source_hz: rate of what they publish; None where the device sets it.
+    """
+
+    def __init__(self, publishers: Iterable[MessagePublisher], source_hz: float | None = None) -> None:
+        self._outputs = [
+            (it, RateLimit(it.topic.rate_hz) if source_hz is None or it.topic.rate_hz < source_hz else None)
+            for it in publishers
+        ]
+
+    def publish(self, stamp_ns: int, make: Callable[[str], Any | None]) -> None:
+        """Publishes what ``make`` returns for a type, unless that is None, on each topic that is due."""
+        for publisher, limit in self._outputs:
+            if limit is None or limit.passes(stamp_ns):
+                message = make(publisher.topic.type_name)
+                if message is not None:
+                    publisher.publish(message)
+
+    def checks(self) -> list[tuple[str, bool, str]]:
+        """The rows of MODE_TEST about their rates."""
+        return [publisher.figures.check() for publisher, _ in self._outputs]
 
 
 class CountingSubscription:
@@ -104,6 +127,7 @@ class CountingSubscription:
         on_first: called with the monotonic time of the first message.
         on_error: called with an exception of ``hand_over``.
         log: where malformed messages are reported; they come from outside and fail no node.
+        witness: knows when this process was held up.
     """
 
     def __init__(
@@ -113,9 +137,10 @@ class CountingSubscription:
         on_first: Callable[[TopicSpec, int], None],
         on_error: Callable[[BaseException], None],
         log: logging.Logger,
+        witness: AwakeClock | None = None,
     ) -> None:
         self.topic = topic
-        self.figures = TrafficFigures(topic, is_publisher=False)
+        self.figures = TrafficFigures(topic, is_publisher=False, witness=witness)
         self._hand_over = hand_over
         self._on_first = on_first
         self._on_error = on_error
@@ -152,7 +177,7 @@ class Endpoints:
 
     Args:
         handle: the node in the graph.
-        full_name: of the node, for messages.
+        spec: the node's part of the plan; MODE_TEST judges rates, so its figures leave out system stalls.
         send: takes messages for the supervisor.
         on_error: takes an exception of a subscription's callback.
         log: the node's logger.
@@ -161,40 +186,41 @@ class Endpoints:
     def __init__(
         self,
         handle: NodeHandle,
-        full_name: str,
+        spec: NodeSpec,
         send: Callable[[FirstMessage], None],
         on_error: Callable[[BaseException], None],
         log: logging.Logger,
     ) -> None:
         self._handle = handle
-        self._full_name = full_name
+        self._full_name = spec.full_name
+        self._witness = witness() if spec.facts.testing else None
         self._send = send
         self._on_error = on_error
         self._log = log
-        self._publishers: list[CountingPublisher] = []
+        self._publishers: list[MessagePublisher] = []
         self._subscriptions: list[CountingSubscription] = []
         self._open: list[Subscription] = []
 
-    def publisher(self, topic: TopicSpec) -> CountingPublisher:
+    def publisher(self, topic: TopicSpec) -> MessagePublisher:
         """Declares a publisher; a name that begins with ``~/`` lies below the node's own."""
         topic = self._resolve(topic)
         raw = self._handle.create_publisher(
             topic.name, topic.type_name, topic.qos, on_event=self._reporter(topic)
         )
         preload((topic.type_name,))  # not by the first message: that comes in the midst of a loop
-        publisher = CountingPublisher(raw, topic)
+        publisher = MessagePublisher(raw, topic, self._witness)
         self._publishers.append(publisher)
         return publisher
 
-    def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> None:
+    def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> TrafficFigures:
         """Declares a subscription; names as for publishers."""
 
         def hand_over(message: Any, sample: Sample) -> None:
             callback(message, sample.received_ns)
 
-        self._subscribe(topic, hand_over)
+        return self._subscribe(topic, hand_over)
 
-    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> None:
+    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
         """Declares a subscription whose callback learns which node published each message."""
         names = PublisherNames(self._handle.publisher_node)
 
@@ -203,7 +229,7 @@ class Endpoints:
             if publisher is not None:
                 callback(message, sample.received_ns, publisher)
 
-        self._subscribe(topic, hand_over)
+        return self._subscribe(topic, hand_over)
 
     def totals(self) -> Topics:
         """Running totals for the live rates."""
@@ -216,7 +242,7 @@ class Endpoints:
 
     def reports(self) -> tuple[TopicReport, ...]:
         """Final figures, publishers first."""
-        items: list[CountingPublisher | CountingSubscription] = [*self._publishers, *self._subscriptions]
+        items: list[MessagePublisher | CountingSubscription] = [*self._publishers, *self._subscriptions]
         return tuple(item.figures.report() for item in items)
 
     def close_subscriptions(self) -> None:
@@ -229,10 +255,12 @@ class Endpoints:
         self.close_subscriptions()
         self._handle.close()
 
-    def _subscribe(self, topic: TopicSpec, hand_over: Callable[[Any, Sample], None]) -> None:
+    def _subscribe(self, topic: TopicSpec, hand_over: Callable[[Any, Sample], None]) -> TrafficFigures:
         topic = self._resolve(topic)
         preload((topic.type_name,))
-        subscription = CountingSubscription(topic, hand_over, self._first, self._on_error, self._log)
+        subscription = CountingSubscription(
+            topic, hand_over, self._first, self._on_error, self._log, self._witness
+        )
         self._subscriptions.append(subscription)
         self._open.append(
             self._handle.create_subscription(
@@ -243,6 +271,7 @@ class Endpoints:
                 on_event=self._reporter(topic),
             )
         )
+        return subscription.figures
 
     def _resolve(self, topic: TopicSpec) -> TopicSpec:
         if topic.name.startswith("~/"):
@@ -262,5 +291,5 @@ class Endpoints:
 def _totals(figures: list[TrafficFigures]) -> dict[str, int]:
     totals: dict[str, int] = {}
     for item in figures:
-        totals[item.name] = totals.get(item.name, 0) + item.count
+        totals[item.topic.name] = totals.get(item.topic.name, 0) + item.count
     return totals

@@ -16,12 +16,6 @@ class NodeError(Exception):
     exit_code: ClassVar[int] = EXIT_NODE_FAILED
 
 
-class ImplementationMissingError(NodeError):
-    """The code of a node is not installed in the environment that runs it."""
-
-    exit_code: ClassVar[int] = EXIT_PLUGIN_MISSING
-
-
 class InterruptedLifecycleError(BaseException):
     """Breaks whatever the node's thread does, after an orderly stop was asked for in vain.
 

@@ -94,7 +94,7 @@ class NodeLogHandler(logging.Handler):
         return text
 
 
-def node_logger(handler: NodeLogHandler, full_name: str, level: int) -> logging.Logger:
+def node_logger(full_name: str, level: int) -> logging.Logger:
     """Makes the logger of a node; its records carry the node's name whichever thread writes them."""
     logger = logging.getLogger("node" + full_name.replace("/", "."))
     logger.setLevel(level)

@@ -21,14 +21,13 @@ def prepare() -> None:
 
 def run_forked(control_descriptor: int) -> int:
     """Runs a child process whose standard streams are set up; returns its exit code."""
-    from joshua.node.control import control_socket
     from joshua.node.process import NodeProcess
 
     # A crash in native code, and the supervisor's question where a hung node hangs, are answered with
     # the stacks of all threads on standard error.
     faulthandler.enable(file=2)
     faulthandler.register(signal.SIGUSR2, file=2, all_threads=True)
-    return NodeProcess(control_socket(control_descriptor)).run()
+    return NodeProcess(control_descriptor).run()
 
 
 def finish(code: int) -> None:

@@ -7,7 +7,6 @@ import logging
 import os
 import queue
 import signal
-import socket
 import sys
 import threading
 import time
@@ -35,7 +34,7 @@ from joshua.ipc.messages import (
 from joshua.ipc.process_attributes import set_title
 from joshua.node.control import ControlChannel
 from joshua.node.errors import InterruptedLifecycleError
-from joshua.node.logs import NodeLogHandler, install_handler, node_logger
+from joshua.node.logs import NodeLogHandler, install_handler
 from joshua.node.runtime import NodeRuntime, RuntimeServices
 from joshua.transport import Transport, open_transport
 
@@ -67,13 +66,15 @@ def core_version() -> str:
 class NodeProcess:
     """Runs the nodes that the supervisor names, and ends with them, with it, or on its request."""
 
-    def __init__(self, sock: socket.socket) -> None:
-        self._channel = ControlChannel(sock, self._on_message, self._on_orphaned, self._on_signals)
+    def __init__(self, control_descriptor: int) -> None:
+        self._channel = ControlChannel(
+            control_descriptor, self._on_message, self._on_orphaned, self._on_signals
+        )
         self._starts: queue.SimpleQueue[Start | None] = queue.SimpleQueue()
         self._runtimes: list[NodeRuntime] = []
         self._activation = threading.Event()
         self._transport: Transport | None = None
-        self._transport_lock = threading.Lock()
+        self._transport_lock = threading.Lock()  # opening it takes long
         self._stop_requested_s: float | None = None
         self._stop_lock = threading.Lock()
         self._in_interruptible = False
@@ -96,10 +97,8 @@ class NodeProcess:
             send=self._send,
             transport=self._open_transport,
             activation=self._activation,
-            logger=lambda name: node_logger(handler, name, start.log_level),
-            adopt_thread=handler.adopt_thread,
-            observe_logs=handler.observe,
-            settle_logs=handler.settle,
+            logs=handler,
+            log_level=start.log_level,
             heartbeat_s=start.heartbeat_s,
         )
         self._run_nodes(start, services)
@@ -129,7 +128,7 @@ class NodeProcess:
                 self._later(URGENT_INTERRUPT_AFTER_S, self._interrupt)
 
     def _on_orphaned(self) -> None:
-        """Ends in good order, within a bounded time, when the supervisor is gone (control thread)."""
+        """Ends cleanly, within a bounded time, when the supervisor is gone (control thread)."""
         self._request_stop()
         self._later(self._orphan_grace_s / 2, self._interrupt)
         self._later(self._orphan_grace_s, lambda: os._exit(1))

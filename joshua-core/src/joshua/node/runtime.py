@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 import traceback
@@ -16,16 +15,11 @@ from joshua.ipc.process_attributes import set_timer_slack, use_realtime_priority
 from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.calls import Calls
-from joshua.node.context import NodeFailedError, RuntimeContext
+from joshua.node.context import NodeContext, NodeFailedError
 from joshua.node.endpoints import Endpoints
-from joshua.node.errors import (
-    Cancelled,
-    InterruptedLifecycleError,
-    NodeError,
-    exit_code_of,
-)
+from joshua.node.errors import Cancelled, InterruptedLifecycleError, NodeError, exit_code_of
 from joshua.node.implementation import load_behaviour
-from joshua.node.logs import RosoutPublisher
+from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
 from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
 
@@ -49,20 +43,15 @@ class RuntimeServices:
         send: takes messages for the supervisor; heartbeats and totals may be dropped there.
         transport: opens or returns the connection of this process to the graph.
         activation: set when the supervisor lets the nodes start.
-        logger: makes the logger of a node.
-        adopt_thread: says that the calling thread works for a node.
-        observe_logs: hands each record of a node to a function; None ends that.
-        settle_logs: reports what the flood limit has dropped of a node.
-        heartbeat_s: distance of two heartbeats.
+        logs: takes the log records of the process; log_level: from which on.
+        heartbeat_s: time between two heartbeats.
     """
 
     send: Callable[[Message], None]
     transport: Callable[[], Transport]
     activation: threading.Event
-    logger: Callable[[str], logging.Logger]
-    adopt_thread: Callable[[str], None]
-    observe_logs: Callable[[str, Callable[..., None] | None], None]
-    settle_logs: Callable[[str], None]
+    logs: NodeLogHandler
+    log_level: int
     heartbeat_s: float
 
 
@@ -85,14 +74,14 @@ class NodeRuntime:
         self._services = services
         self._interruptible = interruptible
         self._wake = threading.Event()
-        self._log = services.logger(spec.full_name)
+        self._log = node_logger(spec.full_name, services.log_level)
         self._behaviour: NodeBehaviour | None = None
         self._step: StepName = "import"
         self._rosout: RosoutPublisher | None = None
         self._exit_code = 0
         self._serves_calls = False
-        self.context = RuntimeContext(
-            spec, self._log, services.send, lambda: services.adopt_thread(spec.full_name), self._wake.set
+        self.context = NodeContext(
+            spec, self._log, services.send, lambda: services.logs.adopt_thread(spec.full_name), self._wake.set
         )
         self._calls = Calls(self.context, services.send, self._wake.set, lambda error: _describe(error, spec))
 
@@ -129,7 +118,7 @@ class NodeRuntime:
 
     def run(self) -> None:
         """Runs the node; returns when it has ended, and never raises for what the behaviour does."""
-        self._services.adopt_thread(self._spec.full_name)
+        self._services.logs.adopt_thread(self._spec.full_name)
         try:
             with self._interruptible():
                 self._start_and_loop()
@@ -144,25 +133,24 @@ class NodeRuntime:
     def _start_and_loop(self) -> None:
         self._enter("import")
         behaviour_type = load_behaviour(self._spec)
-        if self._told_to_stop():
+        if self.context.stop_requested:
             return
         self._enter("transport")
         handle = self._services.transport().create_node(self._spec.name, self._spec.namespace)
         self.context.endpoints = Endpoints(
-            handle, self._spec.full_name, self._services.send, self.context.fail_with, self._log
+            handle, self._spec, self._services.send, self.context.fail_with, self._log
         )
         if self._spec.facts.use_sim_time:
             ros_time.follow_simulation()
             if self._spec.process_group != "simulation":  # that process sets its time itself
                 self.context.endpoints.subscribe(ros_time.CLOCK, ros_time.take)
         self._rosout = RosoutPublisher(handle, self._spec)
-        self._services.observe_logs(self._spec.full_name, self._rosout.publish)
+        self._services.logs.observe(self._spec.full_name, self._rosout.publish)
         self._behaviour = behaviour_type(self.context)
         self._enter("configure")
         self._behaviour.configure()
         self._services.send(Step(node=self._spec.full_name, step="configured"))
-        self._await_activation()
-        if self._told_to_stop():
+        if not self._activation_came():
             return
         self._enter("activate")
         self._behaviour.activate()
@@ -173,21 +161,20 @@ class NodeRuntime:
             self._log.debug("the loop runs with real-time priority")
         self._loop()
 
-    def _told_to_stop(self) -> bool:
-        return self.context.stop_requested
-
     def _enter(self, step: StepName) -> None:
         self._step = step
         self._services.send(Step(node=self._spec.full_name, step=step))
 
-    def _await_activation(self) -> None:
+    def _activation_came(self) -> bool:
+        """Waits for the activation; False if the node is to stop."""
         while not (self._services.activation.is_set() or self.context.stop_requested):
             self._wake.wait(0.5)
             self._wake.clear()
+        return not self.context.stop_requested
 
     def _loop(self) -> None:
         """Runs timers until the stop: the hot loop of a node."""
-        context, timers, calls = self.context, self.context.timers, self._calls
+        context, timers, calls = self.context, self.context.timer_queue, self._calls
         heartbeat_ns = round(self._services.heartbeat_s * 1e9)
         totals_ns = round(TOTALS_PERIOD_S * 1e9)
         next_heartbeat_ns = next_totals_ns = time.monotonic_ns()
@@ -224,7 +211,7 @@ class NodeRuntime:
             raise error
 
     def _beat(self, now_ns: int) -> None:
-        ages = self.context.readers.ages()
+        ages = self.context.reader_ages()
         beat = Heartbeat(
             node=self._spec.full_name, stamp_ns=now_ns, thread_id=threading.get_native_id(), threads=ages
         )
@@ -233,7 +220,7 @@ class NodeRuntime:
     def _send_totals(self) -> None:
         if self.context.endpoints is not None:
             self._services.send(self.context.endpoints.totals())
-        self._services.settle_logs(self._spec.full_name)
+        self._services.logs.settle(self._spec.full_name)
 
     def _report_failure(self) -> None:
         error = self.context.failure
@@ -259,7 +246,7 @@ class NodeRuntime:
         if behaviour is not None:
             self._enter("deactivate")
             self._attempt("deactivate", behaviour.deactivate)
-            left = self.context.readers.join(READER_JOIN_S)
+            left = self.context.join_readers(READER_JOIN_S)
             if left:
                 self._log.warning("reader threads that did not notice the stop: %s", ", ".join(left))
             if self.context.endpoints is not None:
@@ -268,7 +255,7 @@ class NodeRuntime:
             self._enter("cleanup")
             self._attempt("cleanup", behaviour.cleanup)
         report = self._report(checks).model_copy(update={"traces": traces})
-        self._services.observe_logs(self._spec.full_name, None)
+        self._services.logs.observe(self._spec.full_name, None)
         if self.context.endpoints is not None:
             self._attempt("leaving the graph", self.context.endpoints.close)
         self._services.send(Report(report=report))
@@ -306,7 +293,7 @@ class NodeRuntime:
             state="stopped" if failure is None else "failed",
             reason="" if failure is None else _describe(failure, self._spec),
             topics=endpoints.reports() if endpoints is not None else (),
-            timers=tuple(timer.cadence.report() for timer in self.context.timers.timers),
+            timers=tuple(timer.cadence.report() for timer in self.context.timer_queue.timers),
             checks=checks,
             warnings=tuple(self.context.warnings),
         )

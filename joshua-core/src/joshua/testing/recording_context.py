@@ -8,23 +8,28 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from joshua.node.cadence import TrafficFigures
+from joshua.node.context import NodeContext
+from joshua.node.endpoints import MessagePublisher
 from joshua.plan import NodeSpec, TopicSpec
 from joshua.plan.events import Progress
 
 
-class RecordingPublisher:
+class RecordingPublisher(MessagePublisher):
     """Keeps what is published; ``messages`` holds it in order."""
 
     def __init__(self, topic: TopicSpec) -> None:
         self.topic = topic
+        self.figures = TrafficFigures(topic, is_publisher=True)
         self.messages: list[Any] = []
 
     def publish(self, message: Any) -> None:
         """Keeps a message."""
         self.messages.append(message)
+        self.figures.add()
 
 
-class RecordingContext:
+class RecordingContext(NodeContext):
     """What a behaviour gets in place of the runtime's context.
 
     Timers run when the test says so (``tick``), threads of ``spawn_thread`` are real ones, ``receive``
@@ -40,6 +45,7 @@ class RecordingContext:
         self.publishers: dict[str, RecordingPublisher] = {}
         self.subscriptions: dict[str, Callable[[Any, int], None]] = {}
         self.named_subscriptions: dict[str, Callable[[Any, int, str], None]] = {}
+        self._received: dict[str, TrafficFigures] = {}
         self.timers: dict[str, tuple[float, Callable[[], None]]] = {}
         self.warnings: list[str] = []
         self.failures: list[str] = []
@@ -50,19 +56,21 @@ class RecordingContext:
         self.ends: list[str] = []
         self._threads: list[threading.Thread] = []
         self._errors: list[BaseException] = []
-        self._stopping = threading.Event()
+        self._stop = threading.Event()
 
     def publisher(self, topic: TopicSpec) -> RecordingPublisher:
         """Declares a publisher."""
         return self.publishers.setdefault(topic.name, RecordingPublisher(topic))
 
-    def subscribe(self, topic: TopicSpec, callback: Callable[[Any, int], None]) -> None:
+    def subscribe(self, topic: TopicSpec, callback: Callable[[Any, int], None]) -> TrafficFigures:
         """Declares a subscription."""
         self.subscriptions[topic.name] = callback
+        return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
-    def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> None:
+    def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> TrafficFigures:
         """Declares a subscription whose callback learns which node published each message."""
         self.named_subscriptions[topic.name] = callback
+        return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
         """Keeps a timer for ``tick``."""
@@ -87,7 +95,7 @@ class RecordingContext:
     @property
     def stopping(self) -> bool:
         """Whether ``stop`` was called."""
-        return self._stopping.is_set()
+        return self._stop.is_set()
 
     def now_ns(self) -> int:
         """Nanoseconds since the epoch."""
@@ -138,6 +146,7 @@ class RecordingContext:
 
     def receive(self, topic: str, message: Any, publisher: str = "") -> None:
         """Delivers a message to a subscription; ``publisher`` is the full name of a node."""
+        self._received[topic].add()
         if topic in self.named_subscriptions:
             self.named_subscriptions[topic](message, time.time_ns(), publisher)
         else:
@@ -150,7 +159,7 @@ class RecordingContext:
             RuntimeError: a thread did not notice the stop.
             BaseException: what a thread raised.
         """
-        self._stopping.set()
+        self._stop.set()
         for thread in self._threads:
             thread.join(timeout_s)
             if thread.is_alive():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from joshua.api import Actuator, ActuatorContext, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.api import Actuator, ActuatorContext, DeviceError, FloatArray, JointReading
 from joshua.api.motions import FileMotion, Motion, SineMotion
 
 from joshua_mujoco_sim.model_file import ModelError
@@ -37,17 +37,13 @@ class SimActuator(Actuator):
     """
 
     settings: SimActuatorSettings
+    velocity_max_rad_s = VELOCITY_MAX_RAD_S
 
     def __init__(self, settings: SimActuatorSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
         joints = settings.frames()
         self._zero = np.array([joint.zero_rad for joint in joints])
         self._sign = np.array([joint.sign for joint in joints])
-        self._limits = JointLimits(
-            position_min_rad=np.array([joint.min_rad for joint in joints]),
-            position_max_rad=np.array([joint.max_rad for joint in joints]),
-            velocity_max_rad_s=np.full(len(joints), VELOCITY_MAX_RAD_S),
-        )
         self._world: World | None = None
         self._group: ActuatorGroup | None = None
         self._wheels = np.zeros(len(joints), dtype=bool)
@@ -57,11 +53,6 @@ class SimActuator(Actuator):
         self._motion_start_s = 0.0
         self._stamps = self.context.clock
         self._unhook: Any = None
-
-    @property
-    def limits(self) -> JointLimits:
-        """Limits of the joints: the calibrated ones within the model's."""
-        return self._limits
 
     @property
     def connected(self) -> bool:
@@ -112,7 +103,7 @@ class SimActuator(Actuator):
         goal = self.checked_goal(goal_rad)
         if self._goal is None:
             raise DeviceError("SimActuator.write: the joints have no torque: call enable first")
-        goal = np.clip(goal, self._limits.position_min_rad, self._limits.position_max_rad)
+        goal = self.limits.clip(goal)
         with world.lock:
             self._goal = goal
         return goal.copy()
@@ -190,7 +181,7 @@ class SimActuator(Actuator):
         if physics.time_s < self._motion_start_s:  # the simulation was reset
             self._motion_start_s = physics.time_s
         goal, _ = self._motion.at(physics.time_s - self._motion_start_s)
-        return np.clip(goal, self._limits.position_min_rad, self._limits.position_max_rad)
+        return self.limits.clip(goal)
 
     def calibration_target(self) -> SimCalibrationTarget:
         """What a calibration works on: the joints that turn between stops, and a hand that moves them."""
@@ -204,7 +195,7 @@ class SimActuator(Actuator):
     def _make_motion(self) -> Motion | None:
         settings = self.settings
         if settings.motion == "sine":
-            return SineMotion(self._limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
+            return SineMotion(self.limits, settings.motion_amplitude_rad, settings.motion_frequency_hz)
         if settings.motion == "file":
             return FileMotion(settings.motion_file, self.joint_names)
         return None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.api import DeviceError, NodeContext, Simulator
+from joshua.api import DeviceError, NodeBehaviour, NodeContext
 from joshua.api.nodes import MessagePublisher, ServiceFacts, TopicSpec
 from joshua.features import EpisodeError
 from joshua.messages.make import joint_state
@@ -40,7 +40,7 @@ WATCH_PERIOD_S = 0.5
 REPLAY_PERIOD_S = 1 / 60
 
 
-class SimulatorNode(Simulator):
+class SimulatorNode(NodeBehaviour):
     """Runs the physics of a file for as long as the node lives.
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window

@@ -15,14 +15,13 @@ from joshua.api import (
     DeviceError,
     DiagnosticStatus,
     FloatArray,
-    JointLimits,
     JointReading,
 )
 
 from joshua_spike.client import DEAD_MAN_S, HubClient
 from joshua_spike.diagnostics import BATTERY_STATE, battery_message, battery_row, joint_rows, link_row
 from joshua_spike.errors import NotCalibrated, NotEnabled, ProgramFailed, SafetyTripped
-from joshua_spike.joint_map import RADIANS_PER_DEGREE, JointMap
+from joshua_spike.joint_map import MAX_SPEED_RAD_S, RADIANS_PER_DEGREE, JointMap
 from joshua_spike.session import Counters, StampedState
 from joshua_spike.settings import SpikeSettings
 
@@ -46,6 +45,7 @@ class SpikeActuator(Actuator):
     """
 
     settings: SpikeSettings
+    velocity_max_rad_s = MAX_SPEED_RAD_S
 
     def __init__(self, settings: SpikeSettings, context: ActuatorContext | None = None) -> None:
         super().__init__(settings, context)
@@ -59,11 +59,6 @@ class SpikeActuator(Actuator):
         self._written_s = 0.0
         self._last: tuple[JointReading, StampedState] | None = None
         self._counted = Counters()
-
-    @property
-    def limits(self) -> JointLimits:
-        """The calibrated range, else half a turn to both sides of a motor's mark."""
-        return self._map.limits()
 
     @property
     def connected(self) -> bool:
@@ -166,7 +161,7 @@ class SpikeActuator(Actuator):
             if not self._enabled:
                 raise NotEnabled(f"{self._hub}: the motors have no torque: call enable first")
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
-            step = self._map.speed_rad_s * elapsed_s
+            step = self.velocity_max_rad_s * elapsed_s
             goal = np.clip(goal, self._goal - step, self._goal + step)
             targets = self._map.degrees(goal, self._target_deg)
             if not self._dry_run:

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from joshua.api import FloatArray, JointLimits
+from joshua.api import FloatArray
 
 from joshua_spike.settings import MIDDLE_TICK, TICKS_PER_TURN, SpikeSettings
 
 RADIANS_PER_DEGREE = math.tau / 360
 #: Speed that the slowest of LEGO's motors with an absolute encoder reaches.
-MAX_SPEED_DEG_S = 620.0
+MAX_SPEED_RAD_S = 620.0 * RADIANS_PER_DEGREE
 
 
 class JointMap:
@@ -34,11 +34,6 @@ class JointMap:
         self._zero_deg = zero_deg
         ranges = np.array([settings.range_rad(port) for port in settings.port_names])
         self._low_rad, self._high_rad = ranges[:, 0], ranges[:, 1]
-        self.speed_rad_s: FloatArray = np.full(len(motors), MAX_SPEED_DEG_S * RADIANS_PER_DEGREE)
-
-    def limits(self) -> JointLimits:
-        """The limits in force, in radians."""
-        return JointLimits(self._low_rad.copy(), self._high_rad.copy(), self.speed_rad_s.copy())
 
     def radians(self, angles_deg: Sequence[int]) -> FloatArray:
         """Joint angles of motor angles."""

@@ -87,7 +87,7 @@ class GamepadNode(InputNode):
         if reading is None:
             return
         now = Reading(self.context.now_ns(), reading.sequence, reading.data)
-        self.send_joy(publisher, self.gamepad.message(now, JOY, self.context.spec.frame_id))
+        publisher.publish(self.gamepad.message(now, JOY, self.context.spec.frame_id))
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Whether the device was there all the time, and what of it a person has tried."""

@@ -8,9 +8,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from joshua.api import DeviceError, DiagnosticStatus, NodeContext
-from joshua.api.clocks import RateMeter
-from joshua.api.nodes import DiagnosticsPublisher, MessagePublisher, NodeBehaviour, SensorFacts
+from joshua.api import DeviceError, DiagnosticStatus, NodeBehaviour, NodeContext
+from joshua.api.nodes import DiagnosticsPublisher, MessagePublisher, SensorFacts
 from joshua.messages.make import joint_state
 from joshua.tools import nearest_first
 
@@ -41,7 +40,6 @@ class InputNode(NodeBehaviour):
         self._drive: Drive | None = None
         self._commands: list[MessagePublisher] = []
         self._joys: list[MessagePublisher] = []
-        self._meters: dict[str, RateMeter] = {}
         self._shown = ""
         self._waiting_since_s: float | None = None
         self._commanded = 0
@@ -71,7 +69,6 @@ class InputNode(NodeBehaviour):
                 self.context.subscribe(topic, self._hear_state)
             self.context.create_timer(1.0 / rate_hz, self._tick, name="commands")
         for publisher in self._joys:
-            self._meters[publisher.topic.name] = RateMeter()
             call = functools.partial(self.publish_joy, publisher)
             self.context.create_timer(1.0 / publisher.topic.rate_hz, call, name="joy")
         if joints:
@@ -86,11 +83,6 @@ class InputNode(NodeBehaviour):
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
         """Publishes the present state as a Joy."""
-
-    def send_joy(self, publisher: MessagePublisher, message: Any) -> None:
-        """Publishes a Joy and counts it."""
-        publisher.publish(message)
-        self._meters[publisher.topic.name].add()
 
     def take(self, value: Callable[[str], float]) -> None:
         """Takes a state of the device, on the reader's thread."""
@@ -107,10 +99,7 @@ class InputNode(NodeBehaviour):
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates of the Joys, and the number of commands."""
-        rows = [
-            self._meters[joy.topic.name].check(f"rate of {joy.topic.name}", joy.topic.rate_hz)
-            for joy in self._joys
-        ]
+        rows = [joy.figures.check() for joy in self._joys]
         return [*rows, *([("commands", True, f"{self._commanded} sent")] if self._commands else [])]
 
     def _tick(self) -> None:

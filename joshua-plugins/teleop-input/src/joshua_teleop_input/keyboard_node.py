@@ -82,7 +82,7 @@ class KeyboardNode(InputNode):
         buttons = [int(key in held) for key in self._names.values()]
         frame_id = self.context.spec.frame_id
         message = message_class(JOY)(header(frame_id, self.context.now_ns()), axes, buttons)
-        self.send_joy(publisher, message)
+        publisher.publish(message)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Whether the terminal was there, and what it can."""

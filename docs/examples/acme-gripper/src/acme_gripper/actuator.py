@@ -3,7 +3,7 @@
 import time
 
 import numpy as np
-from joshua.api import Actuator, DeviceError, FloatArray, JointLimits, JointReading
+from joshua.api import Actuator, DeviceError, FloatArray, JointReading
 
 from acme_gripper.settings import GripperSettings
 
@@ -17,10 +17,9 @@ class Gripper(Actuator):
     _position = _goal = _moved_s = 0.0
 
     @property
-    def limits(self) -> JointLimits:
-        """From closed to open."""
-        opening_rad = self.settings.joints()[0].max_rad
-        return JointLimits(np.zeros(1), np.array([opening_rad]), np.array([self.settings.speed_rad_s]))
+    def velocity_max_rad_s(self) -> float:
+        """Speed of the finger."""
+        return self.settings.speed_rad_s
 
     def connect(self) -> None:
         """Opens the gripper's link."""
@@ -41,7 +40,7 @@ class Gripper(Actuator):
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
         """Commands a position; returns it after the clamp."""
-        goal = np.clip(self.checked_goal(goal_rad), 0.0, self.limits.position_max_rad)
+        goal = self.limits.clip(self.checked_goal(goal_rad))
         if not self._energised:
             raise DeviceError("the gripper has no torque: call enable first")
         self._move()
