@@ -172,6 +172,13 @@ class JumpsAtEnable(MockActuator):
         self._goal = self._goal + 0.5
 
 
+class KeepsItsGoal(MockActuator):
+    def enable(self) -> None:
+        goal = self._goal
+        super().enable()
+        self._goal = goal
+
+
 class IgnoresLimits(MockActuator):
     def write(self, goal_rad: Any) -> Any:
         super().write(goal_rad)
@@ -291,6 +298,16 @@ class StopsWithoutAType(MockActuator):
 class IdleStop(SafeStopRequest):
     def run(self) -> SafeStopResult:
         return SafeStopResult({"joint_1": "not verified"}, detail="no answer")
+
+
+class LyingStop(SafeStopRequest):
+    def run(self) -> SafeStopResult:
+        return SafeStopResult({"joint_1": "held" if self.action == "HOLD" else "released"}, self.action)
+
+
+class ClaimsToStop(MockActuator):
+    def safe_stop_request(self, action: str, **values: Any) -> LyingStop:
+        return LyingStop(action)
 
 
 class StopsNothing(MockActuator):

@@ -71,7 +71,7 @@ BROKEN: list[tuple[type[Any], str, str]] = [
     ),
     (broken.LeavesAHandle, "nothing left", "disconnect left 1 file handle (/dev/null)"),
     (broken.SharesStateOnTheClass, "instances", "opening one opened the other"),
-    (broken.RepeatsAfterUnplug, "disconnection", "still returned 0.2 s after the unplugging"),
+    (broken.RepeatsAfterUnplug, "disconnection", "still returned 0.2 s after unplugging"),
 ]
 
 

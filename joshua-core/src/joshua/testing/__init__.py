@@ -1,7 +1,7 @@
 """The conformance kit for plugin authors and the pytest fixtures; loads nothing until a check is used.
 
-``check_actuator(factory)``, ``check_sensor(factory)`` and ``check_model(factory)`` run what a plugin brings
-through the contract of its base class, and raise ``ConformanceError`` with every clause that it violates.
+``check_actuator(factory)``, ``check_sensor(factory)`` and ``check_model(factory)`` check a driver or model
+against the contract of its base class, and raise ``ConformanceError`` with every clause that it violates.
 """
 
 from __future__ import annotations
@@ -22,18 +22,11 @@ _HOMES = {
     "ConformanceError": "conformance",
     "RecordingContext": "recording_context",
 }
-
-__all__ = [
-    "ConformanceError",
-    "RecordingContext",
-    "check_actuator",
-    "check_model",
-    "check_sensor",
-]
+__all__ = ["ConformanceError", "RecordingContext", "check_actuator", "check_model", "check_sensor"]
 
 
 def __getattr__(name: str) -> Any:
-    """Imports a name when it is first used, so that the pytest plugin stays light."""
+    """Import a name on first use: the pytest plugin stays light."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__} has no attribute {name}")
     from importlib import import_module

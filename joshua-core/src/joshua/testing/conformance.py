@@ -1,23 +1,19 @@
-"""What the conformance kit finds: clauses that a device or a model violates, and how it says so."""
+"""Clauses of a contract: how the conformance kit runs them and reports what violates them."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., object])
 
 
 @dataclass(frozen=True)
 class Violation:
-    """One violated clause.
-
-    Attributes:
-        clause: its name, such as ``limits``.
-        observed: what was seen.
-        why: why that is wrong.
-        cause: what it most likely comes from.
-    """
+    """One violated clause: its name, what was observed, why that is wrong, and the likely cause."""
 
     clause: str
     observed: str
@@ -33,47 +29,58 @@ class ConformanceError(AssertionError):
         self.violations = tuple(violations)
         lines = [f"{subject} violates {len(violations)} clause{'s' * (len(violations) > 1)} of its contract:"]
         for number, item in enumerate(violations, start=1):
-            lines += [
-                "",
-                f"{number}. {item.clause}: {item.observed}",
-                f"   Why it is wrong: {item.why}",
-                f"   Likely cause: {item.cause}",
-            ]
+            lines += ["", f"{number}. {item.clause}: {item.observed}"]
+            lines += [f"   Why it is wrong: {item.why}", f"   Likely cause: {item.cause}"]
         super().__init__("\n".join(lines))
 
 
 class ViolationError(Exception):
-    """Ends a clause with its violation."""
+    """Ends a clause with its violation; without ``why`` the reason of the clause holds."""
 
-    def __init__(self, observed: str, why: str, cause: str) -> None:
+    def __init__(self, observed: str, why: str = "", cause: str = "") -> None:
         super().__init__(observed)
         self.observed, self.why, self.cause = observed, why, cause
 
 
-def require(holds: bool, observed: str, *, why: str, cause: str) -> None:
-    """Ends the clause unless something holds. Raises ViolationError."""
+def clause(why: str) -> Callable[[F], F]:
+    """Declare why a violation of a clause is wrong."""
+
+    def declare(check: F) -> F:
+        check.why = why  # type: ignore[attr-defined]
+        return check
+
+    return declare
+
+
+def require(holds: bool, observed: str, cause: str, why: str = "") -> None:
+    """End the clause unless something holds. Raises ViolationError."""
     if not holds:
         raise ViolationError(observed, why, cause)
 
 
-def refuses(call: Callable[[], object], errors: type[Exception], what: str, *, why: str, cause: str) -> None:
-    """Requires that a call raises an error of a kind, with a message. Raises ViolationError."""
-    wanted = errors.__name__
+def refuses(
+    call: Callable[[], object], errors: type[Exception], what: str, cause: str, why: str = ""
+) -> None:
+    """Require that a call raises an error of a kind, with a message. Raises ViolationError."""
     try:
         result = call()
     except errors as error:
-        require(
-            bool(str(error).strip()),
-            f"{what} raised {type(error).__name__} without a message",
-            why="the user sees the message and nothing else",
-            cause="the error is raised without a text that names the device and the remedy",
-        )
+        require_message(error, what)
     except Exception as error:
-        raise ViolationError(
-            f"{what} raised {type(error).__name__} ({error}) in place of {wanted}", why, cause
-        ) from error
+        observed = f"{what} raised {type(error).__name__} ({error}) instead of {errors.__name__}"
+        raise ViolationError(observed, why, cause) from error
     else:
-        raise ViolationError(f"{what} returned {result!r} in place of raising {wanted}", why, cause)
+        raise ViolationError(f"{what} returned {result!r} instead of raising {errors.__name__}", why, cause)
+
+
+def require_message(error: Exception, what: str) -> None:
+    """Require that an error says something. Raises ViolationError."""
+    require(
+        bool(str(error).strip()),
+        f"{what} raised {type(error).__name__} without a message",
+        "the error is raised without a text that names the device and the remedy",
+        "the user sees only the message",
+    )
 
 
 class Checklist:
@@ -87,37 +94,48 @@ class Checklist:
     def __init__(self, subject: str, only: Collection[str] = ()) -> None:
         self.subject = subject
         self._only = only
+        self._names: list[str] = []
         self.violations: list[Violation] = []
 
-    def run(self, clause: str, check: Callable[[], None]) -> bool:
-        """Runs a clause; returns whether it holds. An exception that it does not expect is a violation."""
-        if self._only and clause not in self._only:
+    def run(self, name: str, check: Callable[[], None]) -> bool:
+        """Run a clause and return whether it holds. An unexpected exception is a violation."""
+        self._names.append(name)
+        if self._only and name not in self._only:
             return True
         try:
             check()
         except ViolationError as error:
-            self.violations.append(Violation(clause, error.observed, error.why, error.cause))
-            return False
-        except Exception as error:  # noqa: BLE001 (whatever the checked code raises is a finding)
+            why = error.why or getattr(check, "why", "")
+            self.violations.append(Violation(name, error.observed, why, error.cause))
+        except Exception as error:  # noqa: BLE001 (any exception of the checked code is a finding)
+            place = traceback.extract_tb(error.__traceback__)[-1]
             self.violations.append(
                 Violation(
-                    clause,
-                    f"{type(error).__name__}: {error} (at {_place(error)})",
-                    "a call that the contract allows here failed",
-                    "a fault at the place that is named, or a device that is not as the driver expects",
+                    name,
+                    f"{type(error).__name__}: {error} (at {place.filename}:{place.lineno})",
+                    "a call failed that the contract allows here",
+                    "an error at that place, or a device that is not what the driver expects",
                 )
             )
-            return False
-        return True
+        else:
+            return True
+        return False
+
+    def run_methods(self, clauses: object, *names: str) -> None:
+        """Run the methods of an object that are named like the clauses."""
+        for name in names:
+            self.run(name, getattr(clauses, name.replace(" ", "_")))
 
     def finish(self) -> None:
-        """Raises ConformanceError if a clause was violated."""
+        """Raise ConformanceError if a clause was violated, ValueError if ``only`` names no clause."""
         if self.violations:
             raise ConformanceError(self.subject, self.violations)
+        if unknown := sorted(set(self._only) - set(self._names)):
+            raise ValueError(f"no clause is named {', '.join(unknown)}; clauses: {', '.join(self._names)}")
 
 
 def name_of(factory: Callable[[], object], close: Callable[[Any], object]) -> str:
-    """Name of what a factory makes, for the heading of the findings."""
+    """Return the name of what a factory makes, for the heading of the report."""
     try:
         made = factory()
     except Exception:  # noqa: BLE001 (the clause about the constructor reports it)
@@ -125,12 +143,3 @@ def name_of(factory: Callable[[], object], close: Callable[[Any], object]) -> st
     with suppress(Exception):  # the clause about closing reports it
         close(made)
     return type(made).__name__
-
-
-def _place(error: BaseException) -> str:
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    if trace is None:
-        return "unknown place"
-    return f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"

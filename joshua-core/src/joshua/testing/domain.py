@@ -6,7 +6,7 @@ import fcntl
 import os
 import random
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,37 +14,42 @@ from pathlib import Path
 _DOMAINS = range(1, 102)
 
 
-@contextmanager
-def reserved_domain() -> Iterator[int]:
-    """Reserves a ROS 2 domain id for the time of the context, across all processes of this user.
+def reserve(kind: str, numbers: Sequence[int]) -> tuple[int, int]:
+    """Reserve a number across all processes of this user: the one that has been free for longest.
 
-    The one that has been free for longest: what an earlier test has killed may still be on its way out.
+    What an earlier test has killed may still hold the number that became free last.
+
+    Args:
+        kind: what the numbers are, such as ``domains``.
+        numbers: to choose from.
+
+    Returns:
+        The number, and the descriptor whose closing frees it.
 
     Raises:
-        RuntimeError: every domain is taken.
+        RuntimeError: every number is taken.
     """
-    folder = Path(tempfile.gettempdir()) / f"joshua-test-domains-{os.getuid()}"
+    folder = Path(tempfile.gettempdir()) / f"joshua-test-{kind}-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
-    candidates = random.sample(_DOMAINS, len(_DOMAINS))
-    for domain_id in sorted(candidates, key=lambda number: _freed_ns(folder / str(number))):
-        descriptor = os.open(folder / str(domain_id), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    freed_ns = {entry.name: entry.stat().st_mtime_ns for entry in folder.iterdir()}
+    candidates = random.sample(numbers, len(numbers))
+    for number in sorted(candidates, key=lambda number: freed_ns.get(str(number), 0)):
+        descriptor = os.open(folder / str(number), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             os.close(descriptor)
-            continue
-        try:
-            yield domain_id
-        finally:
-            os.utime(descriptor)
-            os.close(descriptor)
-        return
-    raise RuntimeError(f"all ROS 2 domains from 1 to 101 are reserved by tests: see the locks in {folder}")
+        else:
+            return number, descriptor
+    raise RuntimeError(f"tests have reserved all {kind}: see the locks in {folder}")
 
 
-def _freed_ns(lock: Path) -> int:
-    """When a domain was free again; 0 for one that was never reserved."""
+@contextmanager
+def reserved_domain() -> Iterator[int]:
+    """Reserve a ROS 2 domain id for the time of the context. Raises RuntimeError if none is free."""
+    domain_id, descriptor = reserve("domains", _DOMAINS)
     try:
-        return lock.stat().st_mtime_ns
-    except FileNotFoundError:
-        return 0
+        yield domain_id
+    finally:
+        os.utime(descriptor)
+        os.close(descriptor)

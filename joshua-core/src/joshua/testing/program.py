@@ -12,10 +12,10 @@ from pathlib import Path
 
 from joshua.testing.port import free_port
 
-#: Time that a run may take to stop in good order before it is killed.
+#: Time that a run may take to shut down cleanly before it is killed.
 STOP_S = 40.0
 
-#: Routers listen here, by their domain: below the ports that systems give to connections as they come.
+#: A router's port is this plus its domain: below the ports that systems assign to connections.
 ROUTER_PORTS = 20_000
 
 
@@ -47,7 +47,7 @@ class JoshuaProgram:
         self._started: list[subprocess.Popen[str]] = []
 
     def __call__(self, *arguments: str, timeout_s: float = 240.0) -> subprocess.CompletedProcess[str]:
-        """Runs ``joshua`` to its end.
+        """Run ``joshua`` to its end.
 
         Args:
             arguments: of the command line; a run with ``--config`` gets the router of its own.
@@ -65,7 +65,7 @@ class JoshuaProgram:
         return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """Starts ``joshua`` and returns at once; ``stop`` ends it, at the latest after the test."""
+        """Start ``joshua`` and return at once; ``stop`` ends it, at the latest after the test."""
         process = subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", *self._with_router(arguments)],
             cwd=self.folder,
@@ -79,7 +79,7 @@ class JoshuaProgram:
         return process
 
     def stop(self, process: subprocess.Popen[str]) -> tuple[str, str]:
-        """Stops a run as Ctrl-C does, and kills it if that does not help; returns output and errors."""
+        """Stop a run as Ctrl-C does, or kill it after ``STOP_S``; return output and errors."""
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         try:
@@ -89,7 +89,7 @@ class JoshuaProgram:
             return process.communicate()
 
     def close(self) -> None:
-        """Stops everything that still runs."""
+        """Stop everything that still runs."""
         for process in self._started:
             if process.poll() is None:
                 self.stop(process)
@@ -104,7 +104,7 @@ class JoshuaProgram:
 
 
 def router_port(domain_id: int) -> int:
-    """The port of a domain's router: as long as the domain is reserved, nobody else is given it meanwhile."""
+    """Return the port of a domain's router: while the domain is reserved, no other test gets it."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

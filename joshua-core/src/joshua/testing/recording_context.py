@@ -1,7 +1,8 @@
-"""A node context for tests of behaviours: no process, no transport; it records what a behaviour does."""
+"""A node context for tests of behaviours, without process and transport: it records the calls."""
 
 from __future__ import annotations
 
+# ruff: noqa: D102 (joshua.node.context documents these methods)
 import logging
 import threading
 import time
@@ -24,16 +25,16 @@ class RecordingPublisher(MessagePublisher):
         self.messages: list[Any] = []
 
     def publish(self, message: Any) -> None:
-        """Keeps a message."""
         self.messages.append(message)
         self.figures.add()
 
 
 class RecordingContext(NodeContext):
-    """What a behaviour gets in place of the runtime's context.
+    """The context of a behaviour in a test, in place of the runtime's.
 
-    Timers run when the test says so (``tick``), threads of ``spawn_thread`` are real ones, ``receive``
-    delivers a message as a transport does. ``stop`` joins the threads and raises what one of them raised.
+    The test runs timers (``tick``), delivers messages (``receive``), and reads what the behaviour reported:
+    ``failures``, ``warnings``, ``faults``, ``ends``, ``shown``, ``waits``, ``progresses``. Threads are real;
+    ``stop`` joins them and raises what one of them raised.
 
     Args:
         spec: the node's part of the plan.
@@ -59,27 +60,22 @@ class RecordingContext(NodeContext):
         self._stop = threading.Event()
 
     def publisher(self, topic: TopicSpec) -> RecordingPublisher:
-        """Declares a publisher."""
         return self.publishers.setdefault(topic.name, RecordingPublisher(topic))
 
     def subscribe(self, topic: TopicSpec, callback: Callable[[Any, int], None]) -> TrafficFigures:
-        """Declares a subscription."""
         self.subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
     def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> TrafficFigures:
-        """Declares a subscription whose callback learns which node published each message."""
         self.named_subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
-        """Keeps a timer for ``tick``."""
         self.timers[name] = (period_s, callback)
 
     def spawn_thread(
         self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
     ) -> None:
-        """Runs a thread until ``stop``."""
         del hang_after_s  # nobody looks for signs of life here
 
         def run() -> None:
@@ -94,23 +90,18 @@ class RecordingContext(NodeContext):
 
     @property
     def stopping(self) -> bool:
-        """Whether ``stop`` was called."""
         return self._stop.is_set()
 
     def now_ns(self) -> int:
-        """Nanoseconds since the epoch."""
         return time.time_ns()
 
     def fail(self, reason: str) -> None:
-        """Keeps the reason of a failure."""
         self.failures.append(reason)
 
     def warn(self, text: str) -> None:
-        """Keeps a warning."""
         self.warnings.append(text)
 
     def waiting_for(self, text: str) -> None:
-        """Keeps what the behaviour waits for."""
         self.waits = text
 
     def progress(
@@ -123,29 +114,25 @@ class RecordingContext(NodeContext):
         rate: float | None = None,
         remaining_s: float | None = None,
     ) -> None:
-        """Keeps the last word on each work."""
         node = self.spec.full_name
         self.progresses[name] = Progress(node, name, current, total, unit, rate, remaining_s)
 
     def end_run(self, reason: str) -> None:
-        """Keeps why the run may end."""
         self.ends.append(reason)
 
     def fault(self, reason: str) -> None:
-        """Keeps what a device is in fault for."""
         self.faults.append(reason)
 
     def show(self, text: str) -> None:
-        """Keeps what the status line would show."""
         self.shown = text
 
     def tick(self, name: str, times: int = 1) -> None:
-        """Runs a timer as often as said, without waiting."""
+        """Run a timer a number of times, without waiting."""
         for _ in range(times):
             self.timers[name][1]()
 
     def receive(self, topic: str, message: Any, publisher: str = "") -> None:
-        """Delivers a message to a subscription; ``publisher`` is the full name of a node."""
+        """Deliver a message to a subscription; ``publisher`` is the full name of a node."""
         self._received[topic].add()
         if topic in self.named_subscriptions:
             self.named_subscriptions[topic](message, time.time_ns(), publisher)
@@ -153,16 +140,16 @@ class RecordingContext(NodeContext):
             self.subscriptions[topic](message, time.time_ns())
 
     def stop(self, timeout_s: float = 30.0) -> None:
-        """Asks the threads to stop and waits for them.
+        """Stop the threads and wait for them.
 
         Raises:
-            RuntimeError: a thread did not notice the stop.
+            RuntimeError: a thread did not stop in time.
             BaseException: what a thread raised.
         """
         self._stop.set()
         for thread in self._threads:
             thread.join(timeout_s)
             if thread.is_alive():
-                raise RuntimeError(f"the thread {thread.name} did not notice the stop in {timeout_s:g} s")
+                raise RuntimeError(f"the thread {thread.name} did not stop within {timeout_s:g} s")
         if self._errors:
             raise self._errors[0]

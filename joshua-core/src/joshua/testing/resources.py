@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import socket
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-#: Time that a thread or handle may take to go after the device was closed, on a machine that stalls, too.
+#: Time that a thread or handle may take to go after the device was closed, also on a machine that stalls.
 GRACE_S = 10.0
 
 _DESCRIPTORS = Path("/proc/self/fd" if sys.platform == "linux" else "/dev/fd")
@@ -17,13 +20,13 @@ _DESCRIPTORS = Path("/proc/self/fd" if sys.platform == "linux" else "/dev/fd")
 
 @dataclass(frozen=True)
 class Resources:
-    """What the process holds at one moment: file handles with what they lead to, and threads."""
+    """What the process holds at one moment: file handles with their targets, and threads."""
 
     handles: frozenset[tuple[int, str]]
     threads: frozenset[threading.Thread]
 
     def since(self, before: Resources) -> str:
-        """What is new since an earlier moment, in words; "" where nothing is."""
+        """Describe what was added since an earlier moment; "" for nothing."""
         handles = sorted(target for _, target in self.handles - before.handles)
         threads = sorted(thread.name for thread in self.threads - before.threads if thread.is_alive())
         parts = [
@@ -35,7 +38,7 @@ class Resources:
 
 
 def take() -> Resources:
-    """The resources of this process now."""
+    """Return the resources of this process."""
     handles = set()
     for entry in list(_DESCRIPTORS.iterdir()):
         try:
@@ -48,8 +51,43 @@ def take() -> Resources:
 
 
 def left_since(before: Resources) -> str:
-    """What is still there that was not before, after a time of grace; "" where nothing is."""
+    """Describe what is still there after a time of grace and was not before; "" for nothing."""
     end = time.monotonic() + GRACE_S
     while (left := take().since(before)) and time.monotonic() < end:
         time.sleep(0.02)
     return left
+
+
+@contextmanager
+def opened_by_constructor(kind: type) -> Iterator[list[str]]:
+    """Collect what the constructor of a class opens; what the factory around it opens does not count."""
+    inherited: Callable[..., None] = kind.__init__  # type: ignore[misc]
+    own = "__init__" in vars(kind)
+    opened: list[str] = []
+
+    def construct(self: object, *arguments: object, **named: object) -> None:
+        before = take()
+        inherited(self, *arguments, **named)
+        opened.append(take().since(before))
+
+    kind.__init__ = construct  # type: ignore[misc]
+    try:
+        yield opened
+    finally:
+        if own:
+            kind.__init__ = inherited  # type: ignore[misc]
+        else:
+            del kind.__init__  # type: ignore[misc]
+
+
+def disconnect_since(before: Resources) -> None:
+    """Cut every handle opened since a moment: for the far end, the process that held it was killed."""
+    null = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+    for handle, target in take().handles - before.handles - {(null, os.devnull)}:
+        with suppress(OSError):  # closed meanwhile
+            if not target.startswith("socket:"):
+                os.dup2(null, handle, inheritable=False)
+                continue
+            with socket.socket(fileno=os.dup(handle)) as link:  # also where this is an emulator's own end
+                link.shutdown(socket.SHUT_RDWR)
+    os.close(null)
