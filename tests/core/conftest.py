@@ -12,7 +12,7 @@ from stepped_time import SteppedTime
 CLOCKED = (
     "joshua.devices.actuator_node",
     "joshua.devices.command_intake",
-    "joshua.mock.pacing",
+    "joshua.mock.sensors",
     "joshua.devices.stamps",
     "joshua.mock.actuator",
 )

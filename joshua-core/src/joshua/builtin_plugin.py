@@ -20,7 +20,7 @@ def joshua_specs() -> list[PluginSpec]:
         SensorSpec(
             block="mock_camera_config",
             enum_values=("PERCEPTION_CAMERA",),
-            implementation="joshua.mock.camera:MockCamera",
+            implementation="joshua.mock.sensors:MockCamera",
             settings="joshua.mock.settings:MockCameraSettings",
             data_types=(
                 "sensor_msgs/msg/Image",
@@ -33,7 +33,7 @@ def joshua_specs() -> list[PluginSpec]:
         SensorSpec(
             block="mock_encoder_config",
             enum_values=("PERCEPTION_ENCODER",),
-            implementation="joshua.mock.encoder:MockEncoder",
+            implementation="joshua.mock.sensors:MockEncoder",
             settings="joshua.mock.settings:MockEncoderSettings",
             data_types=("sensor_msgs/msg/JointState",),
             summary="rotary encoder that turns at a constant speed",
@@ -42,7 +42,7 @@ def joshua_specs() -> list[PluginSpec]:
         SensorSpec(
             block="mock_lidar_config",
             enum_values=("PERCEPTION_LIDAR",),
-            implementation="joshua.mock.lidar:MockLidar",
+            implementation="joshua.mock.sensors:MockLidar",
             settings="joshua.mock.settings:MockLidarSettings",
             data_types=("sensor_msgs/msg/LaserScan",),
             summary="laser scanner in a rectangular room",

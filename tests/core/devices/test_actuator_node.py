@@ -340,7 +340,7 @@ def test_types_that_an_actuator_does_not_speak_are_refused(fields: dict[str, Any
             r"/arm: acme_gone\.driver:Arm cannot be imported: .*pip install acme-arm",
         ),
         (
-            {"implementation": "joshua.mock.camera:MockCamera"},
+            {"implementation": "joshua.mock.sensors:MockCamera"},
             "does not derive from joshua.devices.actuator",
         ),
     ],

@@ -279,7 +279,7 @@ def test_a_mock_camera_runs_at_its_rate_without_losing_a_frame() -> None:
         name="camera_top",
         kind=NodeKind.SENSOR,
         behaviour="",
-        implementation="joshua.mock.camera:MockCamera",
+        implementation="joshua.mock.sensors:MockCamera",
         settings_type="joshua.mock.settings:MockCameraSettings",
         settings=MockCameraSettings.from_block(block).model_dump(mode="json"),
         frame_id="optical",

@@ -10,10 +10,19 @@ import pytest
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import decode, encode
-from joshua.mock.camera import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, MockCamera
-from joshua.mock.encoder import JOINT_STATE, MockEncoder
-from joshua.mock.lidar import LASER_SCAN, MockLidar, cast_rays
 from joshua.mock.pattern import MovingPattern, frame_number
+from joshua.mock.sensors import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    JOINT_STATE,
+    LASER_SCAN,
+    FreeRunningClock,
+    MockCamera,
+    MockEncoder,
+    MockLidar,
+    cast_rays,
+)
 from joshua.mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 from joshua.schema import config_pb2
 from stepped_time import SteppedTime
@@ -214,3 +223,16 @@ def test_implausible_readings_are_named() -> None:
     assert text == "2 ranges lie outside 1.0 m to 12.0 m"
     wrong = Reading(0, 7, MovingPattern(64, 48).draw(8))
     assert camera().implausible(wrong) == "frame 7 shows the number 8"
+
+
+def test_the_clock_does_not_drift(stepped_time: SteppedTime) -> None:
+    started = stepped_time.monotonic()
+    clock = FreeRunningClock(200.0)
+    ticks = [clock.wait(5.0) for _ in range(40)]
+    first, last = ticks[0], ticks[-1]
+    assert first is not None
+    assert last is not None
+    assert last[1] - first[1] == pytest.approx((last[0] - first[0]) * 5e6, abs=5)
+    # a reader cannot be ahead of the clock
+    assert last[0] <= (stepped_time.monotonic() - started) * 200.0 + 1
+    assert abs(last[1] - stepped_time.time_ns()) < 5e9

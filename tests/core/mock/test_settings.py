@@ -57,7 +57,7 @@ def test_motors_without_a_range_are_refused() -> None:
         (
             "b.position_max",
             "3000",
-            "position_max is not above position_min, so that the motors have no range.",
+            "position_max is not above position_min: the motors have no range.",
         )
     ]
 
@@ -80,18 +80,18 @@ def test_a_calibration_outside_the_range_is_refused() -> None:
 def test_a_replay_needs_a_file() -> None:
     block = config_pb2.MockMotorConfig(num_motors=1, position_max=10, motion=config_pb2.MOCK_MOTION_FILE)
     assert problems_of(block, ActuatorSpec, "mock_motor_config") == [
-        ("b.motion_file", '""', "motion is MOCK_MOTION_FILE, and motion_file names no file.")
+        ("b.motion_file", '""', "motion is MOCK_MOTION_FILE, but motion_file names no file.")
     ]
 
 
 def test_a_scan_without_width_or_depth_is_refused() -> None:
     block = config_pb2.MockLidarConfig(angle_min=1, angle_max=1, range_max=5)
     assert problems_of(block, SensorSpec, "mock_lidar_config") == [
-        ("b.angle_max", "1.0", "angle_max is not above angle_min, so that the scan has no width.")
+        ("b.angle_max", "1.0", "angle_max is not above angle_min: the scan has no width.")
     ]
     block = config_pb2.MockLidarConfig(angle_max=1, range_min=5, range_max=5)
     assert problems_of(block, SensorSpec, "mock_lidar_config") == [
-        ("b.range_max", "5.0", "range_max is not above range_min, so that nothing can be measured.")
+        ("b.range_max", "5.0", "range_max is not above range_min: nothing can be measured.")
     ]
 
 

@@ -14,9 +14,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import message_class
 from joshua.messages.make import header
-from joshua.mock.camera import MockCamera
-from joshua.mock.encoder import MockEncoder
-from joshua.mock.lidar import MockLidar
+from joshua.mock.sensors import MockCamera, MockEncoder, MockLidar
 from joshua.mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 from joshua.schema import config_pb2
 from joshua.testing import ConformanceError, check_sensor

@@ -10,8 +10,9 @@ from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointRead
 from joshua.devices.context import ActuatorContext
 from joshua.devices.units import rad_to_ticks, ticks_to_rad
 from joshua.mock.motion import FileMotion, Motion, SineMotion
-from joshua.mock.pacing import NS_PER_S
 from joshua.mock.settings import MockMotorSettings
+
+NS_PER_S = 1_000_000_000
 
 # No-load speed of a small serial bus servo at 12 V.
 VELOCITY_MAX_RAD_S = 4.7
@@ -50,7 +51,7 @@ class MockActuator(Actuator):
     def connect(self) -> None:
         """Places the joints in the middle of their range. Raises DeviceError for a bad motion file."""
         if self._connected:
-            raise DeviceError("MockActuator.connect: the device is open already")
+            raise DeviceError("MockActuator.connect: the device is already open")
         limits = self.limits
         middle = (limits.position_min_rad + limits.position_max_rad) / 2
         self._motion = self._make_motion()
@@ -105,7 +106,7 @@ class MockActuator(Actuator):
         return dict.fromkeys(self.joint_names, self._energised)
 
     def disconnect(self) -> None:
-        """Ends the simulation; a second call does nothing."""
+        """Ends the simulation; idempotent."""
         self._connected = self._energised = False
         self._motion = None
 

@@ -21,6 +21,16 @@ def _motion(name: str) -> str:
     return _MOTIONS.get(name, name)
 
 
+def _require_order(low: float, high: float, what: str, why: str) -> None:
+    if not low < high:
+        raise FieldError(
+            f"{what}_max",
+            f"{what}_max is not above {what}_min: {why}",
+            allowed=(f"more than {what}_min",),
+            remedy=f"set {what}_max above {what}_min",
+        )
+
+
 class MockMotorSettings(ActuatorSettings):
     """Settings of a group of virtual motors.
 
@@ -60,24 +70,18 @@ class MockMotorSettings(ActuatorSettings):
 
     @model_validator(mode="after")
     def _check_range(self) -> MockMotorSettings:
-        if not self.position_min_rad < self.position_max_rad:
-            raise FieldError(
-                "position_max",
-                "position_max is not above position_min, so that the motors have no range",
-                allowed=("more than position_min",),
-                remedy="set position_max above position_min",
-            )
+        _require_order(self.position_min_rad, self.position_max_rad, "position", "the motors have no range")
         for joint in self.joint_ranges:
             if not joint.min_rad < joint.max_rad:
                 raise FieldError(
                     "position_max",
                     f"the calibrated range of {joint.name} lies outside position_min to position_max",
-                    remedy="widen position_min and position_max, or calibrate anew",
+                    remedy="widen position_min and position_max, or calibrate again",
                 )
         if self.motion == "file" and not self.motion_file:
             raise FieldError(
                 "motion_file",
-                "motion is MOCK_MOTION_FILE, and motion_file names no file",
+                "motion is MOCK_MOTION_FILE, but motion_file names no file",
                 remedy="name a CSV file in motion_file, or choose another motion",
             )
         return self
@@ -165,18 +169,6 @@ class MockLidarSettings(BlockSettings):
 
     @model_validator(mode="after")
     def _check_spans(self) -> MockLidarSettings:
-        if not self.angle_min_rad < self.angle_max_rad:
-            raise FieldError(
-                "angle_max",
-                "angle_max is not above angle_min, so that the scan has no width",
-                allowed=("more than angle_min",),
-                remedy="set angle_max above angle_min",
-            )
-        if not self.range_min_m < self.range_max_m:
-            raise FieldError(
-                "range_max",
-                "range_max is not above range_min, so that nothing can be measured",
-                allowed=("more than range_min",),
-                remedy="set range_max above range_min",
-            )
+        _require_order(self.angle_min_rad, self.angle_max_rad, "angle", "the scan has no width")
+        _require_order(self.range_min_m, self.range_max_m, "range", "nothing can be measured")
         return self

@@ -33,7 +33,7 @@ PRELOADED = (
     "joshua.devices.actuator_node",
     "joshua.devices.sensor_node",
     "joshua.mock.actuator",
-    "joshua.mock.camera",
+    "joshua.mock.sensors",
     "joshua.models.inference_node",
 )
 
