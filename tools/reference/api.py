@@ -26,9 +26,9 @@ def api_page() -> str:
             for name in names:
                 lines += [f"::: {module}.{name}", ""]
     for info in pkgutil.iter_modules(joshua.api.__path__):
-        purpose, names = family(Path(joshua.api.__path__[0]) / f"{info.name}.py")
+        purpose, members = family(Path(joshua.api.__path__[0]) / f"{info.name}.py")
         lines += [f"## joshua.api.{info.name}", "", purpose, ""]
-        for module, name in names:
+        for module, name in members:
             lines += [f"::: {module}.{name}", ""]
     for module, title in _PUBLIC_MODULES.items():
         lines += [
