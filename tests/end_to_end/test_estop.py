@@ -44,7 +44,7 @@ def test_torque_goes_whatever_the_safe_state_is(
         assert result.returncode == 0, result.stdout + result.stderr
         assert is_off(result.stdout, "/follower_arm")
         assert is_off(result.stdout, "/leader_arm")
-        assert rows(result.stdout)[-1] == "nothing gets torque before: joshua estop --release"
+        assert rows(result.stdout)[-1] == "Torque stays off until you run: joshua estop --release"
         after = [servo["present_position"] for servo in rig.follower.servos()]
         assert all(abs(new - old) < 40 for new, old in zip(after, before, strict=True)), "it does not park"
         rig.wait(lambda: rig.gone(rig.guardian))
@@ -54,7 +54,7 @@ def test_torque_goes_whatever_the_safe_state_is(
         rig.wait(lambda: "fault" in rig.joshua("status").stdout)
         released = rig.joshua("estop", "--release")
         assert released.returncode == 0, released.stderr
-        assert "nothing has torque by that" in released.stdout
+        assert "Torque is still off. Run `joshua resume NODE` to re-enable it." in released.stdout
         time.sleep(0.2)
         assert rig.energised() == {False}
         assert "has torque again" in resume(rig)
@@ -142,8 +142,8 @@ def test_an_unplugged_arm_is_not_called_stopped(tmp_path: Path, joshua_domain_id
         assert result.returncode == 4, result.stdout
         assert "/leader_arm    off      read back from 6 joints by its driver" in rows(result.stdout)
         (line,) = [line for line in rows(result.stdout) if line.startswith("/follower_arm")]
-        assert line.startswith("/follower_arm  UNKNOWN  could not be reached:"), line
-        assert line.endswith("cut its supply by hand")
+        assert line.startswith("/follower_arm  UNKNOWN  not confirmed:"), line
+        assert line.endswith("Cut its power by hand")
 
 
 def test_a_silent_servo_is_named(tmp_path: Path, joshua_domain_id: int) -> None:
@@ -154,7 +154,7 @@ def test_a_silent_servo_is_named(tmp_path: Path, joshua_domain_id: int) -> None:
         assert result.returncode == 4, result.stdout
         assert {servo["energised"] for servo in rig.follower.servos() if servo["id"] != 5} == {False}
         (line,) = [line for line in rows(result.stdout) if line.startswith("/follower_arm")]
-        assert "UNKNOWN  could not be reached: released are only 1, 2, 3, 4, 6; ids 5 did not confirm" in line
+        assert "UNKNOWN  not confirmed: only 1, 2, 3, 4, 6 confirmed; ids 5 did not confirm" in line
 
 
 def test_a_run_that_starts_while_the_latch_stands_gets_no_torque(
@@ -184,8 +184,8 @@ def test_an_arm_that_holds_after_its_run_is_reached_by_its_file(
         assert rig.energised() == {True}
         nothing = rig.joshua("estop")
         assert nothing.returncode == 1
-        assert "nothing runs, so nothing was stopped" in nothing.stderr
-        assert "joshua estop --config FILE" in nothing.stderr
+        assert "no system is running, so nothing was stopped" in nothing.stderr
+        assert "joshua estop FILE" in nothing.stderr
         values = [
             f"--set=robot.actions[{index}].sts3215_config.comm.serial.port={bus.port}"
             for index, bus in enumerate((rig.leader, rig.follower))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.parser import build_parser
-from joshua.cli.plugin_commands import usable_commands
+from joshua.cli.table import usable_commands
 
 from reference.markdown import code, table
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import pty
 import select
@@ -11,9 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from joshua.cli.completion import actions, completion_script
-from joshua.cli.main import main
-from joshua.cli.parser import build_parser
+from joshua.cli.main import actions, main
 from joshua.cli.presets import preset_names
 from joshua.cli.table import COMMANDS
 
@@ -31,7 +30,8 @@ printf '%s\\n' "${COMPREPLY[@]}"
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("completion") / "joshua.bash"
-    path.write_text(completion_script(build_parser(populate=True), "bash"))
+    with path.open("w") as file, contextlib.redirect_stdout(file):
+        assert main(["--print-completion", "bash"]) == 0
     return path
 
 
@@ -112,6 +112,7 @@ def test_files_are_completed_for_arguments_of_commands(script: Path, tmp_path: P
     (tmp_path / "my_robot.pbtxt").touch()
     assert complete(script, "fmt", "my_", cwd=tmp_path) == ["my_robot.pbtxt"]
     assert complete(script, "plan", "--config", "my_", cwd=tmp_path) == ["my_robot.pbtxt"]
+    assert complete(script, "status", "my_", cwd=tmp_path) == ["my_robot.pbtxt"]
 
 
 def test_completion_costs_nothing_unless_asked_for():

@@ -99,6 +99,6 @@ def test_a_plan_that_is_shown_hides_the_password_of_an_address() -> None:
         name="cam", kind=NodeKind.SENSOR, behaviour="b:B", implementation="c:C", settings=settings
     )
     assert node_lines(camera)[2:] == [
-        "  setting   source = http://***@cam:80/a@b",
-        "  setting   port = /dev/ttyACM0",
+        "  setting    source = http://***@cam:80/a@b",
+        "  setting    port = /dev/ttyACM0",
     ]

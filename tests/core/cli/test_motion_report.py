@@ -94,4 +94,4 @@ def test_half_a_file_is_not_left_on_a_full_disk(tmp_path: Path, capsys: pytest.C
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
     draw(report(tmp_path / "file" / "run.jsonl", node("/servo", "pan")))
-    assert "no figures of the test could be written" in capsys.readouterr().err
+    assert "no files of the test could be written" in capsys.readouterr().err

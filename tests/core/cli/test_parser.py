@@ -54,14 +54,14 @@ def test_a_misspelt_option_of_a_command(
 @pytest.mark.parametrize(
     ("words", "first"),
     [
+        (("--dry-run", "doctor"), "--dry-run has no effect on joshua doctor: leave it out"),
+        (("--emulate", "status"), "--emulate has no effect on joshua status: leave it out"),
+        (("--config", "x", "explain"), "--config has no effect on joshua explain: leave it out"),
         (
-            ("--fault", "arm:drop=1", "emulate", "x"),
-            "--fault before emulate has no effect there: write joshua emulate --fault …",
+            ("--set", "a=1", "plan", "x", "--set=b=1"),
+            "--set is given before and after plan: write it once, after plan",
         ),
-        (
-            ("--dry-run", "doctor"),
-            "--dry-run before doctor has no effect there: joshua doctor takes none",
-        ),
+        (("--config", "x", "plan", "y"), "two files are given, x and y: leave one out"),
     ],
 )
 def test_an_option_of_a_run_before_a_command_is_refused(
@@ -73,9 +73,27 @@ def test_an_option_of_a_run_before_a_command_is_refused(
     assert capsys.readouterr().err.startswith(f"joshua: error: {first}")
 
 
+@pytest.mark.parametrize("command", ["plan", "status", "stop", "estop", "emulate", "doctor"])
+def test_a_file_is_an_argument_or_an_option_before_or_after_the_command(command: str) -> None:
+    for words in ((command, "x"), (command, "--config", "x"), ("--config", "x", command)):
+        _, arguments = parse(words)
+        assert (arguments.command, arguments.config) == (command, "x")
+
+
+def test_two_files_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(("plan", "--sim", "x", "--config", "y"))
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(
+        "joshua plan: error: two files are given, x and y: leave one out"
+    )
+
+
 def test_options_that_count_before_a_command_are_taken() -> None:
     _, arguments = parse(("--dry-run", "--config", "x", "plan"))
     assert (arguments.dry_run, arguments.config) == (True, "x")
+    _, arguments = parse(("--fault", "arm:drop=1", "emulate", "x"))
+    assert arguments.faults == ["arm:drop=1"]
     _, arguments = parse(("--format", "json", "status"))
     assert arguments.format == "json"
 
@@ -89,8 +107,11 @@ def test_a_slip_in_a_range_of_ids_is_refused_at_once(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (("--fault", "arm:drop=1"), "joshua: error: --fault breaks an emulated device, never a real one"),
-        (("--validate-only", "--fault", "arm:drop=1"), "joshua: error: --fault breaks an emulated device"),
+        (("--fault", "arm:drop=1"), "joshua: error: --fault affects emulated devices only"),
+        (
+            ("--validate-only", "--fault", "arm:drop=1"),
+            "joshua: error: --fault affects emulated devices only",
+        ),
         (
             ("--validate-only", "--emulate", "--fault", "a:b"),
             "joshua: error: --fault has no effect with",

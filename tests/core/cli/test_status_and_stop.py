@@ -81,7 +81,7 @@ def running(environment, tmp_path):
 def test_nothing_runs(environment):
     for command in ("status", "stop"):
         result = joshua(environment, command)
-        assert (result.returncode, result.stdout) == (0, "nothing runs\n"), result.stderr
+        assert (result.returncode, result.stdout) == (0, "no system is running\n"), result.stderr
 
 
 def test_status_shows_the_run_and_stop_ends_it(environment, running):
@@ -95,7 +95,15 @@ def test_status_shows_the_run_and_stop_ends_it(environment, running):
     assert answer["process_id"] == process.pid
     assert [node["state"] for node in answer["nodes"]] == ["ready"]
 
-    stopped = joshua(environment, "stop")
+    for words in ((str(path),), ("--config", str(path)), (str(process.pid),)):
+        assert joshua(environment, "status", *words).stdout.startswith(str(path))
+    other = joshua(environment, "status", "three.pbtxt")
+    assert (other.returncode, other.stderr) == (
+        1,
+        f"joshua status: three.pbtxt is not running\n  {process.pid}  {path}\n",
+    )
+
+    stopped = joshua(environment, "stop", str(path))
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout == f"stopped {path} (process {process.pid})\n"
     assert process.wait(120) == 1, "a test that was not finished has not passed"
@@ -106,12 +114,12 @@ def test_stop_asks_which_when_several_run(environment, running, tmp_path):
     try:
         unclear = joshua(environment, "stop")
         assert unclear.returncode == 2
-        assert "several systems run, name one" in unclear.stderr
+        assert "several systems are running, name one of them" in unclear.stderr
         assert str(path) in unclear.stderr
 
         unknown = joshua(environment, "stop", "three.pbtxt")
         assert unknown.returncode == 2
-        assert "no system 'three.pbtxt' runs" in unknown.stderr
+        assert "three.pbtxt is not running" in unknown.stderr
 
         chosen = joshua(environment, "stop", str(second.pid))
         assert chosen.returncode == 0, chosen.stderr

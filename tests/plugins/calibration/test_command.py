@@ -55,7 +55,7 @@ def test_a_misspelt_option_is_that_of_the_command(capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (("--fault", "arm:drop=1"), "joshua calibrate: --fault breaks an emulated device"),
+        (("--fault", "arm:drop=1"), "joshua calibrate: --fault affects emulated devices only"),
         (("--check", "--open"), "joshua calibrate --check: --open has no effect here"),
         (("export-lerobot", "--sim"), "joshua calibrate export-lerobot: --sim has no"),
         (("import-lerobot", "--force"), "joshua calibrate import-lerobot: --force has no"),
@@ -73,17 +73,20 @@ def test_an_option_before_the_command_does_not_open_the_real_arm(
 ):
     with pytest.raises(SystemExit, match="2"):
         main(["--emulate", "calibrate", "--config", config])
-    assert "calibrate is a command of a plugin and stands before all options" in capsys.readouterr().err
+    assert "calibrate is a command of a plugin and must be the first argument" in capsys.readouterr().err
 
 
 def test_without_the_plugin_the_command_names_it(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("joshua.cli.plugin_commands.plugin_commands", list)
+    monkeypatch.setattr("joshua.cli.table.plugin_commands", list)
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
     with pytest.raises(SystemExit, match="3"):
         main(["calibrate"])
-    assert "joshua-calibration: pip install joshua-calibration" in capsys.readouterr().err
+    assert (
+        "joshua-calibration, which is not installed: pip install joshua-calibration"
+        in capsys.readouterr().err
+    )
 
 
 def test_without_the_plugin_the_mode_names_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

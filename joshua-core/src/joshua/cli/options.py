@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import argparse
 import math
+from typing import TYPE_CHECKING, Any
 
-FAULT_ALONE = "--fault breaks an emulated device, never a real one: add --emulate, or leave it out"
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-#: Options of a run that no command sees where they stand before its name.
-RUN_ONLY = ("--validate-only", "--fault", "--open")
-#: Those that `joshua plan` shows the effect of.
-RUN_OR_PLAN = ("--duration", "--allow-uncalibrated", "--dry-run", "--emulate", "--sim")
+FAULT_ALONE = "--fault affects emulated devices only: add --emulate, or leave --fault out"
+
+_Container = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
 def positive_seconds(text: str) -> float:
-    """Reads a duration in seconds; raises ArgumentTypeError unless it is finite and above zero."""
+    """Read a duration in seconds; raises ArgumentTypeError unless it is finite and above zero."""
     try:
         value = float(text)
     except ValueError:
@@ -24,100 +25,134 @@ def positive_seconds(text: str) -> float:
     return value
 
 
-def add_config_options(parser: argparse.ArgumentParser, *, suppress: bool = True) -> None:
-    """Adds the options that choose and change a configuration.
+class _OneFile(argparse.Action):
+    """Takes the file, which stands as FILE or behind --config; two different files are an error."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        option_string: str | None = None,
+    ) -> None:
+        other = getattr(namespace, "config", None)
+        if other is not None and other != values:
+            parser.error(f"two files are given, {other} and {values}: leave one out")
+        namespace.config = values
+
+
+def add_file(parser: _Container, help_text: str) -> None:
+    """Add FILE to a command, which ``--config FILE`` may give as well."""
+    parser.add_argument(
+        "config", nargs="?", metavar="FILE", action=_OneFile, default=argparse.SUPPRESS, help=help_text
+    )
+
+
+def add_config(parser: _Container, help_text: str, default: Any = argparse.SUPPRESS) -> None:
+    """Add ``--config FILE``; by default an absent one leaves what stood before the command."""
+    parser.add_argument("--config", metavar="PATH", action=_OneFile, default=default, help=help_text)
+
+
+def add_format(parser: _Container, default: str = argparse.SUPPRESS) -> None:
+    """Add ``--format``."""
+    parser.add_argument("--format", choices=("text", "json"), default=default, help="form of the output")
+
+
+def add_timeout(parser: _Container, help_text: str, default_s: float | None) -> None:
+    """Add ``--timeout``."""
+    parser.add_argument(
+        "--timeout", type=positive_seconds, default=default_s, metavar="SECONDS", help=help_text
+    )
+
+
+def add_config_options(parser: argparse.ArgumentParser, *, suppress: bool = True, file: str = "") -> None:
+    """Add the options that choose and change a configuration.
 
     Args:
-        suppress: leave absent options out of the namespace, so that a subcommand does not undo what
-            stood before it on the command line.
+        suppress: leave absent options out of the namespace, so that those before the subcommand count.
+        file: help of the argument FILE, "" for a command that takes ``--config`` only.
     """
-    default = argparse.SUPPRESS if suppress else None
+
+    def default(value: Any) -> Any:
+        return argparse.SUPPRESS if suppress else value
+
+    if file:
+        add_file(parser, file)
     group = parser.add_argument_group("configuration")
-    group.add_argument("--config", metavar="PATH", default=default, help="the file that describes the robot")
+    add_config(group, "the file that describes the robot", default(None))
     group.add_argument(
         "--set",
         dest="overrides",
         metavar="FIELD=VALUE",
         action="append",
-        default=argparse.SUPPRESS if suppress else [],
+        default=default([]),
         help="replace a field, such as robot.actions[0].sts3215_config.comm.serial.port=/dev/ttyACM3",
     )
     group.add_argument(
-        "--host", metavar="NAME", default=default, help="start this machine's share of the file"
+        "--host", metavar="NAME", default=default(None), help="start only the nodes of this host"
     )
     group.add_argument(
         "--block-plugin",
         dest="blocked_plugins",
         metavar="NAME",
         action="append",
-        default=argparse.SUPPRESS if suppress else [],
-        help="leave a plugin out, by its name in `joshua plugins`",
+        default=default([]),
+        help="ignore a plugin, named as in `joshua plugins`",
     )
-    group.add_argument(
-        "--format",
-        choices=("text", "json"),
-        default=argparse.SUPPRESS if suppress else "text",
-        help="form of the diagnostics",
-    )
+    add_format(group, default("text"))
 
 
-def add_stand_in_options(
-    parser: argparse.ArgumentParser | argparse._ArgumentGroup, *, suppress: bool = True
-) -> None:
-    """Adds the options that put something in place of devices; ``suppress`` as for ``add_config_options``."""
-    default = argparse.SUPPRESS if suppress else False
+def add_plan_options(parser: _Container, *, suppress: bool = True) -> None:
+    """Add the options of a run that change its plan; ``suppress`` as for ``add_config_options``."""
     parser.add_argument(
-        "--emulate",
-        action="store_true",
-        default=default,
-        help="replace every device by an emulator; no hardware is opened",
+        "--duration",
+        metavar="SECONDS",
+        type=positive_seconds,
+        default=argparse.SUPPRESS if suppress else None,
+        help="shut down cleanly after this time",
     )
-    parser.add_argument(
-        "--sim",
-        action="store_true",
-        default=default,
-        help="replace actuators and cameras by the simulation; none of these is opened",
-    )
+    for name, help_text in (
+        ("--emulate", "replace every device by its emulator; no hardware is opened"),
+        ("--sim", "replace actuators and cameras by the simulation; none of them is opened"),
+        (
+            "--allow-uncalibrated",
+            "enable actuators without a calibration; radians count from the middle of their range",
+        ),
+        ("--dry-run", "run with torque off"),
+    ):
+        default = argparse.SUPPRESS if suppress else False
+        parser.add_argument(name, action="store_true", default=default, help=help_text)
 
 
-def add_fault_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """Adds the option that brings about faults of emulated devices."""
+def add_fault_option(parser: _Container, *, suppress: bool = True) -> None:
+    """Add the option that injects faults into emulated devices."""
     parser.add_argument(
         "--fault",
         dest="faults",
         metavar="NODE:FAULT",
         action="append",
-        default=[],
+        default=argparse.SUPPRESS if suppress else [],
         help="a fault of an emulated device, such as follower_arm:drop=0.01 or camera_top:stall=1,at_s=2",
     )
 
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of the main command."""
+    """Add the options of the main command."""
     add_config_options(parser, suppress=False)
     group = parser.add_argument_group("run")
     group.add_argument("--validate-only", action="store_true", help="check the file and start nothing")
-    group.add_argument(
-        "--duration", metavar="SECONDS", type=positive_seconds, help="end in good order after this time"
-    )
-    add_stand_in_options(group, suppress=False)
-    add_fault_option(group)
+    add_plan_options(group, suppress=False)
+    add_fault_option(group, suppress=False)
     group.add_argument("--open", action="store_true", help="open the page of a calibration in the browser")
-    group.add_argument(
-        "--allow-uncalibrated",
-        action="store_true",
-        help="energise actuators without a calibration: radians count from the middle of their range",
-    )
-    group.add_argument("--dry-run", action="store_true", help="do everything with torque off")
     group.add_argument(
         "--log-level",
         metavar="LEVEL",
         type=str.upper,
         choices=("DEBUG", "INFO", "WARNING", "ERROR"),
         default="INFO",
-        help="least level of the log lines shown: DEBUG, INFO, WARNING, ERROR",
+        help="lowest level of the log lines shown: DEBUG, INFO, WARNING, ERROR",
     )
-    parser.add_argument("--version", action="store_true", help="print the version and end")
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
     parser.add_argument(
         "--print-completion",
         metavar="SHELL",

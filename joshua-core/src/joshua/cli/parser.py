@@ -10,15 +10,19 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
+from joshua.cli import table
 from joshua.cli.exit_codes import ExitCode
-from joshua.cli.options import RUN_ONLY, RUN_OR_PLAN, add_run_options
+from joshua.cli.options import add_run_options
 from joshua.cli.table import COMMANDS, Command
 
 DESCRIPTION = "One text file describes a robot and one command runs it: joshua --config robot.pbtxt"
-EPILOG = """exit codes: 0 good order, 1 a node failed, 2 invalid configuration or command line,
-3 a plugin or extra is missing, 4 hardware is absent or refused, 130 interrupted before start
+EPILOG = """A command that takes a file takes it as FILE or as --config FILE.
 
-plugins bring further commands, such as calibrate: joshua plugins lists them"""
+exit codes: 0 success, 1 a node failed, 2 invalid configuration or command line,
+3 a plugin or extra is not installed, 4 hardware is absent or refused,
+130 interrupted before the start
+
+Plugins bring further commands, such as calibrate: joshua plugins lists them."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -32,82 +36,67 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        """Prints the message with the nearest valid option and ends with exit code 2, or 3."""
-        unknown = self._unknown_options()
+        """Print the message with the nearest valid option and exit with 2, or 3 if a plugin is missing."""
+        # argparse takes the value of a misspelt option for the command and complains about that
+        options = [word.partition("=")[0] for word in self.arguments if word.startswith("--")]
+        unknown = [word for word in options if word not in self._option_string_actions and word != "--"]
+        word = message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
         if unknown:
-            message = f"unrecognized arguments: {' '.join(unknown)}"
-        elif late := self._late_command(message):
-            message = f"{late} is a command of a plugin and stands before all options: {self.prog} {late} …"
+            message, word = f"unrecognized arguments: {' '.join(unknown)}", ""
+        elif word and any(command.name == word for command in self._plugin_commands()):
+            message = f"{word} is a command of a plugin and must be the first argument: {self.prog} {word} …"
+            word = ""
+        words = message.partition("unrecognized arguments:")[2].split()
+        unrecognized = [word.partition("=")[0] for word in words if word.startswith("-")]
         lines = [f"{self.prog}: error: {message}"]
-        lines += [f"  nearest: {hint}" for hint in self._nearest(message)]
-        if missing := self._missing_plugin(message):
-            lines.append(f"  {missing}")
-        if message.startswith("argument COMMAND:") and (file := self._file()):
+        lines += [f"  nearest: {hint}" for hint in self._nearest(unrecognized, word)]
+        missing = self._missing_plugin(unrecognized)
+        lines += [f"  {missing}"] * bool(missing)
+        file = next((word for word in self.arguments if word.endswith(".pbtxt")), "")
+        if file and message.startswith("argument COMMAND:"):
             lines.append(f"  to run a file: {self.prog} --config {shlex.quote(file)}")
         lines.append(f"  see: {self.prog} --help")
         sys.stderr.write("\n".join(lines) + "\n")
         sys.exit(ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID)
 
-    def _missing_plugin(self, message: str) -> str:
+    def commands(self) -> dict[str, Parser]:
+        """The parsers of the subcommands by name."""
+        groups = [action for action in self._actions if isinstance(action, argparse._SubParsersAction)]
+        return {name: parser for group in groups for name, parser in group.choices.items()}
+
+    def takes(self, option: str) -> bool:
+        """Whether this command or one below it takes an option."""
+        return option in self._option_string_actions or any(
+            sub.takes(option) for sub in self.commands().values()
+        )
+
+    def _plugin_commands(self) -> list[table.PluginCommand]:
+        """What a word that is no command may mean; a subcommand has none."""
+        return [] if isinstance(self, CommandParser) else table.plugin_commands()
+
+    def _missing_plugin(self, unrecognized: Sequence[str]) -> str:
         """Which plugin brings an unknown option to this command, and how to install it; "" for none."""
-        words = [word for word in message.partition("unrecognized arguments:")[2].split() if word[0] == "-"]
-        if not words:
+        if not unrecognized:
             return ""
         from joshua.plan import installing
         from joshua.plugins import hints
 
-        options = [f"{self.prog.split()[-1]} {word.partition('=')[0]}" for word in words]
+        options = [f"{self.prog.split()[-1]} {word}" for word in unrecognized]
         brings = {option: hints.stated().commands.get(option, "") for option in options}
         found = [
-            f"{option} needs the plugin {distribution}: {installing.install(distribution)}"
+            f"{option} requires the plugin {distribution}: {installing.install(distribution)}"
             for option, distribution in brings.items()
             if distribution
         ]
         return found[0] if found else ""
 
-    def _file(self) -> str:
-        """The configuration that somebody wrote where a command belongs; "" for none."""
-        return next((word for word in self.arguments if word.endswith(".pbtxt")), "")
-
-    def _late_command(self, message: str) -> str:
-        """The command of a plugin that stands behind an option, where none is looked for; "" for none."""
-        word = _invalid_choice(message)
-        if not word or isinstance(self, CommandParser):
-            return ""
-        from joshua.cli.plugin_commands import plugin_commands
-
-        return word if any(command.name == word for command in plugin_commands()) else ""
-
-    def _unknown_options(self) -> list[str]:
-        # argparse takes the value of a misspelt option for the command and complains about that.
-        known = self._option_string_actions
-        words = [word.partition("=")[0] for word in self.arguments]
-        return [word for word in words if word.startswith("--") and word not in known and word != "--"]
-
-    def _nearest(self, message: str) -> list[str]:
-        options = [option for action in self._actions for option in action.option_strings]
-        if message.startswith("unrecognized arguments:"):
-            words = message.partition(":")[2].split()
-            unknown = [word.partition("=")[0] for word in words if word.startswith("-")]
-            return [near for word in unknown for near in difflib.get_close_matches(word, options, n=1)]
-        if word := _invalid_choice(message):
-            names = [
-                name
-                for action in self._actions
-                if isinstance(action, argparse._SubParsersAction)
-                for name in action.choices
-            ]
-            if not isinstance(self, CommandParser):
-                from joshua.cli.plugin_commands import plugin_commands
-
-                names += [command.name for command in plugin_commands()]
-            return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
-        return []
-
-
-def _invalid_choice(message: str) -> str:
-    """The word that argparse takes for no choice; "" where it says something else."""
-    return message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
+    def _nearest(self, unrecognized: Sequence[str], word: str) -> list[str]:
+        options = list(self._option_string_actions)
+        near = [name for option in unrecognized for name in difflib.get_close_matches(option, options, n=1)]
+        if not word:
+            return near
+        names = [*self.commands(), *(command.name for command in self._plugin_commands())]
+        return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
 
 
 class CommandParser(Parser):
@@ -117,7 +106,7 @@ class CommandParser(Parser):
     _populated = False
 
     def populate(self) -> None:
-        """Adds the command's arguments; a second call does nothing."""
+        """Add the command's arguments; idempotent."""
         if self.command is not None and not self._populated:
             self._populated = True
             module = importlib.import_module(self.command.module)
@@ -125,7 +114,7 @@ class CommandParser(Parser):
             self.set_defaults(run=module.run)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Populates the parser, then parses; what it does not know nobody knows."""
+        """Populate the parser, then parse; an argument that it does not know is an error."""
         self.populate()
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -134,7 +123,7 @@ class CommandParser(Parser):
 
 
 def build_parser(*, populate: bool = False, further: Sequence[Command] = ()) -> Parser:
-    """Makes the parser of the whole command line.
+    """Make the parser of the whole command line.
 
     Args:
         populate: import every command, as completion and the reference pages need.
@@ -154,7 +143,7 @@ def build_parser(*, populate: bool = False, further: Sequence[Command] = ()) -> 
 
 
 def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
-    """Parses the command line; ends with exit code 2 when it is invalid."""
+    """Parse the command line; exits with 2 if it is invalid."""
     words = list(sys.argv[1:] if argv is None else argv)
     names = {command.name for command in COMMANDS}
     further: list[Command] = []
@@ -166,38 +155,38 @@ def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
     parser.arguments = words[:first_command]
     arguments = parser.parse_args(words)
     if arguments.command:
-        refuse_without_effect(parser, arguments.command)
+        refuse_without_effect(parser, arguments, words[first_command + 1 :])
     return parser, arguments
 
 
-def refuse_without_effect(parser: Parser, command: str) -> None:
-    """Ends with exit code 2 for an option of a run before a command, which would not see it there.
+def refuse_without_effect(parser: Parser, arguments: argparse.Namespace, after: Sequence[str]) -> None:
+    """Exit with 2 for an option before a command that the command does not see there.
 
-    So `joshua --emulate calibrate` does not open the real arm.
+    So `joshua --emulate doctor` does not open the real arm.
     """
-    known = RUN_ONLY if command == "plan" else (*RUN_ONLY, *RUN_OR_PLAN)
-    options = [word.partition("=")[0] for word in parser.arguments]
-    for option in options:
-        if option in known:
-            own = next(sub for sub in _commands(parser) if sub.prog.split()[-1] == command)
-            takes = option in own._option_string_actions
-            remedy = f"write joshua {command} {option} …" if takes else f"joshua {command} takes none"
-            parser.error(f"{option} before {command} has no effect there: {remedy}")
+    command = arguments.command
+    own = parser.commands()[command]
+    behind = {word.partition("=")[0] for word in after}
+    for option in _options(parser.arguments):
+        if not own.takes(option):
+            parser.error(f"{option} has no effect on joshua {command}: leave it out")
+        if option in behind:
+            parser.error(f"{option} is given before and after {command}: write it once, after {command}")
+    before = argparse.Namespace()
+    parser.parse_known_args(list(parser.arguments), before)
+    if before.config not in (None, arguments.config):
+        parser.error(f"two files are given, {before.config} and {arguments.config}: leave one out")
 
 
-def _commands(parser: Parser) -> Iterator[Parser]:
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            yield from action.choices.values()
+def _options(words: Sequence[str]) -> Iterator[str]:
+    yield from (word.partition("=")[0] for word in words if word.startswith("--"))
 
 
 def commands_of_plugins(name: str) -> list[Command]:
-    """The command of that name that a plugin brings, if any; ends with exit code 3 if it cannot be used."""
-    from joshua.cli.plugin_commands import PluginCommandError, find_command
-
+    """Find the command of that name that a plugin brings, if any; exits with 3 if it cannot be used."""
     try:
-        command = find_command(name)
-    except PluginCommandError as error:
+        command = table.find_command(name)
+    except table.PluginCommandError as error:
         sys.stderr.write(f"joshua: error: {error}\n")
         sys.exit(ExitCode.NOT_INSTALLED)
     return [] if command is None else [command]

@@ -1,4 +1,4 @@
-"""What the command ``joshua`` calls: Ctrl-C ends it quietly while it is still being imported."""
+"""What the command ``joshua`` calls: Ctrl-C during the import of the program exits without a traceback."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ from joshua.cli.exit_codes import ExitCode
 
 
 def program() -> None:
-    """Imports the program and runs it; meanwhile there is nothing to stop, so an interrupt just ends it."""
+    """Import the program and run it; until then there is nothing to shut down."""
     usual = signal.getsignal(signal.SIGINT)
     if usual is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _leave)
+        signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(ExitCode.INTERRUPTED))
     from joshua.cli import main
 
     signal.signal(signal.SIGINT, usual)
     main.program()
-
-
-def _leave(_number: int, _frame: object) -> None:
-    os._exit(ExitCode.INTERRUPTED)

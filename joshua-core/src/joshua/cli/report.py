@@ -1,4 +1,4 @@
-"""How commands show findings: text for people, JSON for editors, and the exit code that follows."""
+"""How commands read a request from options, show its findings, and choose the exit code."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from joshua.planner.request import Purpose, Request
 
 
-#: Errors that an installation cures.
+#: Errors that an installation solves.
 _INSTALLABLE = ("plugin-missing", "extra-missing", "emulator-missing")
 
 
 def state_home_of(*, emulate: bool = False, simulate: bool = False) -> str:
-    """The folder of what stand-ins of devices keep; "" where there are none."""
+    """Name the folder where emulated and simulated devices keep their state; "" without them."""
     if not (emulate or simulate):
         return ""
     from joshua.ipc.run_bases import state_home
@@ -29,7 +29,7 @@ def state_home_of(*, emulate: bool = False, simulate: bool = False) -> str:
 
 
 def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
-    """Turns the options of a command line into the request that ``examine`` takes."""
+    """Turn the options of a command line into the request that ``examine`` takes."""
     from joshua.planner.request import Request
 
     emulate, simulate = getattr(arguments, "emulate", False), getattr(arguments, "sim", False)
@@ -49,7 +49,7 @@ def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
 
 
 def show_findings(result: PipelineResult, output_format: str) -> None:
-    """Prints all findings: JSON to standard output, text to standard error."""
+    """Print all findings: JSON to standard output, text to standard error."""
     from joshua.config.diagnostics import columns_of, render_json, render_text, wants_color
 
     if output_format == "json":
@@ -59,10 +59,39 @@ def show_findings(result: PipelineResult, output_format: str) -> None:
         sys.stderr.write(render_text(result.diagnostics, result.sources, color, columns))
 
 
+class NotStartedError(Exception):
+    """Nothing is started; the message says why, "" if the findings have said so already.
+
+    Attributes:
+        code: exit code.
+    """
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
+        super().__init__(message)
+        self.code = code
+
+    @classmethod
+    def of(cls, result: PipelineResult, output_format: str) -> NotStartedError:
+        """Show the findings of a file that cannot start."""
+        show_findings(result, output_format)
+        return cls("", exit_code_of(result))
+
+    def show(self) -> ExitCode:
+        """Say why on standard error; returns the exit code."""
+        problem = f"joshua: error: {self}\n" if str(self) else ""
+        sys.stderr.write(f"{problem}nothing was started\n")
+        return self.code
+
+
 def exit_code_of(result: PipelineResult) -> ExitCode:
-    """Names the exit code of a result: a missing plugin counts only when nothing else is wrong."""
+    """Name the exit code of a result: a missing plugin counts only if nothing else is wrong."""
     if not result.errors:
         return ExitCode.OK
-    if all(item.code in ("plugin-missing", "extra-missing", "emulator-missing") for item in result.errors):
-        return ExitCode.NOT_INSTALLED
+    missing = all(item.code in _INSTALLABLE for item in result.errors)
+    return ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID
+
+
+def file_missing(command: str) -> ExitCode:
+    """Say that a command needs a file."""
+    sys.stderr.write(f"joshua {command}: no file given: joshua {command} FILE\n")
     return ExitCode.INVALID

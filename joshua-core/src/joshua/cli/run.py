@@ -13,59 +13,70 @@ from typing import TYPE_CHECKING, Any
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import FAULT_ALONE
+from joshua.cli.report import NotStartedError, request_of
 
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.cli.emulation import EmulatedRig
+    from joshua.cli.stand_ins import EmulatedRig
     from joshua.plan import Plan, RunReport
-    from joshua.planner.pipeline import Checked, PipelineResult
-    from joshua.plugins.emulator import Coupling
+    from joshua.planner.pipeline import Checked
     from joshua.supervisor.fork_server import ForkServer
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs one configuration from the check to the last report and returns the exit code."""
+    """Run one configuration from the check to the last report and return the exit code."""
     began_s = time.monotonic()
-    if arguments.faults and not arguments.emulate:
-        return without_effect(FAULT_ALONE)
-    # First of all: the fork server must be forked before any thread or transport exists, and it loads
-    # the heavy modules while this process reads the file.
-    from joshua.ipc.run_bases import base_directory
-    from joshua.supervisor import fork_server
-    from joshua.supervisor.starting import starting
+    try:
+        if arguments.faults and not arguments.emulate:
+            raise NotStartedError(FAULT_ALONE)
+        # First of all: the fork server must be forked before any thread or transport exists, and it loads
+        # the heavy modules while this process reads the file.
+        from joshua.ipc.run_bases import base_directory
+        from joshua.supervisor import fork_server
+        from joshua.supervisor.starting import starting
 
-    with ExitStack() as stack:
-        stack.enter_context(interruptible())
-        server = fork_server.start()
-        stack.callback(server.close)
-        stack.enter_context(starting(base_directory(os.environ)))
-        from joshua.planner.pipeline import finish
+        with ExitStack() as stack:
+            stack.enter_context(interruptible())
+            server = fork_server.start()
+            stack.callback(server.close)
+            stack.enter_context(starting(base_directory(os.environ)))
+            return _run(arguments, server, stack, began_s)
+    except NotStartedError as error:
+        return error.show()
 
-        checked = check(arguments)
-        if arguments.open and not runs_itself(checked) and not checked.result.errors:
-            return without_effect("--open shows the page of a calibration, and this file's mode is another")
-        rig = None
-        if not checked.result.errors:
-            prepared = stand_ins(checked, arguments, stack)
-            if isinstance(prepared, int):
-                return prepared
-            checked, rig = prepared
-        if program := runs_itself(checked):
-            return run_mode(program, checked, arguments, rig)
-        result = finish(checked)
-        if result.plan is None:
-            return refuse(result, arguments)
-        report = supervise(result.plan, server, arguments, began_s)
+
+def _run(arguments: argparse.Namespace, server: ForkServer, stack: ExitStack, began_s: float) -> int:
+    from joshua.cli.stand_ins import replace_devices
+    from joshua.modes import mode_of
+    from joshua.planner.pipeline import check_file, finish
+    from joshua.planner.request import Purpose
+
+    checked = check_file(request_of(arguments, Purpose.LAUNCH))
+    program = mode_of(checked.loaded.config, checked.registry).run
+    rig = None
+    if not checked.result.errors:
+        if arguments.open and not program:
+            raise NotStartedError(
+                "--open shows the page of a calibration, but the mode of this file is another"
+            )
+        checked, rig = replace_devices(checked, arguments, stack)
+    if program:
+        return run_mode(program, checked, arguments, rig)
+    result = finish(checked)
+    if result.plan is None:
+        raise NotStartedError.of(result, arguments.format)
+    report = supervise(result.plan, server, arguments, began_s)
+    stack.close()  # before the verdict, which may take a second to draw
     return conclude(result.plan, report)
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Lets SIGTERM and SIGHUP do what Ctrl-C does, so that what has been started is tidied up.
+    """Let SIGTERM and SIGHUP do what Ctrl-C does, so that everything started is cleaned up.
 
-    Only the first one: the supervisor takes the signals for the time of the run, and a second one must not
-    break the tidying up off.
+    Only the first one counts: the supervisor handles the signals during the run, and a second one must not
+    interrupt the clean-up.
     """
 
     def interrupt(_number: int, _frame: object) -> None:
@@ -83,69 +94,18 @@ def interruptible() -> Iterator[None]:
             signal.signal(taken, handler)
 
 
-def without_effect(problem: str) -> int:
-    """Refuses an option that would do nothing in this run."""
-    sys.stderr.write(f"joshua: error: {problem}\nnothing was started\n")
-    return ExitCode.INVALID
-
-
-def check(arguments: argparse.Namespace) -> Checked:
-    """Loads and checks the file."""
-    from joshua.cli.report import request_of
-    from joshua.planner.pipeline import check_file
-    from joshua.planner.request import Purpose
-
-    return check_file(request_of(arguments, Purpose.LAUNCH))
-
-
-def stand_ins(
-    checked: Checked, arguments: argparse.Namespace, stack: ExitStack
-) -> tuple[Checked, EmulatedRig | None] | int:
-    """Starts what ``--sim`` and ``--emulate`` put in place of devices; an exit code where that is refused."""
-    links: dict[str, Coupling] = {}
-    if arguments.sim:
-        from joshua.cli.simulation import start_simulation
-
-        simulated = start_simulation(checked, stack)
-        if isinstance(simulated, int):
-            return simulated
-        checked, links = simulated
-    if not arguments.emulate:
-        return checked, None
-    from joshua.cli.emulation import start_rig
-
-    return start_rig(checked, arguments, stack, links)
-
-
-def runs_itself(checked: Checked) -> str:
-    """What runs the file's mode where no node is started, such as a calibration; "" for a run of nodes."""
-    from joshua.modes import mode_of
-
-    return mode_of(checked.loaded.config, checked.registry).run
-
-
 def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
-    """Runs a mode that starts no node."""
+    """Run a mode that starts no node, such as a calibration."""
     from joshua.plugins.targets import TargetError, load_target
 
     try:
         return int(load_target(program)(checked, arguments, rig))
     except TargetError as error:
-        sys.stderr.write(f"joshua: error: the mode's plugin is broken: {error}\nnothing was started\n")
-        return ExitCode.NOT_INSTALLED
-
-
-def refuse(result: PipelineResult, arguments: argparse.Namespace) -> int:
-    """Shows every finding and says that nothing was started."""
-    from joshua.cli.report import exit_code_of, show_findings
-
-    show_findings(result, arguments.format)
-    sys.stderr.write("nothing was started\n")
-    return exit_code_of(result)
+        raise NotStartedError(f"the mode's plugin is broken: {error}", ExitCode.NOT_INSTALLED) from error
 
 
 def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float) -> RunReport:
-    """Starts the nodes and watches them until the end of the run."""
+    """Start the nodes and watch them until the end of the run."""
     from joshua.supervisor.options import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
     from joshua.supervisor.terminal import Terminal
@@ -156,7 +116,7 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
 
 
 def conclude(plan: Plan, report: RunReport) -> int:
-    """Names the exit code of a run; MODE_TEST prints its table, and a failed check is a failed run."""
+    """Name the exit code of a run; MODE_TEST prints its table, and a failed check is a failed run."""
     if not report.judged:
         return report.exit_code
     from joshua.modes.test import passed, verdict, verdict_text
@@ -168,7 +128,7 @@ def conclude(plan: Plan, report: RunReport) -> int:
 
 
 def draw(report: RunReport) -> None:
-    """Writes how the joints moved, and names the files; a test that cannot be written counts all the same."""
+    """Write how the joints moved, and name the files; a failure to write does not fail the test."""
     if not any(node.traces for node in report.nodes):
         return
     from joshua.cli.motion_report import write_reports
@@ -177,8 +137,7 @@ def draw(report: RunReport) -> None:
         for line in write_reports(report):
             sys.stdout.write(f"{line}\n")
     except OSError as error:
-        reason = error.strerror or error
         sys.stderr.write(
-            f"no figures of the test could be written beside {report.log}: {reason}\n"
-            "set JOSHUA_LOG_DIR to a folder that can be written\n"
+            f"no files of the test could be written beside {report.log}: {error.strerror or error}\n"
+            "Set JOSHUA_LOG_DIR to a writable folder\n"
         )

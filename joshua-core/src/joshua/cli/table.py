@@ -1,8 +1,16 @@
-"""The commands of ``joshua``: name, module and one line of help, so that help imports none of them."""
+"""The commands of ``joshua``: those of the core in a table, those of plugins by their entry points.
+
+A command of a plugin is an entry point of the group ``joshua.commands``: its name is the command, its value a
+module like those in ``joshua.cli.commands``, with a ``SUMMARY``. Only a word that no command of the core has
+is looked up there.
+"""
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
+
+ENTRY_POINT_GROUP = "joshua.commands"
 
 
 @dataclass(frozen=True)
@@ -14,32 +22,109 @@ class Command:
     summary: str
 
 
-COMMANDS: tuple[Command, ...] = (
-    Command("presets", "joshua.cli.commands.presets", "list the presets, or print one"),
-    Command("new", "joshua.cli.commands.new", "copy a preset, to make it your own"),
-    Command(
-        "plugins",
-        "joshua.cli.commands.plugins",
-        "list the plugins, what each provides, and what is wrong with one",
-    ),
-    Command("status", "joshua.cli.commands.status", "show the systems that run on this machine"),
-    Command("stop", "joshua.cli.commands.stop", "stop the systems that run on this machine"),
-    Command("estop", "joshua.cli.commands.estop", "take the torque off every actuator, and keep it off"),
-    Command("resume", "joshua.cli.commands.resume", "give torque again to an actuator that stopped"),
-    Command(
-        "call",
-        "joshua.cli.commands.call",
-        "ask a node of a running system for something, or list what can be asked",
-    ),
-    Command("fmt", "joshua.cli.commands.fmt", "give configuration files one layout"),
-    Command("explain", "joshua.cli.commands.explain", "explain a block, field, value or diagnostic code"),
-    Command(
-        "doctor",
-        "joshua.cli.commands.doctor",
-        "look at this machine and its devices: what is wrong, and what to do about it",
-    ),
-    Command("emulate", "joshua.cli.commands.emulate", "run the emulators of a file alone"),
-    Command("topic", "joshua.cli.commands.topic", "list, watch and publish topics of a running graph"),
-    Command("node", "joshua.cli.commands.node", "list the nodes of a running graph"),
-    Command("plan", "joshua.cli.commands.plan", "show what a file would start, and start nothing"),
+COMMANDS = tuple(
+    Command(name, f"joshua.cli.commands.{name}", summary)
+    for name, summary in (
+        ("presets", "list the presets, or print one"),
+        ("new", "copy a preset to a file of your own"),
+        ("plugins", "list the plugins, what each provides, and the problems of each"),
+        ("status", "show the systems that run on this machine"),
+        ("stop", "stop a running system"),
+        ("estop", "disable the torque of every actuator until the e-stop is released"),
+        ("resume", "re-enable the torque of an actuator that stopped"),
+        ("call", "call a verb of a node in a running system, or list the verbs"),
+        ("fmt", "format configuration files"),
+        ("explain", "explain a block, field, value or diagnostic code"),
+        ("doctor", "check this machine and its devices, and say how to solve each problem"),
+        ("emulate", "run only the emulators of a file"),
+        ("topic", "list, show and publish topics of a running graph"),
+        ("node", "list the nodes of a running graph"),
+        ("plan", "show what a file starts, without starting it"),
+    )
 )
+
+
+@dataclass(frozen=True)
+class PluginCommand:
+    """A command of a plugin: its name, its module, and the distribution that brings it."""
+
+    name: str
+    module: str
+    distribution: str
+
+
+class PluginCommandError(Exception):
+    """A command of a plugin cannot be used; the message says which, why, and what to do."""
+
+
+def plugin_commands() -> list[PluginCommand]:
+    """List the commands of installed plugins by name, without importing them."""
+    from importlib import metadata
+
+    from joshua.plugins.discovery import normalise
+
+    found = {
+        PluginCommand(point.name, point.value, normalise(point.dist.name) if point.dist else "(unknown)")
+        for point in metadata.entry_points(group=ENTRY_POINT_GROUP)
+    }
+    return sorted(found, key=lambda command: (command.name, command.distribution))
+
+
+def find_command(name: str) -> Command | None:
+    """Find the command of that name that a plugin brings; None if there is none.
+
+    Raises:
+        PluginCommandError: two plugins bring it, or it cannot be imported, or its plugin is not installed.
+    """
+    from joshua.plan import installing
+    from joshua.plugins import hints
+
+    commands = [command for command in plugin_commands() if command.name == name]
+    if len(commands) > 1:
+        owners = " and ".join(command.distribution for command in commands)
+        raise PluginCommandError(f"{owners} both bring the command {name}. Uninstall one of them")
+    if commands:
+        return load_command(commands[0])
+    if distribution := hints.stated().commands.get(name):
+        remedy = installing.install(distribution)
+        raise PluginCommandError(
+            f"{name} requires the plugin {distribution}, which is not installed: {remedy}"
+        )
+    return None
+
+
+def usable_commands() -> list[Command]:
+    """Load every command of an installed plugin, except broken ones and those with a name of the core."""
+    taken = {command.name for command in COMMANDS}
+    usable = []
+    for command in plugin_commands():
+        if command.name in taken:
+            continue
+        try:
+            usable.append(load_command(command))
+        except PluginCommandError:
+            continue  # the command says so itself when it is used
+        taken.add(command.name)
+    return usable
+
+
+def commands_by_distribution() -> dict[str, list[str]]:
+    """Name the commands that each installed plugin brings."""
+    found: dict[str, list[str]] = {}
+    for command in plugin_commands():
+        found.setdefault(command.distribution, []).append(command.name)
+    return found
+
+
+def load_command(command: PluginCommand) -> Command:
+    """Import a command's module for its summary. Raises PluginCommandError."""
+    try:
+        module = importlib.import_module(command.module)
+        return Command(command.name, command.module, str(module.SUMMARY))
+    except (Exception, SystemExit) as error:
+        from joshua.plan import installing
+
+        raise PluginCommandError(
+            f"the command {command.name} of {command.distribution} cannot be loaded "
+            f"({type(error).__name__}: {error}): {installing.reinstall(command.distribution)}"
+        ) from error

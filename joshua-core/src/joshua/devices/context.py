@@ -5,11 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from joshua.devices.stamps import StampClock
 from joshua.node.errors import Cancelled
 from joshua.plan.facts import ActuatorFacts, NodeFacts, SensorFacts
+
+if TYPE_CHECKING:
+    from joshua.devices.actuator import Actuator
+    from joshua.plan import NodeSpec
 
 FactsT = TypeVar("FactsT", bound=NodeFacts)
 
@@ -50,3 +54,17 @@ class DeviceContext(Generic[FactsT]):
 
 ActuatorContext = DeviceContext[ActuatorFacts]
 SensorContext = DeviceContext[SensorFacts]
+
+
+def open_driver(spec: NodeSpec) -> Actuator:
+    """Make the driver of an actuator in a plan, not connected to its device.
+
+    Raises:
+        TargetError: its plugin does not provide what it says.
+    """
+    from joshua.devices.actuator import Actuator
+    from joshua.node.implementation import load_implementation
+
+    implementation, settings = load_implementation(spec, Actuator)
+    driver: Actuator = implementation(settings, ActuatorContext(spec.facts_as(ActuatorFacts)))
+    return driver

@@ -93,8 +93,8 @@ class RunningSystem:
         ]
         if len(chosen) == 1:
             return chosen[0]
-        problem = "nothing runs" if not systems else f"no system {word!r} runs"
-        problem = "several systems run, name one" if chosen else problem
+        problem = f"{word} is not running" if systems else "no system is running"
+        problem = "several systems are running, name one of them" if chosen else problem
         raise CallError(
             "unreachable", problem, [f"{item.info.process_id}  {item.info.source}" for item in systems]
         )

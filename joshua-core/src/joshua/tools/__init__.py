@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from joshua.cli.doctor.finding import Level as Level
     from joshua.cli.doctor.host import Host as Host
     from joshua.cli.doctor.permissions import may_open as may_open
-    from joshua.cli.emulation import EmulatedRig as EmulatedRig
-    from joshua.cli.emulation import start_rig as start_rig
     from joshua.cli.exit_codes import ExitCode as ExitCode
     from joshua.cli.options import FAULT_ALONE as FAULT_ALONE
     from joshua.cli.options import add_config_options as add_config_options
     from joshua.cli.options import add_fault_option as add_fault_option
     from joshua.cli.options import positive_seconds as positive_seconds
+    from joshua.cli.report import NotStartedError as NotStartedError
     from joshua.cli.report import exit_code_of as exit_code_of
     from joshua.cli.report import request_of as request_of
     from joshua.cli.report import show_findings as show_findings
-    from joshua.cli.running_nodes import node_that_holds as node_that_holds
-    from joshua.cli.simulation import start_simulation as start_simulation
+    from joshua.cli.running import node_that_holds as node_that_holds
+    from joshua.cli.stand_ins import EmulatedRig as EmulatedRig
+    from joshua.cli.stand_ins import replace_devices as replace_devices
     from joshua.config import LoadedConfig as LoadedConfig
     from joshua.config import load as load
     from joshua.config.calibration_paths import journal_path as journal_path
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from joshua.config.checks.device_table import device_block as device_block
     from joshua.config.diagnostics import render_text as render_text
     from joshua.config.format_file import replace_file as replace_file
+    from joshua.devices.context import open_driver as open_driver
     from joshua.ipc.client import CallError as CallError
     from joshua.ipc.client import RunInfo as RunInfo
     from joshua.ipc.client import RunningSystem as RunningSystem
@@ -83,7 +84,6 @@ if TYPE_CHECKING:
     from joshua.tools.configuration import calibration_place as calibration_place
     from joshua.tools.configuration import check as check
     from joshua.tools.configuration import explain as explain
-    from joshua.tools.configuration import open_driver as open_driver
     from joshua.tools.configuration import plan as plan
     from joshua.tools.configuration import spans as spans
     from joshua.tools.foreground import ForegroundJob as ForegroundJob
@@ -96,9 +96,9 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
             "plan",
             "explain",
             "spans",
-            "open_driver",
             "calibration_place",
         ),
+        "joshua.devices.context": ("open_driver",),
         "joshua.planner.request": ("Request", "Purpose"),
         "joshua.planner.pipeline": ("PipelineResult", "Checked", "check_file", "finish"),
         "joshua.planner.calibration_place": ("kept_calibrations", "FileRefused"),
@@ -135,11 +135,10 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "Commands of plugins": {
         "joshua.cli.exit_codes": ("ExitCode",),
         "joshua.cli.options": ("FAULT_ALONE", "add_config_options", "add_fault_option", "positive_seconds"),
-        "joshua.cli.report": ("request_of", "show_findings", "exit_code_of"),
-        "joshua.cli.emulation": ("start_rig", "EmulatedRig"),
-        "joshua.cli.simulation": ("start_simulation",),
+        "joshua.cli.report": ("request_of", "show_findings", "exit_code_of", "NotStartedError"),
+        "joshua.cli.stand_ins": ("replace_devices", "EmulatedRig"),
         "joshua.supervisor.tables": ("clean", "columns"),
-        "joshua.cli.running_nodes": ("node_that_holds",),
+        "joshua.cli.running": ("node_that_holds",),
     },
     "Configuration text": {
         "joshua.textproto.source": ("Source",),

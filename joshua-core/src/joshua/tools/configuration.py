@@ -8,8 +8,6 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable
 
-    from joshua.devices.actuator import Actuator
-    from joshua.plan import NodeSpec
     from joshua.planner.pipeline import PipelineResult
 
 
@@ -89,22 +87,6 @@ def calibration_place(emulate: bool, simulate: bool = False) -> Callable[[str, s
     from joshua.planner import calibration_place as places
 
     return places.calibration_place(state_home(os.environ), emulate=emulate, simulate=simulate)
-
-
-def open_driver(spec: NodeSpec) -> Actuator:
-    """The driver of an actuator in a plan, not connected to its device.
-
-    Raises:
-        TargetError: its plugin does not provide what it says.
-    """
-    from joshua.devices.actuator import Actuator
-    from joshua.devices.context import ActuatorContext
-    from joshua.node.implementation import load_implementation
-    from joshua.plan import ActuatorFacts
-
-    implementation, settings = load_implementation(spec, Actuator)
-    driver: Actuator = implementation(settings, ActuatorContext(spec.facts_as(ActuatorFacts)))
-    return driver
 
 
 def _examined(path: str | os.PathLike[str], purpose: str, options: dict[str, Any]) -> PipelineResult:

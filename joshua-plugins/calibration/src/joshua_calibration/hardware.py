@@ -11,13 +11,11 @@ from joshua.api import DeviceError
 from joshua.tools import (
     Checked,
     ExitCode,
+    NotStartedError,
     Purpose,
     check_file,
-    exit_code_of,
+    replace_devices,
     request_of,
-    show_findings,
-    start_rig,
-    start_simulation,
 )
 
 from joshua_calibration.arms import MODE, Refused, find_arms, open_arms, plan_of, recover_arms, taken
@@ -27,7 +25,6 @@ from joshua_calibration.transaction import Recovery
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.api.emulation import Coupling
     from joshua.tools import EmulatedRig
 
 
@@ -36,33 +33,22 @@ def with_arms(arguments: argparse.Namespace) -> int:
     if not arguments.check:
         arguments.overrides = [*arguments.overrides, f"general.mode={MODE}"]
     purpose = Purpose.SHOW if arguments.check else Purpose.LAUNCH
-    checked = check_file(request_of(arguments, purpose))
-    if checked.result.errors:
-        show_findings(checked.result, arguments.format)
-        sys.stderr.write("nothing was started\n")
-        return exit_code_of(checked.result)
-    with ExitStack() as stack:
-        links: dict[str, Coupling] = {}
-        if arguments.sim:
-            simulated = start_simulation(checked, stack)
-            if isinstance(simulated, int):
-                return simulated
-            checked, links = simulated
-        rig = None
-        if arguments.emulate:
-            started = start_rig(checked, arguments, stack, links)
-            if isinstance(started, int):
-                return started
-            checked, rig = started
-        if not (arguments.check or arguments.recover):
-            from joshua_calibration.run import run_calibration
+    try:
+        with ExitStack() as stack:
+            checked = check_file(request_of(arguments, purpose))
+            if checked.result.errors:
+                raise NotStartedError.of(checked.result, arguments.format)
+            checked, rig = replace_devices(checked, arguments, stack)
+            if not (arguments.check or arguments.recover):
+                from joshua_calibration.run import run_calibration
 
-            return run_calibration(checked, arguments, rig)
-        try:
+                return run_calibration(checked, arguments, rig)
             return _look(checked, arguments, rig, stack)
-        except Refused as error:
-            sys.stderr.write(f"joshua calibrate: {error}\n")
-            return error.code
+    except NotStartedError as error:
+        return error.show()
+    except Refused as error:
+        sys.stderr.write(f"joshua calibrate: {error}\n")
+        return error.code
 
 
 def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None, stack: ExitStack) -> int:

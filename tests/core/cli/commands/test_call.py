@@ -68,7 +68,7 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(joshua: Josh
     )
     other = joshua("call", "random_nose", "load")
     assert other.returncode == 2
-    assert "no node is called 'random_nose'\n  nearest: random_noise\n" in other.stderr
+    assert "no node is named 'random_nose'\n  allowed: /random_noise, " in other.stderr
     output, errors = joshua.stop(run)
     assert "no command any more: the joints hold their position" in output + errors
     assert "commands are back: the joints approach them slowly" in output + errors
@@ -93,7 +93,7 @@ def test_events_are_watched_to_the_end(joshua: JoshuaProgram) -> None:
     text, errors = shown.communicate(timeout=60)
     assert (shown.returncode, errors) == (0, "")
     assert "/mock_arm stopped: " in text
-    assert joshua("status", "--watch").stdout == "nothing runs\n"
+    assert joshua("status", "--watch").stdout == "no system is running\n"
 
 
 def arguments(**fields: Any) -> argparse.Namespace:
@@ -101,7 +101,7 @@ def arguments(**fields: Any) -> argparse.Namespace:
         "node": "arm",
         "verb": "wave",
         "fields": [],
-        "system": "",
+        "config": None,
         "timeout": 1.0,
         "start": False,
         "format": "text",
@@ -154,8 +154,8 @@ def test_words_become_the_request(runs: list[RunningSystem], words: list[str], p
     [
         (["count"], "'count': expected FIELD=VALUE, such as count=10, or one JSON object"),
         (["=1"], "'=1': expected FIELD=VALUE, such as count=10, or one JSON object"),
-        (["list=[1,"], "'[1,' is no JSON: Expecting value"),
-        (["{count}"], "'{count}' is no JSON: Expecting property name"),
+        (["list=[1,"], "'[1,' is not JSON: Expecting value"),
+        (["{count}"], "'{count}' is not JSON: Expecting property name"),
     ],
 )
 def test_words_that_are_no_request_are_said(
@@ -196,16 +196,16 @@ def test_which_system_and_node_must_be_clear(
     runs: list[RunningSystem], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert call.run(arguments()) == 1
-    assert "nothing runs: joshua --config FILE starts a robot" in capsys.readouterr().err
+    assert "no system is running. Start one: joshua --config FILE" in capsys.readouterr().err
     runs += [Fake({}), Fake({}, ("/arm", "/left/leg", "/right/leg"), "y")]
     assert call.run(arguments()) == 2
-    assert "several nodes are called 'arm': give the full name, or --system\n" in capsys.readouterr().err
+    assert "several nodes are named 'arm': give the full name, or --config FILE\n" in capsys.readouterr().err
     assert call.run(arguments(node="leg")) == 2
-    assert "several nodes are called 'leg'" in capsys.readouterr().err
+    assert "several nodes are named 'leg'" in capsys.readouterr().err
     assert call.run(arguments(node="lge")) == 2
-    assert "no node is called 'lge'" in capsys.readouterr().err
-    assert call.run(arguments(system="other.pbtxt")) == 1
-    assert "no system 'other.pbtxt' runs" in capsys.readouterr().err
+    assert "no node is named 'lge'" in capsys.readouterr().err
+    assert call.run(arguments(config="other.pbtxt")) == 1
+    assert "other.pbtxt is not running" in capsys.readouterr().err
 
 
 def test_a_node_that_does_not_answer_is_a_row_of_the_list(

@@ -89,7 +89,8 @@ def test_an_option_of_a_plugin_that_is_not_installed_names_it(
     with pytest.raises(SystemExit, match="3"):
         parse(["doctor", "--udev=rules"])
     assert (
-        "doctor --udev needs the plugin joshua-serial: pip install joshua-serial" in capsys.readouterr().err
+        "doctor --udev requires the plugin joshua-serial: pip install joshua-serial"
+        in capsys.readouterr().err
     )
     with pytest.raises(SystemExit, match="2"):
         parse(["doctor", "--udve"])

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from joshua.cli.doctor.host import Host
     from joshua.cli.doctor.parts import Part
 
-SUMMARY = "look at this machine and its devices: what is wrong, and what to do about it"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of ``joshua doctor``, and those of what plugins add to it."""
@@ -27,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for part in installed_parts():
         if part.add_arguments is not None:
             part.add_arguments(parser)
-    add_config_options(parser)
+    add_config_options(parser, file="check the devices of this configuration")
 
 
 def run(arguments: argparse.Namespace, host: Host | None = None) -> int:

@@ -1,4 +1,4 @@
-"""``joshua emulate FILE``: run the emulators of a file alone, for drivers and tools of any kind."""
+"""``joshua emulate FILE``: run only the emulators of a file, for drivers and tools of any kind."""
 
 from __future__ import annotations
 
@@ -9,51 +9,49 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_config_options, add_fault_option
 
 if TYPE_CHECKING:
     import argparse
-
-SUMMARY = "run the emulators of a file alone"
 
 #: How late a signal may be noticed.
 LOOK_S = 0.1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua emulate``."""
-    from joshua.cli.options import add_fault_option
-
-    parser.add_argument("file", metavar="FILE", help="configuration whose devices are emulated")
+    """Add the options of ``joshua emulate``."""
+    add_config_options(parser, file="configuration whose devices are emulated")
     add_fault_option(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Starts the emulators, prints where each is reached, and waits for Ctrl-C."""
-    from joshua.cli.emulation import start_rig
-    from joshua.cli.report import exit_code_of, show_findings, state_home_of
+    """Start the emulators, print where each is reached, and wait for Ctrl-C."""
+    from joshua.cli.report import NotStartedError, file_missing, request_of
+    from joshua.cli.stand_ins import replace_devices
     from joshua.planner.pipeline import check_file
-    from joshua.planner.request import Request
+    from joshua.planner.request import Purpose
 
-    checked = check_file(
-        Request(arguments.file, arguments.overrides, emulate=True, state_home=state_home_of(emulate=True))
-    )
-    if checked.result.errors:
-        show_findings(checked.result, arguments.format)
-        return exit_code_of(checked.result)
-    with ExitStack() as stack:
-        started = start_rig(checked, arguments, stack)
-        if isinstance(started, int):
-            return started
-        ended = catch_the_end()  # before anybody is told to ask for it
-        sys.stdout.write("stop with Ctrl-C\n")
-        sys.stdout.flush()
-        while not ended.wait(LOOK_S):
-            pass
+    if not arguments.config:
+        return file_missing("emulate")
+    arguments.emulate, arguments.sim = True, False
+    try:
+        checked = check_file(request_of(arguments, Purpose.SHOW))
+        if checked.result.errors:
+            raise NotStartedError.of(checked.result, arguments.format)
+        with ExitStack() as stack:
+            replace_devices(checked, arguments, stack)
+            ended = catch_the_end()  # before the hint that a signal ends it
+            sys.stdout.write("stop with Ctrl-C\n")
+            sys.stdout.flush()
+            while not ended.wait(LOOK_S):
+                pass
+    except NotStartedError as error:
+        return error.show()
     return ExitCode.OK
 
 
 def catch_the_end() -> threading.Event:
-    """Sets an event when a signal asks for the end, whichever thread the system gives it to."""
+    """Set an event when a signal asks for the end, whichever thread the system gives it to."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
     from joshua.textproto.plugin_types import PluginTypes
 
-SUMMARY = "explain a block, field, value or diagnostic code"
 _WIDEST = 110
 _NARROWEST = 50
 

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
     from joshua.config.format_file import Formatted
 
-SUMMARY = "give configuration files one layout"
 _STANDARD_INPUT = "-"
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from joshua.cli.presets import Preset
 
-SUMMARY = "copy a preset, to make it your own"
-
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _GENERAL = re.compile(r"^general \{.*?^\}", re.DOTALL | re.MULTILINE)
 

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-SUMMARY = "list the nodes of a running graph"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the subcommands."""

@@ -1,4 +1,4 @@
-"""``joshua plan``: show what a file would start, and start nothing."""
+"""``joshua plan FILE``: show what a file starts, without starting it."""
 
 from __future__ import annotations
 
@@ -7,28 +7,25 @@ import sys
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.cli.options import add_config_options, add_stand_in_options
-from joshua.cli.report import exit_code_of, request_of, show_findings
+from joshua.cli.options import add_config_options, add_plan_options
+from joshua.cli.report import exit_code_of, file_missing, request_of, show_findings
 
 if TYPE_CHECKING:
     import argparse
 
     from joshua.plan import NodeSpec, Plan
 
-SUMMARY = "show what a file would start, and start nothing"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua plan``."""
-    add_config_options(parser)
-    add_stand_in_options(parser.add_argument_group("stand-ins"))
+    """Add the options of ``joshua plan``."""
+    add_config_options(parser, file="configuration to plan")
+    add_plan_options(parser.add_argument_group("run"))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the plan as text, or as JSON with ``--format json``."""
+    """Print the plan as text, or as JSON with ``--format json``."""
     if not arguments.config:
-        sys.stderr.write("joshua plan: no file given: add --config PATH\n")
-        return ExitCode.INVALID
+        return file_missing("plan")
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
 
@@ -45,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def plan_text(plan: Plan) -> str:
-    """Prints a plan for people: one paragraph for each node, in start order."""
+    """Return a plan as text: one paragraph for each node, in start order."""
     transport = plan.transport
     lines = [
         f"{plan.source}: {plan.mode}, {len(plan.nodes)} nodes",
@@ -57,26 +54,25 @@ def plan_text(plan: Plan) -> str:
 
 
 def without_password(text: str) -> str:
-    """A text with the user of every address in it hidden: plans are shown to others."""
+    """Hide the user and password of every address in a text, because plans are shown to others."""
     return re.sub(r"(?<=://)[^/@\s]+@", "***@", text)
 
 
 def node_lines(node: NodeSpec) -> list[str]:
-    """Prints one node: what runs, where, and its topics with type, rate and quality of service."""
+    """Return one node as text: what runs, where, and its topics with type, rate and quality of service."""
     where = [f"process group {node.process_group}"] if node.process_group else []
     where += [f"host {node.host}"] if node.host else []
     where += [f"interpreter {node.interpreter}"] if node.interpreter else []
     lines = [
         f"{node.full_name} (id {node.node_id}): {node.role or node.kind.value}",
-        f"  runs      {node.implementation} [{node.backend}] from {node.plugin}"
+        f"  runs       {node.implementation} [{node.backend}] from {node.plugin}"
         + (f", {', '.join(where)}" if where else ""),
     ]
     for name, value in node.settings.items():
-        lines.append(f"  setting   {name} = {without_password(str(value))}")
-    for topic in node.publishers:
-        qos = f"{topic.qos.reliability} {topic.qos.durability} {topic.qos.history} {topic.qos.depth}"
-        lines.append(f"  publishes {topic.name} [{topic.type_name}] {topic.rate_hz:g} Hz, {qos}")
-    for topic in node.subscriptions:
-        qos = f"{topic.qos.reliability} {topic.qos.durability} {topic.qos.history} {topic.qos.depth}"
-        lines.append(f"  hears     {topic.name} [{topic.type_name}] {qos}")
+        lines.append(f"  setting    {name} = {without_password(str(value))}")
+    for label, topics in (("publishes", node.publishers), ("subscribes", node.subscriptions)):
+        for topic in topics:
+            rate = f"{topic.rate_hz:g} Hz, " if topic in node.publishers else ""
+            qos = f"{topic.qos.reliability} {topic.qos.durability} {topic.qos.history} {topic.qos.depth}"
+            lines.append(f"  {label:<11}{topic.name} [{topic.type_name}] {rate}{qos}")
     return lines

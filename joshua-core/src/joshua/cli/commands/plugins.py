@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from joshua.plugins import PluginRow, PluginSpec
 
-SUMMARY = "list the plugins, what each provides, and what is wrong with one"
-
 NOTHING = (
     "joshua plugins: no plugin is installed, not even joshua-core: its files are here without its metadata\n"
     "  do: pip install joshua-core\n"
@@ -69,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
         rows = tuple(map(checked, rows))
     rows += libraries(rows)
     if getattr(arguments, "format", "text") == "json":
-        from joshua.cli.plugin_commands import commands_by_distribution
+        from joshua.cli.table import commands_by_distribution
 
         commands = commands_by_distribution()
         found = [as_json(row) | {"commands": commands.pop(row.distribution, [])} for row in rows]
@@ -84,7 +82,7 @@ def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
     """Distributions that bring commands and nothing else."""
     from importlib import metadata
 
-    from joshua.cli.plugin_commands import commands_by_distribution
+    from joshua.cli.table import commands_by_distribution
     from joshua.plugins import PluginRow, PluginStatus
 
     others = commands_by_distribution().keys() - {row.distribution for row in rows} - {"(unknown)"}
@@ -109,7 +107,7 @@ def subject(spec: PluginSpec) -> str:
 
 def listing(rows: Sequence[PluginRow]) -> str:
     """Prints plugins for people: one block of lines for each, reasons before what it provides."""
-    from joshua.cli.plugin_commands import commands_by_distribution
+    from joshua.cli.table import commands_by_distribution
     from joshua.supervisor.tables import clean, columns
 
     commands = commands_by_distribution()

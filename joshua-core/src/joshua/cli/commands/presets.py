@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from joshua.cli.presets import Preset
 
-SUMMARY = "list the presets, or print one"
-
 # Order of the operation modes in the schema.
 MODES = ("TELEOPERATE", "INFERENCE", "TRAINING", "CALIBRATION", "TEST", "DATA_STORE", "SIMULATION")
 

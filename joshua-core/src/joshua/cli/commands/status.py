@@ -1,8 +1,7 @@
-"""``joshua status``: what runs on this machine now."""
+"""``joshua status``: the systems that run on this machine."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import queue
@@ -11,60 +10,72 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_config, add_file, add_format
+from joshua.cli.running import running_systems
+
 if TYPE_CHECKING:
+    import argparse
+
     from joshua.ipc.client import RunningSystem
     from joshua.plan.events import Event
 
-SUMMARY = "show the systems that run on this machine"
+    Item = tuple[RunningSystem, Event | Exception | None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of the command."""
-    parser.add_argument(
-        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the output"
-    )
-    parser.add_argument("--watch", action="store_true", help="go on showing it, until the systems end")
+    """Add the options of the command."""
+    add_file(parser, "configuration or process id; omitted shows every system")
+    add_config(parser, "the same as FILE")
+    add_format(parser)
+    parser.add_argument("--watch", action="store_true", help="update the status until the systems end")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Asks every running system for its status and prints it; exit code 0, 1 if one does not answer."""
+    """Show the status of running systems; exit code 0, 1 if one does not answer or the file does not run."""
     from joshua.guardian.latch import LatchFolder
-    from joshua.ipc.client import CallError, RunningSystem
+    from joshua.ipc.client import CallError
     from joshua.ipc.run_bases import base_directories
     from joshua.supervisor.run_directory import latch_folder
 
-    if args.watch:
-        return watch(RunningSystem.all(), args.format)
-    bases = base_directories(os.environ)
-    latches = [latch for base in bases for latch in LatchFolder(latch_folder(base)).all()]
+    as_json = args.format == "json"
+    try:
+        systems = running_systems(args.config or "")
+    except CallError as error:
+        if args.config:
+            sys.stderr.write(f"joshua status: {error}\n" + "".join(f"  {line}\n" for line in error.allowed))
+            return ExitCode.FAILED
+        systems = []
+    if args.watch and systems:
+        return watch(systems, as_json=as_json)
     answers: list[dict[str, Any]] = []
     failed = False
-    for system in RunningSystem.all():
+    for system in systems:
         try:
             answers.append(_answer(system, system.status().as_dict()))
         except CallError as error:
             sys.stderr.write(f"{error}\n")
             failed = True
-    if args.format == "json":
+    if as_json:
         sys.stdout.write(json.dumps(answers, indent=2) + "\n")
-    elif answers:
-        sys.stdout.write("\n".join(_lines(answers)) + "\n")
-    elif not failed:
-        sys.stdout.write("nothing runs\n")
-    if args.format == "text":
-        sys.stdout.writelines(f"{text}\n" for text in dict.fromkeys(latch.text for latch in latches))
-    return 1 if failed else 0
-
-
-def watch(systems: list[RunningSystem], form: str) -> int:
-    """Shows the events of systems until they end; exit code 0, 1 if one cannot be watched."""
+        return ExitCode.FAILED if failed else ExitCode.OK
+    sys.stdout.writelines(f"{line}\n" for line in _lines(answers))
     if not systems:
-        sys.stdout.write("nothing runs\n" * (form == "text"))
-        return 0
-    events: queue.SimpleQueue[tuple[RunningSystem, Event | Exception | None]] = queue.SimpleQueue()
+        sys.stdout.write("no system is running\n")
+    folders = [LatchFolder(latch_folder(base)) for base in base_directories(os.environ)]
+    latches = dict.fromkeys(latch.text for folder in folders for latch in folder.all())
+    sys.stdout.writelines(f"{text}\n" for text in latches)
+    return ExitCode.FAILED if failed else ExitCode.OK
+
+
+def watch(systems: list[RunningSystem], *, as_json: bool) -> int:
+    """Show the events of systems until they end; exit code 0, 1 if one cannot be watched."""
+    from joshua.plan.events import event_record
+
+    events: queue.SimpleQueue[Item] = queue.SimpleQueue()
     for system in systems:
         threading.Thread(target=_follow, args=(system, events), daemon=True).start()
-    show = _show_json if form == "json" else _Screen().show
+    screen = _Screen()
     left, failed = len(systems), False
     try:
         while left:
@@ -74,17 +85,17 @@ def watch(systems: list[RunningSystem], form: str) -> int:
             elif isinstance(event, Exception):
                 sys.stderr.write(f"{event}\n")
                 failed = True
+            elif as_json:
+                sys.stdout.write(json.dumps({"run": system.info.run, **event_record(event)}) + "\n")
             else:
-                show(system, event)
-                sys.stdout.flush()
+                screen.show(system, event)
+            sys.stdout.flush()
     except KeyboardInterrupt:
-        return 0  # this is how a user ends it
-    return 1 if failed else 0
+        return ExitCode.OK  # this is how a user ends it
+    return ExitCode.FAILED if failed else ExitCode.OK
 
 
-def _follow(
-    system: RunningSystem, events: queue.SimpleQueue[tuple[RunningSystem, Event | Exception | None]]
-) -> None:
+def _follow(system: RunningSystem, events: queue.SimpleQueue[Item]) -> None:
     from joshua.ipc.client import CallError
 
     try:
@@ -95,14 +106,8 @@ def _follow(
     events.put((system, None))
 
 
-def _show_json(system: RunningSystem, event: Event) -> None:
-    from joshua.plan.events import event_record
-
-    sys.stdout.write(json.dumps({"run": system.info.run, **event_record(event)}) + "\n")
-
-
 class _Screen:
-    """The status of every system, renewed in place on a terminal; line by line elsewhere."""
+    """The status of every system, updated in place on a terminal; line by line elsewhere."""
 
     def __init__(self) -> None:
         self._answers: dict[str, dict[str, Any]] = {}
@@ -120,7 +125,7 @@ class _Screen:
             line = clean(f"{stamp} {event.node or system.info.source} {event.kind}: {event.text}")
             self._happened = [*self._happened[-9:], line]
         elif isinstance(event, Gap):
-            line = f"{event.dropped} events were missed: this command was too slow"
+            line = f"{event.dropped} events were dropped because this command reads too slowly"
             self._happened = [*self._happened[-9:], line]
         else:
             return

@@ -1,56 +1,48 @@
-"""``joshua stop``: end running systems in good order."""
+"""``joshua stop``: stop a running system."""
 
 from __future__ import annotations
 
-import argparse
 import sys
+from typing import TYPE_CHECKING
 
-from joshua.cli.options import positive_seconds
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_config, add_file, add_timeout
+from joshua.cli.running import SYSTEM
 
-SUMMARY = "stop the systems that run on this machine"
+if TYPE_CHECKING:
+    import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of the command."""
-    parser.add_argument(
-        "system",
-        nargs="?",
-        default="",
-        metavar="SYSTEM",
-        help="file or process id as `joshua status` shows it; needed only where several systems run",
-    )
-    parser.add_argument(
-        "--timeout",
-        type=positive_seconds,
-        default=15.0,
-        metavar="SECONDS",
-        help="how long to wait for the end",
-    )
+    """Add the arguments of the command."""
+    add_file(parser, f"{SYSTEM}; needed only if several systems run")
+    add_config(parser, "the same as FILE")
+    add_timeout(parser, "how long to wait for the end (default 15)", 15.0)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Asks a system to stop and waits for its end; exit code 0, 1 if it goes on, 2 if unclear which."""
+    """Ask a system to stop and wait for its end; exit code 0, 1 if it does not end, 2 if unclear which."""
     from joshua.ipc.client import CallError, RunningSystem
 
     try:
-        system = RunningSystem.find(args.system)
+        system = RunningSystem.find(args.config or "")
     except CallError as error:
         if not error.allowed:
             sys.stdout.write(f"{error}\n")
-            return 0
+            return ExitCode.OK
         sys.stderr.write(f"joshua stop: {error}:\n" + "".join(f"  {line}\n" for line in error.allowed))
-        return 2
+        return ExitCode.INVALID
     process_id = system.info.process_id
     try:
         ended = system.stop(args.timeout)
     except CallError as error:
-        sys.stderr.write(f"{error}; kill {process_id}\n")
-        return 1
+        sys.stderr.write(f"joshua stop: {error}. Run: kill {process_id}\n")
+        return ExitCode.FAILED
     if not ended:
         sys.stderr.write(
-            f"process {process_id} was asked to stop and still runs after {args.timeout:g} s: "
-            f"see `joshua status`, then kill {process_id}\n"
+            f"joshua stop: process {process_id} still runs {args.timeout:g} s after the request to stop. "
+            f"Run `joshua status` to see why, then: kill {process_id}\n"
         )
-        return 1
+        return ExitCode.FAILED
     sys.stdout.write(f"stopped {system.info.source} (process {process_id})\n")
-    return 0
+    return ExitCode.OK

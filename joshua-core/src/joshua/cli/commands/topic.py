@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import argparse
 
-SUMMARY = "list, watch and publish topics of a running graph"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the subcommands."""

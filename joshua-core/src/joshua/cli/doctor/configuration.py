@@ -69,7 +69,7 @@ def check_actuator(spec: NodeSpec, further: Sequence[NodeCheck] = ()) -> Iterato
 
 
 def _busy(spec: NodeSpec, error: DeviceBusy) -> Finding:
-    from joshua.cli.running_nodes import node_that_holds
+    from joshua.cli.running import node_that_holds
 
     if running := node_that_holds(error.processes):
         return Finding(Level.NOTE, NAME, spec.full_name, f"was not looked at: {running}")

@@ -37,11 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
         payload = {"joints": dict(arguments.joints)}
     node, name = arguments.node, "set_state" if arguments.action == "set" else arguments.action
     try:
-        systems = [RunningSystem.find(arguments.system)] if arguments.system else RunningSystem.all()
+        systems = [RunningSystem.find(arguments.config)] if arguments.config else RunningSystem.all()
         systems = [item for item in systems if item.has(node)]
         if len(systems) != 1:
             problem = f"no running system has a node {node}: see joshua status"
-            problem = f"several systems have a node {node}: name one with --system" if systems else problem
+            problem = f"several systems have a node {node}: name one with --config" if systems else problem
             raise CallError("unknown-node", problem)
         reply = systems[0].call(node, name, payload, timeout_s=arguments.timeout)
     except CallError as error:
@@ -55,7 +55,9 @@ def _add_common(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
     parser.add_argument(
         "--node", default="/simulation", metavar="NAME", help="the simulator's node (default /simulation)"
     )
-    parser.add_argument("--system", default="", help="file or process id, where several simulations run")
+    parser.add_argument(
+        "--config", metavar="FILE", default="", help="configuration or process id, if several simulations run"
+    )
     parser.add_argument(
         "--timeout", type=positive_seconds, default=10.0, metavar="SECONDS", help="how long to wait"
     )

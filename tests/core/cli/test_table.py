@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.main import main
-from joshua.cli.plugin_commands import commands_by_distribution, find_command, usable_commands
+from joshua.cli.table import commands_by_distribution, find_command, usable_commands
 
 Adder = Callable[..., None]
 
@@ -75,7 +75,7 @@ def test_a_command_of_a_plugin_behind_an_option_is_told_where_it_stands(
         main(["--config", "arm.pbtxt", "wave"])
     assert caught.value.code == 2
     assert capsys.readouterr().err == (
-        "joshua: error: wave is a command of a plugin and stands before all options: joshua wave …\n"
+        "joshua: error: wave is a command of a plugin and must be the first argument: joshua wave …\n"
         "  see: joshua --help\n"
     )
 
@@ -97,24 +97,25 @@ def test_two_plugins_with_one_command(add: Adder, capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as caught:
         main(["wave"])
     assert caught.value.code == 3
-    assert "acme-rig and other-rig both bring the command wave: uninstall one" in capsys.readouterr().err
+    assert "acme-rig and other-rig both bring the command wave. Uninstall one" in capsys.readouterr().err
 
 
 def test_the_core_keeps_its_own_commands(add: Adder, capsys: pytest.CaptureFixture[str]) -> None:
     add("acme-rig", "plan", "raise SystemExit('this must not be imported')")
     assert main(["plan"]) == 2
-    assert "add --config PATH" in capsys.readouterr().err
+    assert "no file given: joshua plan FILE" in capsys.readouterr().err
 
 
 def test_a_plugin_that_is_not_installed_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("joshua.cli.plugin_commands.plugin_commands", list)
+    monkeypatch.setattr("joshua.cli.table.plugin_commands", list)
     with pytest.raises(SystemExit) as caught:
         main(["find-cameras"])
     assert caught.value.code == 3
     assert capsys.readouterr().err == (
-        "joshua: error: find-cameras needs the plugin joshua-camera: pip install joshua-camera\n"
+        "joshua: error: find-cameras requires the plugin joshua-camera, which is not installed: "
+        "pip install joshua-camera\n"
     )
 
 
@@ -126,5 +127,5 @@ def test_nothing_is_looked_up_for_options(monkeypatch: pytest.MonkeyPatch) -> No
     def look_up() -> None:
         raise AssertionError("the metadata were read")
 
-    monkeypatch.setattr("joshua.cli.plugin_commands.plugin_commands", look_up)
+    monkeypatch.setattr("joshua.cli.table.plugin_commands", look_up)
     assert main(["--version"]) == 0
