@@ -186,13 +186,12 @@ def _require_connection(transport: Transport, wait_s: float) -> None:
 
 def _spec_of_file(path: str) -> TransportSpec:
     from joshua.config import load
-    from joshua.planner.diagnostics import Diagnostics
+    from joshua.config.checks import Context
     from joshua.planner.transport_choice import transport_spec
 
     loaded = load(path)
-    findings = Diagnostics(loaded, launch=True)
-    spec = transport_spec(loaded.config, path, findings)
-    problems = [item for item in (*loaded.diagnostics, *findings.items) if item.severity.value == "error"]
+    spec, found = transport_spec(Context(loaded, launch=True))
+    problems = [item for item in (*loaded.diagnostics, *found) if item.severity.value == "error"]
     if not loaded.is_readable or spec is None:
         reason = problems[0].message if problems else "it cannot be read"
         raise GraphError(f"{path}: {reason}; see joshua --config {path} --validate-only", ExitCode.INVALID)
