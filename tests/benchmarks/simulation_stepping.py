@@ -14,8 +14,9 @@ import mujoco
 import numpy as np
 from joshua_mujoco_sim.envs import TASKS, TermVectorEnv
 from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_mujoco_sim.physics import Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError, choose_gl
+from joshua_mujoco_sim.rendering import CameraRenderer
 
 SCENE = "so_arm100/scene.xml"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -16,8 +17,9 @@ from joshua.testing import check_actuator, check_sensor
 from joshua_mujoco_sim.actuator import SimActuator
 from joshua_mujoco_sim.camera import SimCamera
 from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_mujoco_sim.physics import Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError, choose_gl
+from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimCameraSettings, SimulationSettings
 from joshua_mujoco_sim.world import leave_world, shared_world
 
@@ -207,8 +209,8 @@ def test_wheels_turn_to_their_angle() -> None:
 
 
 def test_motor_actuators_cannot_be_commanded_to_an_angle() -> None:
-    with pytest.raises(DeviceError, match=r"hip_1.*use <position> or <velocity>"):
-        actuator(context("ant/ant.xml"), "hip_1").connect()
+    with pytest.raises(ValueError, match="'hip_1' takes a torque, as <motor> does, and no position"):
+        actuator(context("ant/ant.xml"), "hip_1")
 
 
 def test_without_a_simulation_nothing_connects() -> None:
@@ -219,17 +221,37 @@ def test_without_a_simulation_nothing_connects() -> None:
 
 def test_unknown_gl_is_refused(monkeypatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "elg")
-    with pytest.raises(RenderingError, match=r"'elg' is unknown: set it to egl, osmesa"):
+    with pytest.raises(RenderingError, match="'elg', which MuJoCo does not know: unset MUJOCO_GL, or"):
         choose_gl()
+
+
+def test_a_window_library_needs_a_display(monkeypatch) -> None:
+    monkeypatch.setattr("joshua_mujoco_sim.opengl.sys.platform", "linux")
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert choose_gl() == "glfw"
+    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(RenderingError, match="names a display: unset MUJOCO_GL, or set MUJOCO_GL=egl"):
+        choose_gl()
+
+
+def test_a_display_that_cannot_be_opened_ends_the_connection_at_once(monkeypatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    monkeypatch.setenv("DISPLAY", ":9999")
+    warnings.simplefilter("ignore")  # GLFW warns of the same
+    started = r"OpenGL cannot be started with MUJOCO_GL=glfw: .*try MUJOCO_GL=egl"
+    with pytest.raises(DeviceError, match=started):
+        camera(context()).connect()
 
 
 def test_missing_gl_names_the_packages(monkeypatch) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr("joshua_mujoco_sim.rendering.sys.platform", "linux")
+    monkeypatch.setattr("joshua_mujoco_sim.opengl.sys.platform", "linux")
 
     def nothing(name: str) -> None:
         raise OSError(name)
 
-    monkeypatch.setattr("joshua_mujoco_sim.rendering.ctypes.CDLL", nothing)
+    monkeypatch.setattr("joshua_mujoco_sim.opengl.ctypes.CDLL", nothing)
     with pytest.raises(RenderingError, match=r"sudo apt install libegl1 libgl1-mesa-dri or libosmesa6"):
         choose_gl()

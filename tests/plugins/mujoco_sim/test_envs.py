@@ -14,7 +14,7 @@ from joshua.features import ACTION, STATE
 from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
 from joshua_mujoco_sim.envs.tasks import reach
 from joshua_mujoco_sim.envs.terms import ResetTerm
-from joshua_mujoco_sim.rendering import RenderingError, choose_gl
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 
 IDS = sorted(TASKS)
 

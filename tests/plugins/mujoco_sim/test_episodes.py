@@ -18,7 +18,7 @@ from joshua.planner.request import Purpose, Request
 from joshua.plugins.settings import FieldError
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.episodes import EpisodeMaker
-from joshua_mujoco_sim.rendering import RenderingError, choose_gl
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_mujoco_sim.settings_parts import DatasetSettings, check_picture_keys
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError

@@ -98,6 +98,27 @@ def test_interactive_with_a_screen_that_is_not_there() -> None:
     assert "the screen :9999 cannot be opened" in ended.stderr
 
 
+@pytest.mark.parametrize(
+    ("value", "problem", "remedy"),
+    [
+        ("banana", "MUJOCO_GL is 'banana', which MuJoCo does not know", "Unset MUJOCO_GL, or set it to"),
+        ("glfw", "MUJOCO_GL=glfw draws in a window, and neither DISPLAY", "set MUJOCO_GL=egl"),
+    ],
+)
+def test_an_opengl_that_cannot_draw_is_one_error_before_the_start(
+    value: str, problem: str, remedy: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(simulation_file())
+    ended = run(path, environment={"MUJOCO_GL": value, "DISPLAY": "", "WAYLAND_DISPLAY": ""})
+    text = " ".join(ended.stderr.split())
+    assert ended.returncode == 2, text
+    assert problem in text
+    assert remedy in text
+    assert "1 error in" in text
+    assert "nothing was started" in text
+
+
 @pytest.fixture
 def screen(tmp_path: Path):
     """What DISPLAY must say for a virtual screen."""

@@ -50,6 +50,14 @@ def test_unknown_actuator_is_found_with_the_nearest_name(tmp_path) -> None:
     assert found.remedy == "Did you mean elbow_flex?"
 
 
+def test_a_motor_of_the_model_cannot_be_commanded_to_an_angle(tmp_path) -> None:
+    text = simulation_file(arm='actuators: ["hip_1"]').replace("so_arm100/scene.xml", "ant/ant.xml")
+    found = examination(tmp_path, text, Purpose.VALIDATE).errors[0]
+    assert found.field_path == "robot.actions[0].sim_config.actuators[0]"
+    assert "actuator 'hip_1' takes a torque, as <motor> does, and no position" in found.message
+    assert found.remedy == "Use <position> or <velocity> in the model, or leave the actuator out."
+
+
 def test_unknown_actuator_of_a_mapping_is_found(tmp_path) -> None:
     mapping = 'mirror_topic_mappings { ros_topic: "/arm/joint_states" mujoco_actuator: "griper" }'
     found = error(tmp_path, simulation_file(mode="MIRROR", simulation=mapping))
@@ -186,4 +194,4 @@ def test_launch_without_opengl_is_refused_before_it_starts(
     assert not examination(tmp_path, text, Purpose.VALIDATE).errors  # it may run elsewhere
     (found,) = examination(tmp_path, text).errors
     assert found.field_path == field
-    assert "MUJOCO_GL=disabled forbids every picture" in found.message
+    assert "MUJOCO_GL=disabled disables rendering" in found.message

@@ -18,8 +18,8 @@ from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
 from joshua.testing.domain import reserved_domain
 from joshua.testing.port import free_port
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_mujoco_sim.render_files import RenderFile
-from joshua_mujoco_sim.rendering import RenderingError, choose_gl
 from joshua_mujoco_sim.settings_parts import Render
 from joshua_mujoco_sim.world import World, WorldSettings
 from sim_configs import simulation_file

@@ -159,6 +159,10 @@ def test_user_pauses_steps_sets_and_resets(simulation: Simulation) -> None:
     typo = simulation.command("set", "griper=0.9")
     assert typo.returncode == 1
     assert "no joint griper; did you mean gripper?; joints are shoulder_pan, " in typo.stderr
+    beyond = simulation.command("set", "shoulder_pan=5", "gripper=0.2")
+    assert beyond.returncode == 1
+    assert "shoulder_pan=5 is beyond its limits, -2.2 to 2.2 rad; nothing was set" in beyond.stderr
+    assert abs(gripper() - 0.9) < 0.05
     assert simulation.command("reset").returncode == 0
     simulation.wait(lambda: abs(gripper()) < 0.01)
     known = len(simulation.times_s)
@@ -183,11 +187,14 @@ def test_bad_requests_are_named(simulation: Simulation) -> None:
 def test_the_same_verbs_are_listed_and_called_like_those_of_any_node(simulation: Simulation) -> None:
     listed = simulation.command("simulation", name="call")
     assert listed.returncode == 0, listed.stderr
-    assert "  pause  Lets simulated time stand still." in listed.stdout
-    assert "  step [count:integer(1…30000)=1]  Does some steps while paused. (local only)" in listed.stdout
+    assert "  pause  Pause simulated time." in listed.stdout
+    assert (
+        "  step [count:integer(1…30000)=1]  Advance by a number of steps while paused. (local only)"
+        in listed.stdout
+    )
     assert simulation.command("simulation", "pause", name="call").returncode == 0
     put = simulation.command("simulation", "set_state", "joints.gripper=0.4", name="call")
-    assert (put.returncode, put.stdout) == (0, "gripper set\n"), put.stderr
+    assert (put.returncode, put.stdout) == (0, "set gripper\n"), put.stderr
     wrong = simulation.command("simulation", "step", "cuont=3", "count=many", name="call")
     assert wrong.returncode == 2
     assert "cuont: no such field; did you mean count? (count); count: Input should be a valid" in wrong.stderr

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua_mujoco_sim.model_file import load_model
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_mujoco_sim.physics import Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError, choose_gl
+from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.variation import Variation
 
 AMOUNTS = {"joint_rad": 0.05, "object_m": 0.02, "light": 0.3, "camera_m": 0.005, "camera_rad": 0.02}

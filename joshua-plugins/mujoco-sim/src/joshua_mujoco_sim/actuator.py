@@ -141,13 +141,6 @@ class SimActuator(Actuator):
         group = world.physics.group(self.settings.actuators)
         model = world.physics.model
         ids = [model.actuator(name).id for name in group.names]
-        fit = group.goes_to_positions | group.goes_at_speeds
-        if not fit.all():
-            names = ", ".join(n for n, fits in zip(group.names, fit, strict=True) if not fits)
-            raise ModelError(
-                f"{names}: only position and velocity actuators can be commanded to an angle: "
-                "use <position> or <velocity> in the model"
-            )
         limited = model.actuator_ctrllimited[ids].astype(bool)
         self._speed_max = np.where(limited, np.abs(model.actuator_ctrlrange[ids]).max(axis=1), np.inf)
         self._wheels = group.goes_at_speeds

@@ -14,7 +14,7 @@ from PIL import Image
 
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
+from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.settings import SimCameraSettings, SimulationSettings
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
@@ -138,7 +138,7 @@ class SimCamera(Sensor):
         size = self.settings
         try:
             renderer = CameraRenderer(world.physics.model, size.camera, size.width, size.height)
-        except RenderingError as error:
+        except Exception as error:  # noqa: BLE001 (connect waits for the renderer, whatever stops it)
             self._error = str(error)
             self._ready.set()
             return

@@ -19,7 +19,7 @@ STEPS_LIMIT = 30_000
 
 @dataclass(frozen=True)
 class Steps:
-    """How many steps to do."""
+    """Number of steps."""
 
     count: Annotated[int, Field(ge=1, le=STEPS_LIMIT)] = 1
 
@@ -32,10 +32,10 @@ class State:
 
 
 class Controls:
-    """The verbs of a simulation. A real arm may follow a simulated one, so what moves joints says so.
+    """The verbs of a simulation. A real arm may follow a simulated one: some declare that they move.
 
     Args:
-        world: gives what is controlled, once it is loaded.
+        world: returns the world, once it is loaded.
     """
 
     def __init__(self, world: Callable[[], World]) -> None:
@@ -43,51 +43,66 @@ class Controls:
 
     @verb(moves=False)
     def pause(self) -> str:
-        """Lets simulated time stand still."""
+        """Pause simulated time."""
         world = self._world()
         world.pause()
         return f"paused at {world.physics.time_s:.3f} s"
 
     @verb(moves=True)
     def resume(self) -> str:
-        """Lets simulated time run on."""
+        """Resume simulated time."""
         world = self._world()
         world.resume()
-        return f"runs on at {world.physics.time_s:.3f} s"
+        return f"resumed at {world.physics.time_s:.3f} s"
 
     @verb(moves=True)
     def step(self, steps: Steps) -> str:
-        """Does some steps while paused."""
+        """Advance by a number of steps while paused."""
         world = self._world()
         if not world.paused:
             raise RefusedError("the simulation is not paused; pause it first (joshua sim pause)")
         world.step_paused(steps.count)
-        return f"{steps.count} more steps"
+        return f"advanced by {steps.count} step{'s' * (steps.count > 1)}"
 
     @verb(moves=True)
     def reset(self) -> str:
-        """Puts the model back to its start."""
+        """Reset the model to its start."""
         self._world().reset()
-        return "the model is back at its start"
+        return "reset"
 
     @verb(moves=True)
     def set_state(self, state: State) -> str:
-        """Puts joints somewhere, at rest."""
+        """Set the positions of joints, at rest."""
         world = self._world()
         model, data = world.physics.model, world.physics.data
-        # where one number says where it is
+        # joints that one number describes
         single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
         known = {model.joint(i).name: i for i in range(model.njnt) if model.jnt_type[i] in single}
         unknown = [name for name in state.joints if name not in known]
         if unknown or not state.joints:
-            what = f"no joint {', '.join(unknown)}" if unknown else "no joint is named"
+            what = f"no joint {', '.join(unknown)}" if unknown else "no joint is given"
             near = get_close_matches(unknown[0], known, n=1, cutoff=0.5) if unknown else []
             hint = f"; did you mean {near[0]}?" if near else ""
             raise RefusedError(f"{what}{hint}; joints are {', '.join(filter(None, known))}")
+        if bad := list(
+            filter(None, (_beyond(model, known[name], state.joints[name]) for name in state.joints))
+        ):
+            raise RefusedError(f"{'; '.join(bad)}; nothing was set")
         with world.lock:
             for name, value in state.joints.items():
                 joint = model.joint(known[name])
                 data.qpos[joint.qposadr[0]] = value
                 data.qvel[joint.dofadr[0]] = 0.0
             mujoco.mj_forward(model, data)
-        return f"{', '.join(state.joints)} set"
+        return f"set {', '.join(state.joints)}"
+
+
+def _beyond(model: mujoco.MjModel, joint: int, value: float) -> str:
+    """Say how a joint cannot be at a position; "" if it can."""
+    name, unit = model.joint(joint).name, "rad"
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+        unit = "m"
+    low, high = model.jnt_range[joint]
+    if not model.jnt_limited[joint] or low <= value <= high:
+        return ""
+    return f"{name}={value:g} is beyond its limits, {low:g} to {high:g} {unit}"

@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.opengl import RenderingError
 from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
+from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.world import World
 
 #: Longest packet: 64 joints, three numbers each.

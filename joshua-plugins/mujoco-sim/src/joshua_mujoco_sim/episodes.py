@@ -21,8 +21,9 @@ from joshua.features import (
 )
 from joshua.tools import load_target
 
+from joshua_mujoco_sim.opengl import RenderingError
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, RenderingError
+from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.settings_parts import DatasetSettings
 from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
 from joshua_mujoco_sim.world import World

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from joshua.api import FieldError
 from pydantic import BaseModel, ConfigDict
 
+from joshua_mujoco_sim.opengl import RenderingError, check_variable
+
 if TYPE_CHECKING:
     from joshua_mujoco_sim.model_file import Attachment
 
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
 class ModelFacts(BaseModel):
     """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint.
 
-    ``by_hand`` names the actuators whose joints can be calibrated; ``timestep_s`` is the time of one step.
+    ``by_hand`` names the actuators whose joints can be calibrated, ``torque_driven`` those that take a torque
+    and no position or speed; ``timestep_s`` is the time of one step.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -27,6 +30,7 @@ class ModelFacts(BaseModel):
     joints: dict[str, str]
     ranges: dict[str, tuple[float, float]]
     by_hand: tuple[str, ...]
+    torque_driven: tuple[str, ...]
     cameras: tuple[str, ...]
     keyframes: tuple[str, ...]
     timestep_s: float
@@ -59,8 +63,12 @@ def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
 @lru_cache(maxsize=8)
 def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
     """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
+    try:
+        check_variable()
+    except RenderingError as error:
+        raise FieldError("", error.problem, remedy=error.remedy) from error
     from joshua_mujoco_sim.model_file import ModelError, load_model
-    from joshua_mujoco_sim.summary import actuated_joints, summarise, turned_by_hand
+    from joshua_mujoco_sim.summary import actuated_joints, summarise, torque_driven, turned_by_hand
 
     try:
         model = load_model(model_path, Path(folder) if folder else None, attachments(attached))
@@ -80,6 +88,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
         joints={name: joint for name, (joint, _, _) in joints.items()},
         ranges={name: (low, high) for name, (_, low, high) in joints.items()},
         by_hand=turned_by_hand(model),
+        torque_driven=torque_driven(model),
         cameras=tuple(facts["cameras"]),
         keyframes=tuple(facts["keyframes"]),
         timestep_s=facts["timestep_s"],

@@ -20,9 +20,9 @@ from joshua_mujoco_sim.coupling import CouplingServer
 from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.following import Commands, Mirror
 from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.opengl import RenderingError
 from joshua_mujoco_sim.physics import ActuatorGroup
 from joshua_mujoco_sim.render_files import RenderFile
-from joshua_mujoco_sim.rendering import RenderingError
 from joshua_mujoco_sim.replay import Replay
 from joshua_mujoco_sim.settings import SimulationSettings
 from joshua_mujoco_sim.settings_parts import DatasetSettings

@@ -10,8 +10,9 @@ from typing import Any
 
 from PIL import Image
 
+from joshua_mujoco_sim.opengl import RenderingError
 from joshua_mujoco_sim.physics import Physics
-from joshua_mujoco_sim.rendering import CameraRenderer, Picture, RenderingError
+from joshua_mujoco_sim.rendering import CameraRenderer, Picture
 from joshua_mujoco_sim.settings_parts import Render
 from joshua_mujoco_sim.world import World
 
@@ -53,8 +54,8 @@ class VideoWriter(PictureWriter):
             import av
         except ImportError as error:
             raise RenderingError(
-                f"{path.name}: a video needs an extra: pip install 'joshua-mujoco-sim[video]'; "
-                "or name PNG files"
+                f"{path.name} needs the library for videos, which is not installed",
+                "run pip install 'joshua-mujoco-sim[video]', or name PNG files",
             ) from error
         self._frame: Any = av.VideoFrame
         self._fault: type[Exception] = av.FFmpegError

@@ -1,10 +1,7 @@
-"""Offscreen pictures of a model: the choice of the OpenGL library, and one renderer for each camera."""
+"""Offscreen pictures of a model: one renderer for each camera."""
 
 from __future__ import annotations
 
-import ctypes
-import os
-import sys
 import threading
 from typing import Any
 
@@ -12,56 +9,15 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from joshua_mujoco_sim.opengl import LIBRARIES, RenderingError, choose_gl
+
 Picture = npt.NDArray[np.uint8]
 
 #: Shapes that one picture may show.
 MAX_GEOMS = 10_000
 
-#: How OpenGL is reached without a window on Linux: library and Debian packages, best first.
-_LIBRARIES = {
-    "egl": ("libEGL.so.1", "libegl1 libgl1-mesa-dri"),
-    "osmesa": ("libOSMesa.so.8", "libosmesa6"),
-}
-
-
 #: One renderer is made at a time: each makes sure that the model's buffer is large enough for it.
 _making = threading.Lock()
-
-
-class RenderingError(Exception):
-    """No picture can be made; the message says why and what to install."""
-
-
-def choose_gl() -> str:
-    """Chooses how OpenGL is reached without a window; ``MUJOCO_GL`` decides where it is set.
-
-    Returns:
-        ``egl`` (a graphics card, or Mesa's software), ``osmesa`` (software), ``glfw`` or ``cgl`` (macOS).
-
-    Raises:
-        RenderingError: no library that renders without a window is installed.
-    """
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
-    if chosen in ("egl", "osmesa", "glfw", "cgl"):
-        return chosen
-    if chosen and chosen != "disabled":
-        raise RenderingError(f"MUJOCO_GL={chosen!r} is unknown: set it to egl, osmesa or glfw, or unset it")
-    if chosen == "disabled":
-        raise RenderingError("MUJOCO_GL=disabled forbids every picture: unset it, or take the cameras out")
-    if sys.platform == "darwin":
-        return "cgl"
-    for name, (library, _) in _LIBRARIES.items():
-        try:
-            ctypes.CDLL(library)
-        except OSError:
-            continue
-        return name
-    packages = " or ".join(package for _, package in _LIBRARIES.values())
-    names = " nor ".join(library for library, _ in _LIBRARIES.values())
-    raise RenderingError(
-        f"no OpenGL library that renders without a window is installed (neither {names}): "
-        f"sudo apt install {packages}"
-    )
 
 
 def _open_context(width: int, height: int) -> Any:
@@ -78,13 +34,20 @@ def _open_context(width: int, height: int) -> Any:
             from mujoco.glfw import GLContext
         context = GLContext(width, height)
         context.make_current()
+        if getattr(context, "_context", context) is None:  # GLFW warns and goes on
+            raise RenderingError("no window could be opened", "")
     except Exception as error:  # each OpenGL binding raises classes of its own
-        other = "osmesa" if name == "egl" else "egl"
-        packages = _LIBRARIES[other][1]
-        raise RenderingError(
-            f"OpenGL does not start by {name}: {error}: try MUJOCO_GL={other}, which needs {packages}"
-        ) from error
+        raise _unusable(name, error) from error
     return context
+
+
+def _unusable(name: str, error: Exception) -> RenderingError:
+    other = "osmesa" if name == "egl" else "egl"
+    reason = error.problem if isinstance(error, RenderingError) else error
+    return RenderingError(
+        f"OpenGL cannot be started with MUJOCO_GL={name}: {reason}",
+        f"try MUJOCO_GL={other}, which needs the packages {LIBRARIES[other][1]}",
+    )
 
 
 class CameraRenderer:
@@ -110,7 +73,10 @@ class CameraRenderer:
             self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
             self._option = mujoco.MjvOption()
             self._perturbation = mujoco.MjvPerturb()
-            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            try:
+                self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            except mujoco.FatalError as error:
+                raise _unusable(choose_gl(), error) from error
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._area = mujoco.MjrRect(0, 0, width, height)
         self._pixels: Picture = np.empty((height, width, 3), np.uint8)

@@ -238,6 +238,7 @@ class SimActuatorSettings(ActuatorSettings):
                 "max_rad": facts.ranges.get(name, (0.0, 0.0))[1],
                 "known": name in facts.ranges,
                 "by_hand": name in facts.by_hand,
+                "torque_driven": name in facts.torque_driven,
                 "allowed": list(facts.actuators),
             }
             for name in result["actuators"]
@@ -249,6 +250,12 @@ class SimActuatorSettings(ActuatorSettings):
         for index, (name, joint) in enumerate(zip(self.actuators, self.joint_ranges, strict=False)):
             if not joint["known"]:
                 known_name(f"actuators[{index}]", "actuator", name, joint["allowed"])
+            if joint["torque_driven"]:
+                raise FieldError(
+                    f"actuators[{index}]",
+                    f"the model's actuator {name!r} takes a torque, as <motor> does, and no position",
+                    remedy="use <position> or <velocity> in the model, or leave the actuator out",
+                )
         if self.motion == "file" and not self.motion_file:
             raise FieldError(
                 "motion_file",

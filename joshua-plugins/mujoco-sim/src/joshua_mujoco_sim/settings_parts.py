@@ -10,6 +10,8 @@ from joshua.api import FieldError
 from joshua.features import camera_key
 from pydantic import BaseModel, ConfigDict
 
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
+
 if TYPE_CHECKING:
     from joshua_mujoco_sim.model_facts import ModelFacts
     from joshua_mujoco_sim.variation import Variation
@@ -140,15 +142,11 @@ def check_output(index: int, output: str) -> None:
 
 
 def require_pictures(field: str) -> None:
-    """Refuses a launch that is to draw on a machine without OpenGL. Raises FieldError."""
-    from joshua_mujoco_sim.rendering import RenderingError, choose_gl
-
+    """Refuse a launch that draws on a machine where OpenGL cannot. Raises FieldError."""
     try:
         choose_gl()
     except RenderingError as error:
-        raise FieldError(
-            field, str(error), remedy="install what is missing, or take the pictures out"
-        ) from error
+        raise FieldError(field, error.problem, remedy=error.remedy) from error
 
 
 def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> None:

@@ -46,6 +46,13 @@ def actuated_joints(model: mujoco.MjModel) -> dict[str, tuple[str, float, float]
     return found
 
 
+def torque_driven(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Actuators that take a torque, such as ``<motor>``, and no position or speed."""
+    affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
+    takes_goals = affine & (model.actuator_biasprm[:, 1] <= 0)
+    return tuple(model.actuator(index).name for index in range(model.nu) if not takes_goals[index])
+
+
 #: Ranges of joints whose zero and ends a person can find by hand: not less, and not beyond a whole turn.
 SMALLEST_RANGE_RAD, LARGEST_RANGE_RAD = math.radians(20), math.tau + 1e-3
 

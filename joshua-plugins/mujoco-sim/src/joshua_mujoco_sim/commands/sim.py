@@ -12,22 +12,24 @@ SUMMARY = "pause, step, reset or set the state of a running simulation"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the actions and options of ``joshua sim``."""
+    """Add the actions and options of ``joshua sim``."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     for name, text in (
-        ("pause", "let simulated time stand still"),
-        ("resume", "let simulated time run on"),
-        ("reset", "put the model back to its start"),
+        ("pause", "pause simulated time"),
+        ("resume", "resume simulated time"),
+        ("reset", "reset the model to its start"),
     ):
         _add_common(actions.add_parser(name, help=text))
-    step = _add_common(actions.add_parser("step", help="do some steps while paused"))
+    step = _add_common(actions.add_parser("step", help="advance by a number of steps while paused"))
     step.add_argument("count", type=int, nargs="?", default=1, help="number of steps")
-    state = _add_common(actions.add_parser("set", help="put joints somewhere, at rest"))
-    state.add_argument("joints", nargs="+", metavar="JOINT=RADIANS", type=_joint, help="such as gripper=0.5")
+    state = _add_common(actions.add_parser("set", help="set the positions of joints, at rest"))
+    state.add_argument(
+        "joints", nargs="+", metavar="JOINT=RADIANS", type=_joint, help="for example gripper=0.5"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Asks the simulator's node. Exit code 0; 1 where it refuses, or no simulation runs."""
+    """Call the simulator's node. Exit code 0; 1 if it refuses, or no simulation runs."""
     from joshua.tools import CallError, ExitCode, RunningSystem
 
     payload: dict[str, Any] = {}
@@ -40,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         systems = [RunningSystem.find(arguments.config)] if arguments.config else RunningSystem.all()
         systems = [item for item in systems if item.has(node)]
         if len(systems) != 1:
-            problem = f"no running system has a node {node}: see joshua status"
+            problem = f"no running system has a node {node}: run joshua status"
             problem = f"several systems have a node {node}: name one with --config" if systems else problem
             raise CallError("unknown-node", problem)
         reply = systems[0].call(node, name, payload, timeout_s=arguments.timeout)
