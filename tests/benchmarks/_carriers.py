@@ -15,7 +15,8 @@ from typing import Any
 
 from _harness import NULL
 from joshua.messages import decode, encode
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
+from joshua.testing.transport import transport_settings
 
 Place = dict[str, Any]
 Callback = Callable[[Any], None]
@@ -31,9 +32,9 @@ _RING_SLOT_B = 1 << 20
 def coordinator(carrier: str, place: Place) -> Iterator[None]:
     """What both sides need while they run: the Zenoh router, or a shared memory."""
     if "zenoh" in carrier:
-        from joshua.transport.router import host_or_join
+        from joshua.transport import prepare_transport
 
-        handle = host_or_join(_spec("zenoh", place))
+        handle = prepare_transport(_spec("zenoh", place))
         yield
         assert handle is not None
         handle.close()
@@ -61,9 +62,9 @@ def receiver(carrier: str, type_name: str, place: Place, got: Callback) -> Close
     return opened
 
 
-def _spec(kind: Any, place: Place) -> TransportSpec:
+def _spec(kind: Any, place: Place) -> TransportSettings:
     endpoint = f"tcp/localhost:{place['port']}"
-    return TransportSpec(kind=kind, domain_id=place["domain"], listen_endpoints=(endpoint,))
+    return transport_settings(kind, domain_id=place["domain"], listen_endpoints=(endpoint,))
 
 
 def _wait(condition: Callable[[], Any]) -> None:
@@ -227,7 +228,7 @@ def _dds_parts(type_name: str, place: Place) -> tuple[Any, Any, Any, Any]:
     from cyclonedds.core import Policy, Qos
     from cyclonedds.domain import Domain, DomainParticipant
     from cyclonedds.topic import Topic
-    from joshua.transport.dds.types import idl_type
+    from joshua_dds.types import idl_type
 
     domain = Domain(
         place["domain"],

@@ -220,11 +220,11 @@ def receive(domain: int, count: int) -> None:
     """The subscriber: notes number and arrival of each frame of each camera."""
     from joshua.messages import decode
     from joshua.messages.make import pixels
-    from joshua.plan import QosProfile, TransportSpec
+    from joshua.plan import QosProfile, TransportSettings
     from joshua.transport import open_transport
     from joshua_emulator.camera.frame_code import read_code
 
-    transport = open_transport(TransportSpec(domain_id=domain))
+    transport = open_transport(TransportSettings(domain_id=domain))
     node = transport.create_node("bench_receiver")
     received: list[list[tuple[int, int]]] = [[] for _ in range(count)]
 

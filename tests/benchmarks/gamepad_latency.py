@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.messages import decode
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.testing.program import JoshuaProgram
 from joshua.transport import open_transport
 from joshua_emulator import EmulatedGamepad
@@ -67,7 +67,7 @@ def main() -> None:
         program = JoshuaProgram(folder, domain_id)
         run = program.start("--config", "robot.pbtxt")
         try:
-            spec = TransportSpec(kind="zenoh", domain_id=domain_id, listen_endpoints=(program.router,))
+            spec = TransportSettings(domain_id=domain_id, listen_endpoints=(program.router,))
             commands: list[tuple[int, float]] = []
             transport = connect(spec, commands)
             move(pad, strokes)
@@ -79,7 +79,7 @@ def main() -> None:
         show(pad.log("report"), commands)
 
 
-def connect(spec: TransportSpec, commands: list[tuple[int, float]]) -> Any:
+def connect(spec: TransportSettings, commands: list[tuple[int, float]]) -> Any:
     """Hears every command with the time of its arrival, once the run hosts its router."""
 
     def hear(sample: Any) -> None:

@@ -49,9 +49,10 @@ def main() -> None:
 
 def measure(server: fork_server.ForkServer, kind: str, case: str, duration_s: float) -> str:
     """Runs one case and returns its line."""
-    from joshua.plan import NodeKind, NodeSpec, Plan, TopicSpec, TransportSpec
+    from joshua.plan import NodeKind, NodeSpec, Plan, TopicSpec
     from joshua.supervisor.options import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
+    from joshua.testing.transport import transport_settings
 
     topics = tuple(
         TopicSpec(name=f"/camera_{side}", type_name="sensor_msgs/msg/Image", rate_hz=30.0)
@@ -83,7 +84,7 @@ def measure(server: fork_server.ForkServer, kind: str, case: str, duration_s: fl
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/localhost:{probe.getsockname()[1]}"
-    transport = TransportSpec(kind=kind, domain_id=93, listen_endpoints=(endpoint,))
+    transport = transport_settings(kind, domain_id=93, listen_endpoints=(endpoint,))
     plan = Plan(source="timer_cadence", mode="MODE_TEST", nodes=tuple(nodes), transport=transport)
     with tempfile.TemporaryDirectory() as folder:
         options = SupervisorOptions(

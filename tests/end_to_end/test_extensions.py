@@ -1,4 +1,4 @@
-"""A mode, a service with topics, a command and a verb from outside, added by files of their own alone."""
+"""A mode, a service with topics, a command, a verb and a transport, in files of their own alone."""
 
 from __future__ import annotations
 
@@ -98,6 +98,131 @@ def run(arguments):
         "[joshua.plugins]\npatrol = toy_patrol.plugin\n[joshua.commands]\npatrol-report = toy_patrol.report\n"
     ),
 }
+POST = {
+    "toy_post/__init__.py": "",
+    "toy_post/plugin.py": """
+from joshua.api import TransportSpec, hookimpl
+
+
+@hookimpl
+def joshua_specs():
+    return [
+        TransportSpec(
+            enum_values=("TRANSPORT_PLUGIN",),
+            name="post",
+            implementation="toy_post.transport:PostTransport",
+            prepare="toy_post.boxes:prepare",
+            rmw_implementations=("rmw_post_cpp",),
+        )
+    ]
+""",
+    "toy_post/boxes.py": """
+import os
+import pathlib
+
+FOLDER = pathlib.Path(os.environ["TOY_POST"])
+
+
+class Boxes:
+    description = "has letter boxes"
+
+    def close(self):
+        pass
+
+
+def prepare(settings):
+    FOLDER.mkdir(exist_ok=True)
+    return Boxes()
+""",
+    "toy_post/transport.py": """
+import contextlib
+import socket
+import threading
+import time
+
+from joshua.api import transports
+
+from toy_post.boxes import FOLDER
+
+
+def boxes(topic):
+    return FOLDER.glob(topic.replace("/", "-") + ".*")
+
+
+class PostPublisher(transports.Publisher):
+    def __init__(self, node, topic):
+        super().__init__(node, topic)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+
+    def publish(self, cdr):
+        for box in boxes(self.topic):
+            with contextlib.suppress(OSError):
+                self._socket.sendto(bytes(cdr), str(box))
+
+    @property
+    def subscription_count(self):
+        return len(list(boxes(self.topic)))
+
+    def assert_liveliness(self):
+        pass
+
+    def _leave(self):
+        self._socket.close()
+
+
+class PostSubscription(transports.Subscription):
+    publisher_count = 1
+
+    def __init__(self, node, topic, callback):
+        super().__init__(node, topic)
+        self._box = FOLDER / f"{topic.replace('/', '-')}.{id(self)}"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(self._box))
+        self._callback = callback
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        while letter := self._socket.recv(1 << 16):
+            self._callback(transports.Sample(letter, 0, time.time_ns(), 0, b""))
+
+    def _leave(self):
+        self._box.unlink()
+        self._socket.shutdown(socket.SHUT_RD)
+        self._thread.join()
+        self._socket.close()
+
+
+class PostNode(transports.NodeHandle):
+    def publisher_node(self, publisher_gid):
+        return ""
+
+    def _make_publisher(self, topic, type_name, qos, emit):
+        return PostPublisher(self, topic)
+
+    def _make_subscription(self, topic, type_name, qos, callback, emit):
+        return PostSubscription(self, topic, callback)
+
+    def _leave(self):
+        pass
+
+
+class PostTransport(transports.Transport):
+    connected = True
+    meeting_point = "the letter boxes"
+
+    def nodes(self):
+        return []
+
+    def _make_node(self, name, namespace):
+        return PostNode(self, name, namespace)
+
+    def _leave(self):
+        pass
+""",
+    "toy_post-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: toy-post\nVersion: 1.0\n",
+    "toy_post-1.0.dist-info/entry_points.txt": "[joshua.plugins]\npost = toy_post.plugin\n",
+}
 ROBOT = """
 general { mode: MODE_PLUGIN plugin_mode: "patrol" name: "walker" id: "walker-001" }
 robot { actions {
@@ -110,13 +235,15 @@ robot { actions {
 @pytest.fixture
 def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
     site = tmp_path / "site"
-    for name, text in FILES.items():
+    for name, text in (FILES | POST).items():
         path = site / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     (tmp_path / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
     with reserved_domain() as domain_id:
-        program = JoshuaProgram(tmp_path, domain_id, {"PYTHONPATH": str(site)})
+        program = JoshuaProgram(
+            tmp_path, domain_id, {"PYTHONPATH": str(site), "TOY_POST": str(tmp_path / "post")}
+        )
         yield program
         program.close()
 
@@ -148,3 +275,31 @@ def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(joshua: Josh
     eventually(lambda: "/patrol/point" in joshua("status").stdout, "the rate of its topic")
     joshua.stop(run)
     assert run.returncode == 0
+
+
+def test_its_transport_carries_the_topics_of_a_run(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    (tmp_path / "post.pbtxt").write_text(
+        ROBOT + 'transport { kind: TRANSPORT_PLUGIN plugin_kind: "post" }', encoding="utf-8"
+    )
+    assert joshua("plugins", "--check").returncode == 0
+    assert "transport: post (domain" in joshua("plan", "--config", "post.pbtxt").stdout
+    missing = joshua("plan", "--config", "post.pbtxt", "--block-plugin", "toy-post")
+    assert "no plugin in use does (toy-post is blocked)" in " ".join(missing.stderr.split())
+    run = joshua.start("--config", "post.pbtxt")
+    assert run.stdout is not None
+    assert any(" ready after " in line for line in run.stdout)
+    # the joints of the arm came through the letter boxes
+    eventually(lambda: call(joshua)["arms"] == 2, "a message of the arm")
+    joshua.stop(run)
+    assert run.returncode == 0
+
+
+def test_the_kind_of_a_plugin_and_its_name_belong_together(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    for text, said in (
+        ("transport { kind: TRANSPORT_PLUGIN }", "TRANSPORT_PLUGIN requires plugin_kind"),
+        ('transport { plugin_kind: "post" }', "plugin_kind has no effect with TRANSPORT_AUTO"),
+    ):
+        (tmp_path / "wrong.pbtxt").write_text(ROBOT + text, encoding="utf-8")
+        done = joshua("--config", "wrong.pbtxt", "--validate-only")
+        assert done.returncode == 2
+        assert said in " ".join((done.stdout + done.stderr).split())

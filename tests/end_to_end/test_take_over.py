@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from joshua.messages import decode, encode
 from joshua.messages.make import joint_state
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile
 from joshua.testing.program import JoshuaProgram
+from joshua.testing.transport import transport_settings
 from joshua.transport import open_transport
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -57,7 +58,7 @@ class Desk:
         self.sent_s: list[float] = []
         node = transport.create_node("guide")
         self._publisher = node.create_publisher("/command", JOINT_STATE, QosProfile())
-        node.create_subscription("/follower/applied_command", JOINT_STATE, QosProfile(), self._hear)
+        node.create_subscription("/follower/command", JOINT_STATE, QosProfile(), self._hear)
 
     def _hear(self, sample: Any) -> None:
         self.written.append(float(decode(JOINT_STATE, sample.cdr).position[0]))
@@ -81,7 +82,7 @@ class Desk:
 def test_the_override_commands_while_it_sends(
     kind: Any, joshua_run: JoshuaProgram, joshua_domain_id: int, tmp_path: Path
 ) -> None:
-    spec = TransportSpec(kind=kind, domain_id=joshua_domain_id, listen_endpoints=(joshua_run.router,))
+    spec = transport_settings(kind, domain_id=joshua_domain_id, listen_endpoints=(joshua_run.router,))
     (tmp_path / "robot.pbtxt").write_text(ROBOT)
     if kind == "dds":
         joshua_run.router = ""

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from emulators_of_runs import bring_about
 from joshua.messages import decode
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.testing.program import JoshuaProgram
 from joshua.transport import open_transport
 from joshua_emulator import EmulatedGamepad
@@ -32,7 +32,7 @@ class Ear:
     def __init__(
         self, joshua_run: JoshuaProgram, domain_id: int, topic: str, alive: Callable[[], object]
     ) -> None:
-        spec = TransportSpec(kind="zenoh", domain_id=domain_id, listen_endpoints=(joshua_run.router,))
+        spec = TransportSettings(domain_id=domain_id, listen_endpoints=(joshua_run.router,))
         self.positions: list[dict[str, float]] = []
         deadline_s = time.monotonic() + 60
         while True:  # the run hosts the router

@@ -24,13 +24,13 @@ sys.path.append(str(Path(__file__).parents[1] / "support"))
 
 from emulated_teleop import teleoperation
 from joshua.messages import decode
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.testing.domain import reserved_domain
 from joshua.transport import open_transport
 from joshua_emulator import EmulatedBus
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-TOPICS = ("/leader/joint_states", "/follower/joint_states", "/follower_arm/applied_command")
+TOPICS = ("/leader/joint_states", "/follower/joint_states", "/follower_arm/command")
 FAULTS = ["drop=0.01", "corrupt=0.005", "late=0.005"]
 AMPLITUDE_RAD, FREQUENCY_HZ, PHASE_RAD = 0.4, 0.4, 0.7
 
@@ -46,7 +46,7 @@ TRUTH_TOLERANCE_RAD = AMPLITUDE_RAD * math.tau * FREQUENCY_HZ * 0.04
 STEP_TOLERANCE_RAD = {
     "/leader/joint_states": TRUTH_TOLERANCE_RAD,
     "/follower/joint_states": TRUTH_TOLERANCE_RAD,
-    "/follower_arm/applied_command": 0.01,
+    "/follower_arm/command": 0.01,
 }
 
 
@@ -112,7 +112,7 @@ def main() -> None:
 
 def listen(tracks: dict[str, Track], domain_id: int, start_s: float) -> Any:
     """Subscribes to the topics; returns the transport."""
-    transport = open_transport(TransportSpec(domain_id=domain_id))
+    transport = open_transport(TransportSettings(domain_id=domain_id))
     while not transport.connected:
         time.sleep(0.05)
     node = transport.create_node("soak")

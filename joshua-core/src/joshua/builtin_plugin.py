@@ -1,13 +1,13 @@
-"""The core as a plugin: the mock devices and the random-noise model, declared like anyone else's."""
+"""The core as a plugin: mock devices, the random-noise model and Zenoh, declared like anyone else's."""
 
 from __future__ import annotations
 
-from joshua.plugins import ActuatorSpec, ModelSpec, PluginSpec, SensorSpec, hookimpl
+from joshua.plugins import ActuatorSpec, ModelSpec, PluginSpec, SensorSpec, TransportSpec, hookimpl
 
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the mock devices and the random-noise model."""
+    """Names the mock devices, the random-noise model and the Zenoh transport."""
     return [
         ActuatorSpec(
             block="mock_motor_config",
@@ -54,5 +54,11 @@ def joshua_specs() -> list[PluginSpec]:
             implementation="joshua.models.random_noise:RandomNoise",
             settings="joshua.models.random_noise_settings:RandomNoiseSettings",
             summary="uniformly random joint positions",
+        ),
+        TransportSpec(
+            enum_values=("TRANSPORT_ZENOH",),
+            implementation="joshua.transport.zenoh.transport:ZenohTransport",
+            prepare="joshua.transport.zenoh.router:prepare",
+            summary="ROS 2 over Zenoh, by the conventions of rmw_zenoh",
         ),
     ]

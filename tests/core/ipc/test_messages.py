@@ -22,7 +22,7 @@ from joshua.plan import (
     TimerReport,
     TopicReport,
     TopicSpec,
-    TransportSpec,
+    TransportSettings,
 )
 
 SPEC = NodeSpec(
@@ -60,7 +60,7 @@ TIMER = TimerReport(
 TOPIC = TopicReport(name="/x", type_name="std_msgs/msg/String", is_publisher=True, count=1, rate_hz=2.0)
 
 TO_CHILD = [
-    ipc.Start(nodes=(SPEC,), transport=TransportSpec(domain_id=7)),
+    ipc.Start(nodes=(SPEC,), transport=TransportSettings(domain_id=7)),
     ipc.Activate(),
     ipc.Stop(reason="Ctrl-C", urgent=True),
 ]

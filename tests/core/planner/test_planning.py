@@ -1,6 +1,5 @@
 """From a file to a plan."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -277,13 +276,15 @@ def test_settings_that_do_not_act_everywhere_are_noted_once(tmp_path, kind, note
         assert item.message.startswith("/follower/joint_states, /leader/joint_states: lifespan acts between")
 
 
-def test_a_missing_extra_names_its_installation(tmp_path, monkeypatch):
-    monkeypatch.setattr("joshua.planner.transport_choice.dds_installed", lambda: False)
+def test_a_missing_transport_names_its_plugin(tmp_path):
     path = teleoperation(tmp_path, "transport { kind: TRANSPORT_DDS }")
-    (finding,) = [item for item in examine(Request(path)).diagnostics if item.code == "extra-missing"]
+    blocked = ("joshua-dds",)
+    examination = examine(Request(path, blocked_plugins=blocked))
+    (finding,) = [item for item in examination.diagnostics if item.code == "extra-missing"]
     assert finding.severity is Severity.NOTE
-    assert re.search(r"pip install .*joshua-core\[dds\]'", finding.remedy)
-    launch = examine(Request(path, purpose=Purpose.LAUNCH))
+    assert "TRANSPORT_DDS needs the plugin joshua-dds, which is blocked" in finding.message
+    assert "or choose TRANSPORT_ZENOH" in finding.remedy
+    launch = examine(Request(path, purpose=Purpose.LAUNCH, blocked_plugins=blocked))
     assert ("extra-missing", Severity.ERROR) in codes(launch)
     assert launch.plan is None
 
@@ -295,7 +296,7 @@ def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path
     found = examine(Request(path, purpose=Purpose.LAUNCH)).diagnostics
     (finding,) = [item for item in found if item.code == "native-missing"]
     assert finding.message == (
-        "joshua-core has no native implementation of follower, leader: the Python implementation runs."
+        "joshua-core has no native implementation for follower, leader: the Python implementation runs."
     )
 
 
@@ -308,7 +309,6 @@ def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path
 )
 def test_what_the_chosen_middleware_does_not_use_is_refused(tmp_path, monkeypatch, rmw, block, field):
     monkeypatch.setenv("RMW_IMPLEMENTATION", rmw)
-    monkeypatch.setattr("joshua.planner.transport_choice.dds_installed", lambda: True)
     path = teleoperation(tmp_path, f"transport {{ {block} }}")
     found = [item for item in examine(Request(path)).diagnostics if item.code == "transport-field-unused"]
     assert found[0].field_path == f"transport.{field}"

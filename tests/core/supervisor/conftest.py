@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from joshua.plan import NodeKind, NodeSpec, Plan, RunReport, TopicSpec, TransportSpec
+from joshua.plan import NodeKind, NodeSpec, Plan, RunReport, TopicSpec, TransportSettings
 from joshua.plan.events import Event, LogEntry, Progress, RunEvent, RunStatus, StartTable
 from joshua.supervisor import fork_server
 from joshua.supervisor.fork_server import ForkServer
@@ -76,7 +76,7 @@ class Robot:
         self.server = server
         self.folder = folder
         self.ui = Recorder()
-        self.transport = TransportSpec(
+        self.transport = TransportSettings(
             domain_id=domain_id, listen_endpoints=(f"tcp/localhost:{router_port(domain_id)}",)
         )
         self.notes = folder / "notes"

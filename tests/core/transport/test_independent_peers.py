@@ -8,7 +8,7 @@ import threading
 import pytest
 from joshua.messages import decode, encode, make, message_class
 from joshua.plan import QosProfile
-from joshua.transport.endpoints import read_endpoint
+from joshua.transport.zenoh.endpoints import read_endpoint
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

@@ -198,7 +198,7 @@ def test_a_missed_deadline_is_reported_to_both_sides(pair, eventually):
     publisher.publish(number(1))
     eventually(lambda: events["publisher"] and events["subscription"])
     assert events["publisher"][0] == ("deadline-missed", "no message was published on /topic within 0.2 s")
-    assert events["subscription"][0] == ("deadline-missed", "no message came on /topic within 0.2 s")
+    assert events["subscription"][0] == ("deadline-missed", "no message received on /topic within 0.2 s")
 
 
 def test_old_messages_are_not_delivered(pair, eventually):

@@ -7,16 +7,16 @@ import socket
 
 import pytest
 from joshua.messages import encode, message_class
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.testing.port import free_port
-from joshua.transport import TransportError
-from joshua.transport.router import host_or_join
+from joshua.testing.transport import transport_settings
+from joshua.transport import TransportError, prepare_transport
 
 
 def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
     assert router.hosting
     assert router.description == f"hosts the Zenoh router on {zenoh_spec.listen_endpoints[0]}"
-    second = host_or_join(zenoh_spec)
+    second = prepare_transport(zenoh_spec)
     try:
         assert not second.hosting
         assert second.description == f"joined the Zenoh router on {zenoh_spec.listen_endpoints[0]}"
@@ -27,18 +27,18 @@ def test_the_first_hosts_and_the_second_joins(zenoh_spec, router):
 
 def test_a_fork_of_a_process_with_a_session_is_refused_instead_of_hanging(zenoh_spec, program):
     forked = program("fork.py", zenoh_spec.model_dump_json())
-    assert "fork first and open the transport afterwards" in forked.stdout.readline()
+    assert "Fork before you open the transport" in forked.stdout.readline()
     assert forked.wait(60) == 0
 
 
 def test_nodes_meet_across_two_routers(zenoh_spec, router, opener, eventually):
     """As on two machines: each has a router, and one connects to the other."""
-    other = TransportSpec(
+    other = TransportSettings(
         listen_endpoints=(f"tcp/localhost:{free_port()}",),
         connect_endpoints=zenoh_spec.listen_endpoints,
         domain_id=zenoh_spec.domain_id,
     )
-    second = host_or_join(other)
+    second = prepare_transport(other)
     try:
         got = []
         far = opener(other).create_node("far")
@@ -56,13 +56,13 @@ def test_nodes_meet_across_two_routers(zenoh_spec, router, opener, eventually):
 
 
 def test_dds_needs_no_router():
-    assert host_or_join(TransportSpec(kind="dds")) is None
+    assert prepare_transport(transport_settings("dds")) is None
 
 
 def test_a_survivor_takes_the_place_of_a_killed_router(zenoh_spec, opener, program, eventually):
     first = program("router.py", zenoh_spec.model_dump_json())
     assert "hosts" in first.stdout.readline()
-    keeper = host_or_join(zenoh_spec)
+    keeper = prepare_transport(zenoh_spec)
     try:
         assert not keeper.hosting
         early = opener(zenoh_spec)
@@ -80,16 +80,16 @@ def test_a_survivor_takes_the_place_of_a_killed_router(zenoh_spec, opener, progr
 
 
 def test_a_port_that_something_else_holds_is_named(monkeypatch):
-    monkeypatch.setattr("joshua.transport.router._ANSWER_S", 1.0)
+    monkeypatch.setattr("joshua.transport.zenoh.router._ANSWER_S", 1.0)
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
         with pytest.raises(
             TransportError,
-            match=f"another program holds {endpoint} and does not answer as a Zenoh router, .*`ss -ltnp`",
+            match=f"another program uses {endpoint} and does not answer as a Zenoh router, .*`ss -ltnp`",
         ):
-            host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
+            prepare_transport(TransportSettings(listen_endpoints=(endpoint,)))
 
 
 @pytest.mark.parametrize(
@@ -99,51 +99,51 @@ def test_a_port_that_something_else_holds_is_named(monkeypatch):
         ("tcp/localhost", "write protocol/host:port"),
         ("http/localhost:80", "tcp, tls, quic"),
         ("tcp/localhost:99999", "write protocol/host:port"),
-        ("tls/localhost:7447", "needs certificates"),
+        ("tls/localhost:7447", "requires certificates"),
     ],
 )
 def test_endpoints_that_cannot_be_used_are_refused(endpoint, text):
     with pytest.raises(TransportError, match=text):
-        host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
+        prepare_transport(TransportSettings(listen_endpoints=(endpoint,)))
 
 
 @pytest.mark.parametrize(
     ("endpoint", "text"),
     [
         ("tcp/192.0.2.1:7447", "no interface of this machine has that address"),
-        ("tcp/robot.invalid:7447", "the host is not known here"),
+        ("tcp/robot.invalid:7447", "the host name is unknown"),
     ],
 )
 def test_an_address_of_another_machine_is_refused_at_once(endpoint, text):
     with pytest.raises(TransportError, match=f"the Zenoh router cannot listen on {endpoint}: {text}"):
-        host_or_join(TransportSpec(listen_endpoints=(endpoint,)))
+        prepare_transport(TransportSettings(listen_endpoints=(endpoint,)))
 
 
 def test_a_router_elsewhere_that_does_not_answer_is_reported_until_it_does(zenoh_spec, caplog, eventually):
     caplog.set_level("INFO")
     (endpoint,) = zenoh_spec.listen_endpoints
-    near = TransportSpec(
+    near = TransportSettings(
         listen_endpoints=(f"tcp/localhost:{free_port()}",),
         connect_endpoints=("tcp/no..name:7447", endpoint),
     )
-    handle = host_or_join(near)
+    handle = prepare_transport(near)
     try:
         eventually(lambda: len(caplog.messages) == 2, what="the warnings")
         nowhere, silent = caplog.messages
-        assert "router answers on tcp/no..name:7447 (the host no..name is not known here)" in nowhere
-        assert silent.startswith(f"connect_endpoints: no router answers on {endpoint}; it is tried")
-        far = host_or_join(zenoh_spec)
+        assert "router answers on tcp/no..name:7447 (the host name no..name cannot be resolved)" in nowhere
+        assert silent.startswith(f"connect_endpoints: no router answers on {endpoint}, retrying")
+        far = prepare_transport(zenoh_spec)
         eventually(lambda: f"linked to the router on {endpoint}" in caplog.messages, what="the link")
         far.close()
-        lost = f"the link to the router on {endpoint} is lost; it is tried again and again"
+        lost = f"lost the link to the router on {endpoint}, retrying"
         eventually(lambda: lost in caplog.messages, what="the loss")
     finally:
         handle.close()
 
 
 def test_connect_endpoints_have_no_effect_where_another_program_hosts_the_router(zenoh_spec, router):
-    second = host_or_join(zenoh_spec.model_copy(update={"connect_endpoints": ("tcp/localhost:9",)}))
+    second = prepare_transport(zenoh_spec.model_copy(update={"connect_endpoints": ("tcp/localhost:9",)}))
     try:
-        assert "connect_endpoints of this file act only if that ends" in second.description
+        assert "connect_endpoints of this file have no effect while it runs" in second.description
     finally:
         second.close()

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from joshua.messages import decode
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.testing.domain import reserved_domain
 from joshua.testing.port import free_port
 from joshua.transport import open_transport
@@ -41,7 +41,7 @@ class Simulation:
         self.transport: Any = None
         end = time.monotonic() + 60
         while self.transport is None:
-            transport = open_transport(TransportSpec(domain_id=domain, listen_endpoints=(router,)))
+            transport = open_transport(TransportSettings(domain_id=domain, listen_endpoints=(router,)))
             if transport.connected:
                 self.transport = transport
             else:

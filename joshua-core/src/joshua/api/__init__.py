@@ -2,7 +2,7 @@
 
 Nothing is imported before it is used, so a plugin's description that takes its specs from here stays light.
 What fewer plugins need stands in modules of this package: ``calibration``, ``clocks``, ``emulation``,
-``modes``, ``motions``, ``nodes``, ``schema`` and ``simulation``. The other public modules are
+``modes``, ``motions``, ``nodes``, ``schema``, ``simulation`` and ``transports``. The other public modules are
 ``joshua.features`` (what is seen and done), ``joshua.messages`` (ROS 2 messages), ``joshua.testing`` (the
 conformance kit) and ``joshua.tools`` (load, check, plan, and the client of a running system).
 """
@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from joshua.plugins.specs import SimulatorSpec as SimulatorSpec
     from joshua.plugins.specs import StoreSpec as StoreSpec
     from joshua.plugins.specs import TrainerSpec as TrainerSpec
+    from joshua.plugins.specs import TransportSpec as TransportSpec
 
 SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "Devices": {
@@ -111,6 +112,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
             "TrainerSpec",
             "SimulatorSpec",
             "ModeOffer",
+            "TransportSpec",
         ),
     },
 }

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from joshua.ipc.frames import FrameError
-from joshua.plan import NodeReport, NodeSpec, TransportSpec
+from joshua.plan import NodeReport, NodeSpec, TransportSettings
 from joshua.plan.events import Progress
 
 #: Verb of every node, which lists its verbs.
@@ -30,7 +30,7 @@ class Start(Message):
     kind: Literal["start"] = "start"
     protocol: int = PROTOCOL_VERSION
     nodes: tuple[NodeSpec, ...]
-    transport: TransportSpec
+    transport: TransportSettings
     log_level: int = 20
     heartbeat_s: float = 0.05
     orphan_grace_s: float = 0.6

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     )
     from joshua.plan.joints import JointRange
     from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
-    from joshua.plan.plan import Plan, TlsSpec, TransportSpec
+    from joshua.plan.plan import Plan, TlsSpec, TransportSettings
     from joshua.plan.report import CheckResult, JointTrace, NodeReport, RunReport, TimerReport, TopicReport
 
 __all__ = [
@@ -57,7 +57,7 @@ __all__ = [
     "TlsSpec",
     "TopicReport",
     "TopicSpec",
-    "TransportSpec",
+    "TransportSettings",
 ]
 
 _LATER = {
@@ -75,7 +75,7 @@ _LATER = {
         "ServiceFacts",
     ),
     "joshua.plan.node_spec": ("NodeKind", "NodeSpec", "TopicSpec"),
-    "joshua.plan.plan": ("Plan", "TlsSpec", "TransportSpec"),
+    "joshua.plan.plan": ("Plan", "TlsSpec", "TransportSettings"),
     "joshua.plan.report": (
         "CheckResult",
         "JointTrace",

@@ -20,11 +20,13 @@ class TlsSpec(BaseModel):
     private_key_file: str
 
 
-class TransportSpec(BaseModel):
-    """Which middleware carries the topics, and where it may be reached.
+class TransportSettings(BaseModel):
+    """Which transport carries the topics, and where it may be reached.
 
     Attributes:
-        kind: ``zenoh`` or ``dds``; reason: why it was chosen, for the start-up table.
+        kind: name of the transport, such as ``zenoh`` or ``dds``.
+        reason: why it was chosen, for the start-up table.
+        implementation, prepare: import strings of its ``TransportSpec``; "" if it is not installed.
         domain_id: ROS 2 domain; distro: ROS 2 distribution whose wire conventions hold.
         listen_endpoints, connect_endpoints: Zenoh router; network_interface, peers: DDS.
         discovery_range: value of ROS_AUTOMATIC_DISCOVERY_RANGE in force.
@@ -32,8 +34,10 @@ class TransportSpec(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    kind: Literal["zenoh", "dds"] = "zenoh"
+    kind: str = "zenoh"
     reason: str = "the embedded default"
+    implementation: str = "joshua.transport.zenoh.transport:ZenohTransport"
+    prepare: str = "joshua.transport.zenoh.router:prepare"
     domain_id: int = 0
     distro: str = "jazzy"
     listen_endpoints: tuple[str, ...] = ("tcp/localhost:7447",)
@@ -62,7 +66,7 @@ class Plan(BaseModel):
     robot_id: str = ""
     robot_name: str = ""
     nodes: tuple[NodeSpec, ...] = ()
-    transport: TransportSpec = TransportSpec()
+    transport: TransportSettings = TransportSettings()
     duration_s: float | None = None
     verdict: bool = False
     findings: tuple[Diagnostic, ...] = ()

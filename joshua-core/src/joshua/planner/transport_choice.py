@@ -3,77 +3,82 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from joshua.plan import Diagnostic, TlsSpec, TransportSpec, installing
-from joshua.schema import transport_pb2
-from joshua.transport.choose import TransportBlock, TransportChoiceError, choose_transport, dds_installed
+from joshua.plan import Severity, TlsSpec, TransportSettings
+from joshua.transport.choice import ZENOH, TransportChoiceError, choose_transport, kind_of, why_missing
 
 if TYPE_CHECKING:
-    from joshua.config.checks import Context
+    from joshua.planner.diagnostics import Diagnostics
+    from joshua.plugins import Registry
+    from joshua.schema import config_pb2 as pb
+    from joshua.schema import transport_pb2
 
 _ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
 _DDS_FIELDS = ("network_interface", "peers")
 
 
-def transport_spec(context: Context) -> tuple[TransportSpec | None, list[Diagnostic]]:
-    """Choose the transport; None and the reason where the environment is wrong."""
-    block, has_dds = _block(context), dds_installed()
+def transport_settings(
+    config: pb.Config, source: str, findings: Diagnostics, registry: Registry, option: str = ""
+) -> TransportSettings | None:
+    """Choose the transport; an unknown value or a missing plugin becomes a finding, an unknown value None.
+
+    Args:
+        config, source: the file and its path; findings: where diagnostics go.
+        registry: what is installed.
+        option: value of ``--transport``.
+    """
+    block = config.transport
     try:
-        spec = choose_transport(block, os.environ, has_dds=has_dds)
+        settings = choose_transport(
+            block, os.environ, lambda: registry, option=option, tls=_tls(block, source, findings)
+        )
     except TransportChoiceError as error:
-        message = f"ROS 2 does not know the value of the environment variable {error.variable}"
-        found = f"{error.variable}={error.found}"
-        allowed, remedy = error.allowed, error.remedy
-        problem = context.error("transport-environment", message, found=found, allowed=allowed, remedy=remedy)
-        return None, [problem]
-    problems = list(_unused(context, spec)) if block.kind == "auto" else []  # the checks know a named kind
-    if spec.kind == "dds" and not has_dds:
-        message = f"DDS was chosen ({spec.reason}), but the extra joshua-core[dds] is not installed"
-        remedy = f"Run `{installing.install(installing.CORE, 'dds')}`, or set kind: TRANSPORT_ZENOH"
-        path = "transport.kind"
-        problems.append(context.missing("extra-missing", message, path, found="", remedy=remedy))
-    return spec, problems
+        findings.add(
+            "transport-environment",
+            Severity.ERROR,
+            f"The environment variable {error.variable} has a value that ROS 2 does not know",
+            found=f"{error.variable}={error.found}",
+            allowed=error.allowed,
+            remedy=error.remedy,
+        )
+        return None
+    _refuse_unused(block, settings, findings)
+    if not settings.implementation:
+        message, remedy = why_missing(settings, registry)
+        severity = Severity.ERROR if findings.launch else Severity.NOTE
+        findings.add(
+            "extra-missing", severity, message[0].upper() + message[1:], "transport.kind", remedy=remedy
+        )
+    return settings
 
 
-def _unused(context: Context, spec: TransportSpec) -> Iterator[Diagnostic]:
-    """Settings of one middleware where the environment has chosen the other."""
-    chosen, other = ("DDS", "Zenoh") if spec.kind == "dds" else ("Zenoh", "DDS")
+def _refuse_unused(
+    block: transport_pb2.TransportConfig, settings: TransportSettings, findings: Diagnostics
+) -> None:
+    """Refuse settings of one transport where the environment chose the other; checks know a named kind."""
+    if kind_of(block):
+        return
+    chosen, other = ("Zenoh", "DDS") if settings.kind == ZENOH else ("DDS", "Zenoh")
     fields = _ZENOH_FIELDS if other == "Zenoh" else _DDS_FIELDS
-    written = {field.name for field, _ in context.config.transport.ListFields()}
+    written = {field.name for field, _ in block.ListFields()}
     for field in (name for name in fields if name in written):
-        yield context.error(
+        findings.add(
             "transport-field-unused",
-            f"{field} is a setting of {other}, but {chosen} was chosen: {spec.reason}",
+            Severity.ERROR,
+            f"{field} is a setting of {other}, and {chosen} was chosen: {settings.reason}",
             f"transport.{field}",
             found=field,
             remedy=f"Write kind: TRANSPORT_{other.upper()} into transport, or remove {field}",
         )
 
 
-def _block(context: Context) -> TransportBlock:
-    block = context.config.transport
-    kinds: dict[int, Literal["zenoh", "dds"]] = {
-        transport_pb2.TRANSPORT_ZENOH: "zenoh",
-        transport_pb2.TRANSPORT_DDS: "dds",
-    }
-    return TransportBlock(
-        kind=kinds.get(block.kind, "auto"),
-        domain_id=block.domain_id if block.HasField("domain_id") else None,
-        listen_endpoints=tuple(block.listen_endpoints),
-        connect_endpoints=tuple(block.connect_endpoints),
-        tls=_tls(context) if block.HasField("tls") else None,
-        network_interface=block.network_interface,
-        peers=tuple(block.peers),
-    )
-
-
-def _tls(context: Context) -> TlsSpec:
+def _tls(block: transport_pb2.TransportConfig, source: str, findings: Diagnostics) -> TlsSpec | None:
+    if not block.HasField("tls"):
+        return None
     from joshua.config.input_paths import with_absolute_paths
 
-    block, loaded = context.config.transport.tls, context.loaded
-    tls = with_absolute_paths(block, "transport.tls", loaded.positions, loaded.path)
+    tls = with_absolute_paths(block.tls, "transport.tls", findings.positions, source)
     return TlsSpec(
         root_ca_file=tls.root_ca_file,
         certificate_file=tls.certificate_file,

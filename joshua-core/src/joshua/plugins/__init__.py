@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         SimulatorSpec,
         StoreSpec,
         TrainerSpec,
+        TransportSpec,
     )
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "SimulatorSpec",
     "StoreSpec",
     "TrainerSpec",
+    "TransportSpec",
     "hookimpl",
     "load_registry",
 ]

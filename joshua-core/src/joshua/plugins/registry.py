@@ -9,7 +9,14 @@ from typing import TypeGuard, TypeVar
 from joshua.plan import installing
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
-from joshua.plugins.specs import Environment, EnvironmentSpec, ModeOffer, PluginSpec, SimulatorSpec
+from joshua.plugins.specs import (
+    Environment,
+    EnvironmentSpec,
+    ModeOffer,
+    PluginSpec,
+    SimulatorSpec,
+    TransportSpec,
+)
 from joshua.plugins.targets import TargetError, load_target
 
 SpecT = TypeVar("SpecT", bound=PluginSpec)
@@ -52,7 +59,7 @@ def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
         # many may offer some, as long as each is another one
         ids = [offer.id for offer in second.environments]
         return tuple(offer.id for offer in first.environments if offer.id in ids) or None
-    if isinstance(first, ModeOffer) and isinstance(second, ModeOffer) and first.name != second.name:
+    if isinstance(first, (ModeOffer, TransportSpec)) and first.name != getattr(second, "name", ""):
         return None
     if not first.enum_values or not second.enum_values:
         return ()
@@ -149,6 +156,11 @@ class Registry:
         """The modes that plugins bring, by their own name or by the enum value that they answer for."""
         offers = (spec for spec, _ in self._usable if isinstance(spec, ModeOffer))
         return {offer.name or offer.enum_values[0]: offer for offer in offers}
+
+    def transports(self) -> dict[str, TransportSpec]:
+        """The transports by name, such as ``zenoh``; those of third parties by their own."""
+        offers = (spec for spec, _ in self._usable if isinstance(spec, TransportSpec))
+        return {offer.name or TransportSpec.short(offer.enum_values[0]): offer for offer in offers}
 
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""

@@ -180,6 +180,41 @@ class ModeOffer(PluginSpec):
     name: str = ""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TransportSpec(PluginSpec):
+    """A transport of ROS 2 topics: ``implementation`` derives from ``joshua.api.transports.Transport``.
+
+    ``enum_values`` names the one kind of the schema that it provides, or TRANSPORT_PLUGIN for a kind of the
+    plugin's own.
+
+    Attributes:
+        name: of a kind of the plugin's own, as ``transport.plugin_kind`` gives it.
+        rmw_implementations: values of ``RMW_IMPLEMENTATION`` that choose it, beside those of ROS 2 itself.
+        library: module that must be installed for it, which is looked for and not imported; "" for none.
+        prepare: import string of a light function that the supervisor calls with the ``TransportSettings``
+            before nodes start. It raises ``TransportError`` where they cannot be used on this machine, and
+            returns what it hosts for the nodes, or None.
+    """
+
+    kind: ClassVar[str] = "transport"
+    base: ClassVar[str] = "joshua.transport.transports:Transport"
+
+    name: str = ""
+    rmw_implementations: tuple[str, ...] = ()
+    library: str = ""
+    prepare: str = ""
+
+    @staticmethod
+    def short(enum_value: str) -> str:
+        """Name of a kind of the schema: ``dds`` for TRANSPORT_DDS."""
+        return enum_value.removeprefix("TRANSPORT_").lower()
+
+    @staticmethod
+    def long(name: str) -> str:
+        """Enum value of a kind: TRANSPORT_DDS for ``dds``."""
+        return f"TRANSPORT_{name.upper()}"
+
+
 @dataclass(frozen=True)
 class Environment:
     """A task that trainers can learn, as data.

@@ -17,6 +17,7 @@ ROLES = {
     "safe_stop": "joshua.guardian.safe_stop:SafeStopRequest",
     "bus_tools": "joshua_servo.bus_tools:BusTools",
     "packaged_files": "",
+    "prepare": "",
     "sim_adapter": "",
 }
 

@@ -27,9 +27,10 @@ from joshua.plugins.specs import (
     SimulatorSpec,
     StoreSpec,
     TrainerSpec,
+    TransportSpec,
 )
 from joshua.plugins.targets import ROLES
-from joshua.schema import config_pb2, simulation_pb2
+from joshua.schema import config_pb2, simulation_pb2, transport_pb2
 from joshua.schema.data_types import type_names
 from joshua.schema.rules import block_rule
 
@@ -72,6 +73,7 @@ def _blocks() -> dict[type[PluginSpec], tuple[str, ...]]:
         EnvironmentSpec: ("training",),
         EpisodeWriterSpec: ("data_store",),
         ModeOffer: (),
+        TransportSpec: (),
     }
 
 
@@ -91,6 +93,7 @@ def _enums() -> dict[type[PluginSpec], tuple[EnumDescriptor, ...]]:
         EnvironmentSpec: (backends,),
         EpisodeWriterSpec: (config_pb2.DataFormat.DESCRIPTOR,),
         ModeOffer: (config_pb2.OperationMode.DESCRIPTOR,),
+        TransportSpec: (transport_pb2.TransportKind.DESCRIPTOR,),
     }
 
 
@@ -152,6 +155,7 @@ def _problems(spec: PluginSpec) -> list[str]:
         *_data_type_problems(spec),
         *_environment_problems(spec),
         *_mode_problems(spec),
+        *_transport_problems(spec),
     ]
 
 
@@ -241,6 +245,16 @@ def _mode_problems(spec: PluginSpec) -> list[str]:
         return [f"a mode answers for one of {', '.join(MODES_OF_PLUGINS)}; the core has the others"]
     if (spec.enum_values[0] == "MODE_PLUGIN") != bool(spec.name):
         return ["name is that of a mode with MODE_PLUGIN, which general.plugin_mode chooses by it"]
+    return []
+
+
+def _transport_problems(spec: PluginSpec) -> list[str]:
+    if not isinstance(spec, TransportSpec):
+        return []
+    if len(spec.enum_values) != 1:
+        return ["a transport provides one kind"]
+    if (spec.enum_values[0] == "TRANSPORT_PLUGIN") != bool(spec.name):
+        return ["name belongs to TRANSPORT_PLUGIN, where transport.plugin_kind chooses the transport by it"]
     return []
 
 

@@ -13,12 +13,14 @@ class TransportKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     TRANSPORT_AUTO: _ClassVar[TransportKind]
     TRANSPORT_ZENOH: _ClassVar[TransportKind]
     TRANSPORT_DDS: _ClassVar[TransportKind]
+    TRANSPORT_PLUGIN: _ClassVar[TransportKind]
 TRANSPORT_AUTO: TransportKind
 TRANSPORT_ZENOH: TransportKind
 TRANSPORT_DDS: TransportKind
+TRANSPORT_PLUGIN: TransportKind
 
 class TransportConfig(_message.Message):
-    __slots__ = ("kind", "domain_id", "listen_endpoints", "connect_endpoints", "tls", "network_interface", "peers")
+    __slots__ = ("kind", "domain_id", "listen_endpoints", "connect_endpoints", "tls", "network_interface", "peers", "plugin_kind")
     KIND_FIELD_NUMBER: _ClassVar[int]
     DOMAIN_ID_FIELD_NUMBER: _ClassVar[int]
     LISTEN_ENDPOINTS_FIELD_NUMBER: _ClassVar[int]
@@ -26,6 +28,7 @@ class TransportConfig(_message.Message):
     TLS_FIELD_NUMBER: _ClassVar[int]
     NETWORK_INTERFACE_FIELD_NUMBER: _ClassVar[int]
     PEERS_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_KIND_FIELD_NUMBER: _ClassVar[int]
     kind: TransportKind
     domain_id: int
     listen_endpoints: _containers.RepeatedScalarFieldContainer[str]
@@ -33,7 +36,8 @@ class TransportConfig(_message.Message):
     tls: TlsConfig
     network_interface: str
     peers: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, kind: _Optional[_Union[TransportKind, str]] = ..., domain_id: _Optional[int] = ..., listen_endpoints: _Optional[_Iterable[str]] = ..., connect_endpoints: _Optional[_Iterable[str]] = ..., tls: _Optional[_Union[TlsConfig, _Mapping]] = ..., network_interface: _Optional[str] = ..., peers: _Optional[_Iterable[str]] = ...) -> None: ...
+    plugin_kind: str
+    def __init__(self, kind: _Optional[_Union[TransportKind, str]] = ..., domain_id: _Optional[int] = ..., listen_endpoints: _Optional[_Iterable[str]] = ..., connect_endpoints: _Optional[_Iterable[str]] = ..., tls: _Optional[_Union[TlsConfig, _Mapping]] = ..., network_interface: _Optional[str] = ..., peers: _Optional[_Iterable[str]] = ..., plugin_kind: _Optional[str] = ...) -> None: ...
 
 class TlsConfig(_message.Message):
     __slots__ = ("root_ca_file", "certificate_file", "private_key_file")

@@ -16,7 +16,7 @@ from enum import Enum
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
-from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSpec, installing
+from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSettings, installing
 from joshua.plan.events import LogEntry
 from joshua.supervisor.child import Child, ChildEvent, Output
 from joshua.supervisor.fork_server import ForkServerEvent
@@ -85,7 +85,7 @@ class ManagedProcess:
     def __init__(
         self,
         specs: tuple[NodeSpec, ...],
-        transport: TransportSpec,
+        transport: TransportSettings,
         options: SupervisorOptions,
         tools: tuple[Reactor, Launcher, Logbook],
         on_change: Callable[[ManagedProcess, Change], None],

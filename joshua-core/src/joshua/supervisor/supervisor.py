@@ -46,7 +46,6 @@ def process_groups(nodes: Sequence[NodeSpec]) -> list[tuple[NodeSpec, ...]]:
 
 EXIT_OK = 0
 EXIT_FAILED = 1
-EXIT_NOT_INSTALLED = 3
 EXIT_HARDWARE = 4
 EXIT_INTERRUPTED = 130
 
@@ -194,14 +193,13 @@ class Supervisor:
         self._reactor.call_later(options.status_period_s, self._show_status)
 
     def _open_router(self, closers: list[Callable[[], None]]) -> bool:
-        from joshua.transport import TransportError, TransportMissingError
-        from joshua.transport.router import host_or_join
+        from joshua.plugins.targets import TargetError
+        from joshua.transport import TransportError, prepare_transport
 
         try:
-            self._router = host_or_join(self._plan.transport)
-        except TransportError as error:
-            missing = isinstance(error, TransportMissingError)
-            self._stop(str(error), EXIT_NOT_INSTALLED if missing else EXIT_FAILED)
+            self._router = prepare_transport(self._plan.transport)
+        except (TransportError, TargetError) as error:
+            self._stop(str(error), error.exit_code)
             return False
         except Exception as error:  # noqa: BLE001 (whatever the middleware raises, the nodes must stop)
             self._stop(f"the transport cannot be opened: {type(error).__name__}: {error}", EXIT_FAILED)

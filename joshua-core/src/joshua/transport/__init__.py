@@ -1,9 +1,16 @@
-"""ROS 2 topics over Zenoh or DDS behind one interface."""
+"""ROS 2 topics behind one interface. Zenoh is part of the core; plugins bring other transports."""
 
 from __future__ import annotations
 
-from joshua.plan import TransportSpec
-from joshua.transport.api import (
+import contextlib
+import ctypes
+import os
+from functools import lru_cache
+from typing import Protocol
+
+from joshua.plan import TransportSettings
+from joshua.plugins.targets import load_target
+from joshua.transport.transports import (
     EndpointInfo,
     NodeHandle,
     NodeInfo,
@@ -11,11 +18,12 @@ from joshua.transport.api import (
     Sample,
     Subscription,
     Transport,
+    TransportError,
 )
-from joshua.transport.errors import TransportError, TransportMissingError
 
 __all__ = [
     "EndpointInfo",
+    "Host",
     "NodeHandle",
     "NodeInfo",
     "Publisher",
@@ -23,34 +31,73 @@ __all__ = [
     "Subscription",
     "Transport",
     "TransportError",
-    "TransportMissingError",
-    "TransportSpec",
+    "TransportSettings",
     "open_transport",
+    "prepare_transport",
 ]
 
+# parameters of mallopt(3)
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_KEPT_B = 64 * 2**20
+_LARGEST_BLOCK_B = 32 * 2**20  # the most that glibc allows
 
-def open_transport(spec: TransportSpec) -> Transport:
-    """Connects this process to the ROS 2 graph.
+
+class Host(Protocol):
+    """What a run hosts for its nodes, such as the Zenoh router."""
+
+    @property
+    def description(self) -> str:
+        """What is hosted where, for the start-up table."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Stop hosting; idempotent."""
+        raise NotImplementedError
+
+
+def open_transport(settings: TransportSettings) -> Transport:
+    """Connect this process to the ROS 2 graph.
 
     Open it once in a process and never before a fork: a child that inherits an open Zenoh session
-    hangs when it opens one of its own. Type hashes and message classes follow ``spec.distro`` from
+    hangs when it opens one of its own. Type hashes and message classes follow ``settings.distro`` from
     here on.
 
     Raises:
         TransportError: the middleware refuses the settings.
-        TransportMissingError: DDS was chosen without the extra ``joshua-core[dds]``.
+        TargetError: the plugin of the transport cannot be imported.
     """
     from joshua.messages import select_distro
-    from joshua.transport.memory import keep_freed_memory
-    from joshua.transport.preconditions import require_usable
 
-    require_usable(spec)
-    select_distro(spec.distro)
+    select_distro(settings.distro)
     keep_freed_memory()
-    if spec.kind == "dds":
-        from joshua.transport.dds import open_dds
+    transport: Transport = load_target(settings.implementation)(settings)
+    return transport
 
-        return open_dds(spec)
-    from joshua.transport.zenoh.transport import ZenohTransport
 
-    return ZenohTransport(spec)
+def prepare_transport(settings: TransportSettings) -> Host | None:
+    """Check what a transport needs of this machine, and host what its nodes need.
+
+    Returns:
+        What to close at the end of the run; None where nothing is hosted.
+
+    Raises:
+        TransportError: the settings cannot be used on this machine.
+        TargetError: the plugin of the transport cannot be imported.
+    """
+    host: Host | None = load_target(settings.prepare)(settings) if settings.prepare else None
+    return host
+
+
+@lru_cache(maxsize=1)
+def keep_freed_memory() -> bool:
+    """Tell the C library to keep up to 64 MiB of freed memory; return whether it can (glibc only).
+
+    A 640 × 480 image has 225 pages. Without this the C library returns them to the system when the image is
+    freed, and the next image faults them in again: half of its latency and of its processor time.
+    """
+    with contextlib.suppress(ValueError, OSError, AttributeError):
+        if "glibc" in (os.confstr("CS_GNU_LIBC_VERSION") or ""):
+            set_option = ctypes.CDLL(None).mallopt
+            done = set_option(_M_MMAP_THRESHOLD, _LARGEST_BLOCK_B) and set_option(_M_TRIM_THRESHOLD, _KEPT_B)
+            return bool(done)
+    return False

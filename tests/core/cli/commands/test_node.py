@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 from joshua.cli.main import main
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile
+from joshua.testing.transport import transport_settings
 from joshua.transport import open_transport
 
 
 @pytest.fixture
 def node(joshua_domain_id):
-    transport = open_transport(TransportSpec(kind="dds", domain_id=joshua_domain_id))
+    transport = open_transport(transport_settings("dds", domain_id=joshua_domain_id))
     made = transport.create_node("arm", "/left")
     transport.create_node("_hidden")
     made.create_publisher("/left/state", "sensor_msgs/msg/JointState", QosProfile())

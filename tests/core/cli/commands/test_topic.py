@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from joshua.cli.main import main
 from joshua.messages import encode, make, message_class
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile
 from joshua.testing.port import free_port
-from joshua.transport import open_transport
-from joshua.transport.router import host_or_join
+from joshua.testing.transport import transport_settings
+from joshua.transport import open_transport, prepare_transport
 
 STRING = "std_msgs/msg/String"
 
@@ -34,8 +34,8 @@ def graph(request, tmp_path, monkeypatch, joshua_domain_id):
         if kind == "zenoh"
         else "transport { kind: TRANSPORT_DDS }"
     )
-    spec = TransportSpec(kind=kind, domain_id=domain, listen_endpoints=(f"tcp/localhost:{port}",))
-    handle = host_or_join(spec)
+    spec = transport_settings(kind, domain_id=domain, listen_endpoints=(f"tcp/localhost:{port}",))
+    handle = prepare_transport(spec)
     transport = open_transport(spec)
     node = transport.create_node("talker", "/left")
     publisher = node.create_publisher("/left/words", STRING, QosProfile(depth=7))

@@ -244,10 +244,10 @@ class SeesGraph(Quiet):
     def configure(self) -> None:
         super().configure()
         from joshua.messages import decode
-        from joshua.plan import QosProfile, TransportSpec
+        from joshua.plan import QosProfile, TransportSettings
         from joshua.transport import open_transport
 
-        spec = TransportSpec.model_validate(self.context.spec.settings["transport"])
+        spec = TransportSettings.model_validate(self.context.spec.settings["transport"])
         self.transport = open_transport(spec)
         self.lines: list[str] = []
         self.nodes: set[str] = set()

@@ -7,10 +7,10 @@ import json
 import sys
 import time
 
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.transport import open_transport
 
-spec = TransportSpec.model_validate_json(sys.argv[1])
+spec = TransportSettings.model_validate_json(sys.argv[1])
 type_name = sys.argv[2]
 qos = QosProfile(**json.loads(sys.argv[3])) if len(sys.argv) > 3 else QosProfile()
 transport = open_transport(spec)

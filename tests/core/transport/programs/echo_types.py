@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.transport import Publisher, Sample, open_transport
 
 
@@ -16,7 +16,7 @@ def back(publisher: Publisher) -> Callable[[Sample], None]:
     return lambda sample: publisher.publish(sample.cdr)
 
 
-spec = TransportSpec.model_validate_json(sys.argv[1])
+spec = TransportSettings.model_validate_json(sys.argv[1])
 transport = open_transport(spec)
 node = transport.create_node("echo")
 publishers = []

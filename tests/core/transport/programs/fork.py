@@ -3,10 +3,10 @@
 import os
 import sys
 
-from joshua.plan import TransportSpec
+from joshua.plan import TransportSettings
 from joshua.transport import TransportError, open_transport
 
-spec = TransportSpec.model_validate_json(sys.argv[1])
+spec = TransportSettings.model_validate_json(sys.argv[1])
 transport = open_transport(spec)
 child = os.fork()
 if child == 0:

@@ -4,11 +4,11 @@ import json
 import sys
 
 from joshua.messages import encode, message_class
-from joshua.plan import QosProfile, TransportSpec
+from joshua.plan import QosProfile, TransportSettings
 from joshua.transport import open_transport
 
 UINT32 = "std_msgs/msg/UInt32"
-transport = open_transport(TransportSpec.model_validate_json(sys.argv[1]))
+transport = open_transport(TransportSettings.model_validate_json(sys.argv[1]))
 qos = QosProfile(**json.loads(sys.argv[2]))
 publisher = transport.create_node("latched").create_publisher("/topic", UINT32, qos)
 for value in range(5):

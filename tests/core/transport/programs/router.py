@@ -2,10 +2,10 @@
 
 import sys
 
-from joshua.plan import TransportSpec
-from joshua.transport.router import host_or_join
+from joshua.plan import TransportSettings
+from joshua.transport import prepare_transport
 
-handle = host_or_join(TransportSpec.model_validate_json(sys.argv[1]))
+handle = prepare_transport(TransportSettings.model_validate_json(sys.argv[1]))
 assert handle is not None
 print(handle.description, flush=True)
 sys.stdin.read()

@@ -2,12 +2,11 @@
 
 import sys
 
-from joshua.plan import QosProfile, TransportSpec
-from joshua.transport import open_transport
-from joshua.transport.router import host_or_join
+from joshua.plan import QosProfile, TransportSettings
+from joshua.transport import open_transport, prepare_transport
 
-spec = TransportSpec.model_validate_json(sys.argv[1])
-handle = host_or_join(spec)
+spec = TransportSettings.model_validate_json(sys.argv[1])
+handle = prepare_transport(spec)
 transport = open_transport(spec)
 node = transport.create_node("stay")
 node.create_publisher("/topic", "std_msgs/msg/String", QosProfile())

@@ -14,7 +14,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.plan import TransportSpec
+    from joshua.plan import TransportSettings
     from joshua.transport import NodeInfo, Transport
 
 _QUIET_S = 0.3
@@ -40,9 +40,9 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("graph")
     group.add_argument(
         "--transport",
-        choices=("zenoh", "dds"),
-        default=None,
-        help="middleware; omitted takes RMW_IMPLEMENTATION, a sourced ROS 2, else zenoh",
+        metavar="NAME",
+        default="",
+        help="zenoh, dds or one of a plugin (default: RMW_IMPLEMENTATION, a sourced ROS 2, else zenoh)",
     )
     # absent options stay out of the namespace, so that `joshua --config FILE topic list` works as well
     group.add_argument(
@@ -63,13 +63,14 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
 def run_graph_command(arguments: argparse.Namespace) -> int:
     """Runs the chosen subcommand; turns what cannot go on into a message and an exit code."""
     from joshua.messages import MessageError
-    from joshua.transport import TransportError, TransportMissingError
+    from joshua.plugins.targets import TargetError
+    from joshua.transport import TransportError
 
     try:
         return int(arguments.graph_command(arguments))
     except GraphError as error:
         text, code = str(error), error.code
-    except TransportMissingError as error:
+    except TargetError as error:
         text, code = str(error), ExitCode.NOT_INSTALLED
     except TransportError as error:
         text, code = str(error), ExitCode.FAILED
@@ -88,7 +89,7 @@ def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
     """
     from joshua.transport import open_transport
 
-    transport = open_transport(choose_spec(arguments))
+    transport = open_transport(choose_settings(arguments))
     try:
         _require_connection(transport, arguments.wait)
         yield transport
@@ -96,24 +97,27 @@ def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
         transport.close()
 
 
-def choose_spec(arguments: argparse.Namespace) -> TransportSpec:
+def choose_settings(arguments: argparse.Namespace) -> TransportSettings:
     """The transport of the command line, the file or the environment.
 
     Raises:
-        GraphError: the environment is invalid or the file cannot be read.
+        GraphError: the environment is invalid, the file cannot be read or the transport is not installed.
     """
-    from joshua.transport.choose import TransportBlock, TransportChoiceError, choose_transport, dds_installed
+    from joshua.plugins import load_registry
+    from joshua.schema.transport_pb2 import TransportConfig
+    from joshua.transport.choice import TransportChoiceError, choose_transport, why_missing
 
+    path, option = getattr(arguments, "config", None), arguments.transport
     try:
-        path = getattr(arguments, "config", None)
         if path:
-            spec = _spec_of_file(path)
+            settings = _settings_of_file(path, option)
         else:
-            block = TransportBlock(kind=arguments.transport or "auto")
-            spec = choose_transport(block, os.environ, has_dds=dds_installed())
+            settings = choose_transport(TransportConfig(), os.environ, load_registry, option=option)
     except TransportChoiceError as error:
         raise GraphError(str(error), ExitCode.INVALID) from error
-    return spec.model_copy(update={"kind": arguments.transport}) if arguments.transport else spec
+    if not settings.implementation:
+        raise GraphError(". ".join(why_missing(settings, load_registry())), ExitCode.NOT_INSTALLED)
+    return settings
 
 
 def looks(wait_s: float, pause_s: float = _POLL_S) -> Iterator[None]:
@@ -136,7 +140,7 @@ def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
 
     Endpoints whose node has not announced them yet are waited for.
     """
-    from joshua.transport.names import NAMELESS
+    from joshua.transport.transports import NAMELESS
 
     known: list[NodeInfo] = []
     quiet_looks = 0
@@ -153,25 +157,25 @@ def say_if_empty(transport: Transport, nodes: list[NodeInfo]) -> None:
     """Says on standard error that nobody was found, and what to look at."""
     if nodes:
         return
-    spec = transport.spec
-    other = "dds" if spec.kind == "zenoh" else "zenoh"
+    settings = transport.settings
+    other = "dds" if settings.kind == "zenoh" else "zenoh"
     sys.stderr.write(
         f"no ROS 2 node was found on {place_of(transport)}; nodes of another domain need its ROS_DOMAIN_ID, "
-        f"those of the other middleware --transport {other}{_range_hint(spec)}\n"
+        f"those of the other middleware --transport {other}{_range_hint(settings)}\n"
     )
 
 
-def _range_hint(spec: TransportSpec) -> str:
-    if spec.kind == "dds" and spec.discovery_range == "LOCALHOST":
+def _range_hint(settings: TransportSettings) -> str:
+    if settings.kind == "dds" and settings.discovery_range == "LOCALHOST":
         return "; ROS 2 nodes with their default range need ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET here"
     return ""
 
 
 def place_of(transport: Transport) -> str:
     """Where this visit looks: the meeting point and the domain."""
-    if transport.spec.kind == "dds":
+    if transport.settings.kind == "dds":
         return transport.meeting_point
-    return f"{transport.meeting_point}, domain {transport.spec.domain_id}"
+    return f"{transport.meeting_point}, domain {transport.settings.domain_id}"
 
 
 def _require_connection(transport: Transport, wait_s: float) -> None:
@@ -184,18 +188,20 @@ def _require_connection(transport: Transport, wait_s: float) -> None:
     )
 
 
-def _spec_of_file(path: str) -> TransportSpec:
+def _settings_of_file(path: str, option: str) -> TransportSettings:
     from joshua.config import load
-    from joshua.config.checks import Context
-    from joshua.planner.transport_choice import transport_spec
+    from joshua.planner.diagnostics import Diagnostics
+    from joshua.planner.transport_choice import transport_settings
+    from joshua.plugins import load_registry
 
     loaded = load(path)
-    spec, found = transport_spec(Context(loaded, launch=True))
-    problems = [item for item in (*loaded.diagnostics, *found) if item.severity.value == "error"]
-    if not loaded.is_readable or spec is None:
+    findings = Diagnostics(loaded, launch=True)
+    settings = transport_settings(loaded.config, path, findings, load_registry(), option)
+    problems = [item for item in (*loaded.diagnostics, *findings.items) if item.severity.value == "error"]
+    if not loaded.is_readable or settings is None:
         reason = problems[0].message if problems else "it cannot be read"
         raise GraphError(f"{path}: {reason}; see joshua --config {path} --validate-only", ExitCode.INVALID)
-    return spec
+    return settings
 
 
 def _suppress() -> str:

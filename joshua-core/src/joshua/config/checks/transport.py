@@ -25,6 +25,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
     """Checks the transport block."""
     transport = context.config.transport
     yield from _other_kind(context, transport)
+    yield from _plugin_kind(context, transport)
     listen = list(_endpoints(context, "listen_endpoints", transport.listen_endpoints))
     connect = list(_endpoints(context, "connect_endpoints", transport.connect_endpoints))
     for path, text, endpoint in [*listen, *connect]:
@@ -71,6 +72,24 @@ def _other_kind(context: Context, transport: pb.TransportConfig) -> Iterator[Dia
             allowed=_ZENOH_FIELDS if transport.kind == pb.TRANSPORT_ZENOH else _DDS_FIELDS,
             remedy=f"Remove it, or change kind to TRANSPORT_{owner.upper()}",
             related=context.see("transport.kind", "kind"),
+        )
+
+
+def _plugin_kind(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic]:
+    of_plugin = transport.kind == pb.TRANSPORT_PLUGIN
+    if of_plugin and not transport.plugin_kind:
+        yield context.error(
+            "required-missing",
+            "TRANSPORT_PLUGIN requires plugin_kind, the name of the transport",
+            "transport.plugin_kind",
+            remedy='Add plugin_kind: "..." to transport. `joshua plugins` lists what plugins provide',
+        )
+    elif transport.plugin_kind and not of_plugin:
+        yield context.error(
+            "transport-field-unused",
+            f"plugin_kind has no effect with {pb.TransportKind.Name(transport.kind)}",
+            "transport.plugin_kind",
+            remedy="Remove it, or change kind to TRANSPORT_PLUGIN",
         )
 
 

@@ -1,7 +1,10 @@
-"""The ROS 2 graph as the liveliness tokens of a domain describe it, and manual liveliness between our nodes.
+"""The ROS 2 graph from the liveliness tokens of a domain, and what only JOSHUA's own nodes agree on.
 
-rmw_zenoh has no manual liveliness. A publisher with MANUAL_BY_TOPIC marks itself with the token
-``@joshua_alive/<domain>/<gid>`` and puts an empty message on the same key when it asserts that it is alive.
+rmw_zenoh has no manual liveliness, and it connects every publisher with every subscription whatever their
+QoS. JOSHUA's nodes add two conventions between themselves. The token ``@joshua_node/<domain>/<session>``
+marks a session of JOSHUA: QoS separates its endpoints as DDS would. A publisher with MANUAL_BY_TOPIC marks
+itself with the token ``@joshua_alive/<domain>/<gid>`` and puts an empty message on that key to assert that
+it is alive.
 """
 
 from __future__ import annotations
@@ -14,25 +17,60 @@ from typing import Any
 import zenoh
 
 from joshua.messages.names import shown_type_name
-from joshua.transport.api import EndpointInfo, NodeInfo
-from joshua.transport.zenoh.keys import NODE, PUBLISHER, SUBSCRIPTION, Entity, read_token
+from joshua.transport.qos_rules import incompatibilities
+from joshua.transport.transports import EndpointInfo, NodeInfo
+from joshua.transport.zenoh.keys import ADMIN_SPACE, PUBLISHER, SUBSCRIPTION, Entity, read_token
 
 _log = logging.getLogger("joshua.transport")
+_NS_PER_S = 1_000_000_000
+_SESSIONS, _ALIVE = "@joshua_node", "@joshua_alive"
 Listener = Callable[[Entity, bool], None]
 
 
 class Graph:
-    """Every entity of the domain; tells listeners of each topic what comes and goes."""
+    """Every entity of a domain; tells the listeners of a topic which endpoints appear and disappear.
 
-    def __init__(self) -> None:
+    Args:
+        session: Zenoh session; domain_id: ROS 2 domain.
+        keep: kept as long as the session is open, because a fork that drops objects of Zenoh hangs.
+    """
+
+    def __init__(self, session: zenoh.Session, domain_id: int, keep: object = None) -> None:
+        self._keep = keep
         self._lock = threading.Lock()
-        # held while listeners are told, so that each hears of an entity in the order of the news
+        # held while listeners run, so that each receives the changes of an entity in order
         self._telling = threading.RLock()
         self._entities: dict[str, Entity] = {}
         self._listeners: dict[str, list[Listener]] = {}
+        self._ours = {str(session.zid())}
+        self._mark = f"{_SESSIONS}/{domain_id}/{session.zid()}"
+        self._liveliness = session.liveliness()
+        self._marked = False
+        self._tokens: list[Any] = [
+            self._liveliness.declare_subscriber(
+                f"{space}/{domain_id}/{rest}",
+                _direct(lambda sample, take=take: take(str(sample.key_expr), _present(sample))),  # type: ignore[misc]
+                history=True,
+            )
+            for space, rest, take in (
+                (_SESSIONS, "*", self._session_changed),
+                (ADMIN_SPACE, "**", self.apply),
+            )
+        ]
+
+    def close(self) -> None:
+        """Stop following the domain."""
+        for token in self._tokens:
+            token.undeclare()
+
+    def mark_session(self) -> None:
+        """Declare that the endpoints of this session belong to JOSHUA; idempotent."""
+        if not self._marked:
+            self._marked = True
+            self._tokens.append(self._liveliness.declare_token(self._mark))
 
     def apply(self, token: str, present: bool) -> None:
-        """Takes in that a liveliness token appeared or vanished; the same news twice does nothing."""
+        """Take in that a liveliness token appeared or disappeared; repeated news has no effect."""
         try:
             entity = read_token(token)
         except ValueError as error:
@@ -46,12 +84,10 @@ class Graph:
                     self._entities[token] = entity
                 else:
                     del self._entities[token]
-                listeners = list(self._listeners.get(entity.topic, ()))
-            for listener in listeners:
-                listener(entity, present)
+            self._tell(entity, present)
 
     def listen(self, topic: str, listener: Listener) -> None:
-        """Calls ``listener(entity, present)`` for the endpoints of a topic, those known included."""
+        """Call ``listener(entity, present)`` for the endpoints of a topic, including the known ones."""
         with self._telling:
             with self._lock:
                 self._listeners.setdefault(topic, []).append(listener)
@@ -60,17 +96,26 @@ class Graph:
                 listener(entity, True)
 
     def ignore(self, topic: str, listener: Listener) -> None:
-        """Ends the calls to a listener."""
+        """Stop calling a listener."""
         with self._lock:
             listeners = self._listeners.get(topic, [])
             if listener in listeners:
                 listeners.remove(listener)
+
+    def is_ours(self, entity: Entity) -> bool:
+        """Whether an entity belongs to JOSHUA, whose nodes apply QoS where rmw_zenoh does not."""
+        return entity.zid in self._ours
 
     def owner(self, publisher_gid: bytes) -> str:
         """Full name of the node that owns a publisher; "" where no token names it."""
         with self._lock:
             publishers = [entity for entity in self._entities.values() if entity.kind == PUBLISHER]
         return next((entity.full_name for entity in publishers if entity.gid == publisher_gid), "")
+
+    def entities(self, kind: str) -> list[Entity]:
+        """The entities of a kind."""
+        with self._lock:
+            return [entity for entity in self._entities.values() if entity.kind == kind]
 
     def nodes(self) -> list[NodeInfo]:
         """All nodes with their publishers and subscriptions, sorted by name."""
@@ -93,40 +138,111 @@ class Graph:
                         qos=entity.qos,
                     )
                 )
-            elif entity.kind == NODE:
-                endpoints.setdefault(key, [])
         found = [
             NodeInfo(name=name, namespace=namespace, endpoints=tuple(endpoints.get(key, ())))
             for key, (namespace, name) in names.items()
         ]
         return sorted(found, key=lambda node: (node.namespace, node.name))
 
+    def _tell(self, entity: Entity, present: bool) -> None:
+        with self._lock:
+            listeners = list(self._listeners.get(entity.topic, ()))
+        for listener in listeners:
+            listener(entity, present)
 
-_SPACE = "@joshua_alive"
+    def _session_changed(self, key: str, present: bool) -> None:
+        """Let listeners judge the endpoints of a session again: their tokens may precede the session's."""
+        zid = key.rsplit("/", 1)[1]
+        with self._telling:
+            with self._lock:
+                if (zid in self._ours) == present:
+                    return
+                if not present:
+                    self._ours.discard(zid)
+                    return
+                self._ours.add(zid)
+                known = [entity for entity in self._entities.values() if entity.zid == zid]
+            for entity in known:
+                self._tell(entity, True)
+
+
+class Matching:
+    """Sorts the counterparts of one endpoint: which ones connect, and which ones QoS separates.
+
+    The middleware itself connects every pair; this is where both sides learn of a pair that must not connect.
+
+    Args:
+        graph: where the counterparts come from; own: the endpoint whose counterparts are sorted.
+        on_incompatible: called with a text for each pair that does not connect.
+        on_lost: called when a connected counterpart leaves.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        own: Entity,
+        on_incompatible: Callable[[str], None],
+        on_lost: Callable[[Entity], None] | None = None,
+    ) -> None:
+        self._graph, self._own = graph, own
+        self._kind = SUBSCRIPTION if own.kind == PUBLISHER else PUBLISHER
+        self._on_incompatible, self._on_lost = on_incompatible, on_lost
+        self._lock = threading.Lock()
+        self.connected: dict[bytes, Entity] = {}
+        self.refused: frozenset[bytes] = frozenset()
+        self.lifespans_ns: dict[bytes, float] = {}
+
+    def graph_changed(self, entity: Entity, present: bool) -> None:
+        """Take in an endpoint of the topic."""
+        own = self._own
+        same_type = (entity.type_name, entity.type_hash) == (own.type_name, own.type_hash)
+        if entity.kind != self._kind or not same_type or entity.qos is None or own.qos is None:
+            return
+        gid = entity.gid
+        pair = (own.qos, entity.qos) if self._kind == SUBSCRIPTION else (entity.qos, own.qos)
+        reasons = incompatibilities(*pair) if self._graph.is_ours(entity) else []
+        # the sets are replaced, never changed, so that the receive path reads them without the lock
+        with self._lock:
+            lost = gid in self.connected and not present
+            others = {key: value for key, value in self.connected.items() if key != gid}
+            self.connected = {**others, gid: entity} if present and not reasons else others
+            self.refused = self.refused | {gid} if present and reasons else self.refused - {gid}
+            self.lifespans_ns = {
+                key: other.qos.lifespan_s * _NS_PER_S
+                for key, other in self.connected.items()
+                if other.qos is not None and other.qos.lifespan_s > 0
+            }
+        if reasons and present:
+            side = "subscription" if self._kind == SUBSCRIPTION else "publisher"
+            self._on_incompatible(
+                f"the {side} of {entity.full_name} on {own.topic} does not connect: {'; '.join(reasons)}"
+            )
+        if lost and self._on_lost is not None:
+            self._on_lost(entity)
 
 
 class Assertions:
-    """The publisher's side."""
+    """Manual liveliness, the publisher's side."""
 
     def __init__(self, session: zenoh.Session, domain_id: int, gid: bytes) -> None:
-        key = f"{_SPACE}/{domain_id}/{gid.hex()}"
+        key = f"{_ALIVE}/{domain_id}/{gid.hex()}"
         self._publisher: Any = session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.BLOCK
         )
         self._token: Any = session.liveliness().declare_token(key)
 
     def send(self) -> None:
-        """Asserts that the publisher is alive."""
+        """Assert that the publisher is alive."""
         self._publisher.put(b"")
 
     def close(self) -> None:
-        """Withdraws the mark."""
+        """Withdraw the mark."""
         self._token.undeclare()
         self._publisher.undeclare()
 
 
 class AssertionListener:
-    """The subscription's side.
+    """Manual liveliness, the subscription's side.
 
     Args:
         marked: called with a gid whose publisher asserts by hand.
@@ -140,18 +256,18 @@ class AssertionListener:
         marked: Callable[[bytes], None],
         asserted: Callable[[bytes], None],
     ) -> None:
-        key = f"{_SPACE}/{domain_id}/*"
+        key = f"{_ALIVE}/{domain_id}/*"
         self._subscriber: Any = session.declare_subscriber(
             key, _direct(lambda sample: asserted(_gid(sample)))
         )
         self._tokens: Any = session.liveliness().declare_subscriber(
             key,
-            _direct(lambda sample: marked(_gid(sample)) if sample.kind == zenoh.SampleKind.PUT else None),
+            _direct(lambda sample: marked(_gid(sample)) if _present(sample) else None),
             history=True,
         )
 
     def close(self) -> None:
-        """Stops listening."""
+        """Stop listening."""
         self._tokens.undeclare()
         self._subscriber.undeclare()
 
@@ -160,8 +276,12 @@ def _direct(call: Callable[[zenoh.Sample], None]) -> zenoh.handlers.Callback[zen
     return zenoh.handlers.Callback(call, indirect=False)
 
 
+def _present(sample: zenoh.Sample) -> bool:
+    return sample.kind == zenoh.SampleKind.PUT
+
+
 def _gid(sample: zenoh.Sample) -> bytes:
-    """The gid in a key; b"" for a key of somebody else's making."""
+    """The gid in a key; b"" for a foreign key."""
     try:
         return bytes.fromhex(str(sample.key_expr).rsplit("/", 1)[1])
     except ValueError:

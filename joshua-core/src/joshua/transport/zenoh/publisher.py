@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 import zenoh.ext
 
 from joshua.plan import QosProfile
-from joshua.transport.api import Buffer, Publisher
-from joshua.transport.errors import TransportError
-from joshua.transport.watch import Limit, Watch
-from joshua.transport.zenoh.graph import Assertions, Graph
+from joshua.transport.transports import Buffer, Emit, Publisher, TransportError
+from joshua.transport.zenoh.graph import Assertions, Matching
 from joshua.transport.zenoh.keys import ATTACHMENT, Entity
-from joshua.transport.zenoh.matching import Matching
+from joshua.transport.zenoh.watch import Limit
+
+if TYPE_CHECKING:
+    from joshua.transport.zenoh.transport import ZenohNode
 
 _HEARTBEAT_S = 0.5
 _KEEP_ALL_CACHE = 100_000
@@ -25,44 +24,34 @@ _KEEP_ALL_CACHE = 100_000
 class ZenohPublisher(Publisher):
     """Puts CDR payloads with the attachment of rmw_zenoh."""
 
-    def __init__(
-        self,
-        session: zenoh.Session,
-        graph: Graph,
-        watch: Watch,
-        entity: Entity,
-        key: str,
-        qos: QosProfile,
-        emit: Callable[[str, str], None],
-    ) -> None:
-        self._graph, self._watch, self._entity = graph, watch, entity
+    def __init__(self, node: ZenohNode, entity: Entity, key: str, qos: QosProfile, emit: Emit) -> None:
+        super().__init__(node, entity.topic)
+        home = self._home = node.home
         self._gid = entity.gid
         self._sequence = 0
-        self._lock = threading.Lock()
-        self._closed = False
         self._limits: list[Limit] = []
         if qos.deadline_s > 0:
             text = f"no message was published on {entity.topic} within {qos.deadline_s:g} s"
             limit = Limit(qos.deadline_s, lambda: emit("deadline-missed", text), repeat=True)
-            self._limits.append(watch.add(limit))
+            self._limits.append(home.watch.add(limit))
         self._assertions: Assertions | None = None
         if qos.liveliness == "MANUAL_BY_TOPIC" and qos.lease_duration_s > 0:
-            self._assertions = Assertions(session, entity.domain_id, self._gid)
+            self._assertions = Assertions(home.session, entity.domain_id, self._gid)
             lost = f"liveliness on {entity.topic} was not asserted within {qos.lease_duration_s:g} s"
             limit = Limit(qos.lease_duration_s, lambda: emit("liveliness-lost", lost), repeat=False)
-            self._limits.append(watch.add(limit))
-        self._matching = Matching(entity, lambda text: emit("incompatible-qos", text))
-        self._publisher: Any = declare_publisher(session, key, qos)
+            self._limits.append(home.watch.add(limit))
+        self._matching = Matching(home.graph, entity, lambda text: emit("incompatible-qos", text))
+        self._publisher: Any = declare_publisher(home.session, key, qos)
         self._put = self._publisher.put
-        self._token: Any = session.liveliness().declare_token(entity.token)
-        graph.listen(entity.topic, self._matching.graph_changed)
+        self._token: Any = home.session.liveliness().declare_token(entity.token)
+        home.graph.listen(entity.topic, self._matching.graph_changed)
 
     def publish(self, cdr: Buffer) -> None:
-        """Sends one serialised message."""
+        """Send one serialised message."""
         payload = cdr if type(cdr) is bytes else _plain_bytes(cdr)
         with self._lock:
             if self._closed:
-                raise TransportError(f"the publisher of {self._entity.topic} is closed")
+                raise TransportError(f"the publisher of {self.topic} is closed")
             self._sequence += 1
             attachment = ATTACHMENT.pack(self._sequence, time.time_ns(), 16, self._gid)
             self._put(payload, attachment=attachment)
@@ -75,20 +64,15 @@ class ZenohPublisher(Publisher):
         return len(self._matching.connected)
 
     def assert_liveliness(self) -> None:
-        """Says that this publisher is alive."""
+        """Assert that this publisher is alive."""
         if self._assertions is not None:
             self._assertions.send()
             self._limits[-1].touch()
 
-    def close(self) -> None:
-        """Leaves the graph."""
-        with self._lock:
-            if self._closed:
-                return
-            self._closed = True
-        self._graph.ignore(self._entity.topic, self._matching.graph_changed)
+    def _leave(self) -> None:
+        self._home.graph.ignore(self.topic, self._matching.graph_changed)
         for limit in self._limits:
-            self._watch.remove(limit)
+            self._home.watch.remove(limit)
         self._token.undeclare()
         if self._assertions is not None:
             self._assertions.close()
@@ -96,7 +80,7 @@ class ZenohPublisher(Publisher):
 
 
 def declare_publisher(session: zenoh.Session, key: str, qos: QosProfile) -> Any:
-    """Declares what carries the messages, with the settings that rmw_zenoh takes for a profile."""
+    """Declare what carries the messages, with the settings that rmw_zenoh takes for a profile."""
     reliable = qos.reliability == "RELIABLE"
     blocks = reliable and qos.history == "KEEP_ALL"
     settings: dict[str, Any] = {

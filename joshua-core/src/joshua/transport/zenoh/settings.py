@@ -1,4 +1,4 @@
-"""Zenoh configurations of a node's session and of a router, made from the transport specification."""
+"""Zenoh configurations of a node's session and of a router, made from the transport settings."""
 
 from __future__ import annotations
 
@@ -7,51 +7,14 @@ import json
 import logging
 import os
 import threading
+from pathlib import Path
 from typing import Any
 
 import zenoh
 
-from joshua.plan import TransportSpec
-from joshua.transport.endpoints import Endpoint, read_endpoint
-from joshua.transport.errors import TransportError
-
-_lock = threading.Lock()
-_open_here = 0
-_inherited = False
-
-
-def session_opened() -> None:
-    """Counts a session that is about to be opened.
-
-    Raises:
-        TransportError: this process was forked from one that had a session open.
-    """
-    global _open_here
-    if _inherited:
-        raise TransportError(
-            "this process was forked from one with an open Zenoh session, in which the middleware hangs; "
-            "fork first and open the transport afterwards, or start the process anew (spawn)"
-        )
-    with _lock:
-        _open_here += 1
-
-
-def session_closed() -> None:
-    """Counts a session that was closed."""
-    global _open_here
-    with _lock:
-        _open_here -= 1
-
-
-def _after_fork() -> None:
-    global _inherited, _open_here, _lock
-    _lock = threading.Lock()
-    _inherited = _inherited or _open_here > 0
-    _open_here = 0
-
-
-os.register_at_fork(after_in_child=_after_fork)
-
+from joshua.plan import TransportSettings
+from joshua.transport.transports import TransportError
+from joshua.transport.zenoh.endpoints import Endpoint, read_endpoint
 
 _log = logging.getLogger("joshua.transport")
 
@@ -68,152 +31,161 @@ _ALONE: dict[str, Any] = {
     "scouting/delay": 0,
 }
 
+_lock = threading.Lock()
+_open_here = 0
+_inherited = False
 
-def router_endpoints(spec: TransportSpec) -> list[Endpoint]:
+
+def _after_fork() -> None:
+    global _inherited, _open_here, _lock
+    _lock = threading.Lock()
+    _inherited = _inherited or _open_here > 0
+    _open_here = 0
+
+
+os.register_at_fork(after_in_child=_after_fork)
+
+
+def _count_session(change: int) -> None:
+    global _open_here
+    with _lock:
+        _open_here += change
+
+
+def router_endpoints(settings: TransportSettings) -> list[Endpoint]:
     """Where the router of this machine listens.
 
     Raises:
         TransportError: an endpoint is malformed, or encrypted without certificates, or open to the
             network beside encrypted ones.
     """
-    endpoints = [read_endpoint(text) for text in spec.listen_endpoints]
+    endpoints = [read_endpoint(text) for text in settings.listen_endpoints]
     if not endpoints:
-        raise TransportError("no endpoint for the Zenoh router; give one, such as tcp/localhost:7447")
+        raise TransportError("the Zenoh router has no endpoint. Add one, such as tcp/localhost:7447")
     for endpoint in endpoints:
-        if endpoint.encrypted and spec.tls is None:
+        if endpoint.encrypted and settings.tls is None:
             raise TransportError(
-                f"the endpoint {endpoint} needs certificates; set the tls block of the transport, or "
+                f"the endpoint {endpoint} requires certificates. Set the tls block of the transport, or "
                 "listen on tcp/localhost:7447"
             )
-        if spec.tls is not None and not endpoint.encrypted:
+        if settings.tls is not None and not endpoint.encrypted:
             raise TransportError(
-                f"the endpoint {endpoint} would let clients without a certificate in; with a tls block "
-                f"write tls/{endpoint.host}:{endpoint.port}, or drop the tls block"
+                f"the endpoint {endpoint} would accept clients without a certificate. With a tls block "
+                f"write tls/{endpoint.host}:{endpoint.port}, or remove the tls block"
             )
     return endpoints
 
 
-def own_router(spec: TransportSpec) -> Endpoint:
+def own_router(settings: TransportSettings) -> Endpoint:
     """How the nodes of this machine reach their router: by loopback where it listens there.
 
     Raises:
         TransportError: as ``router_endpoints``.
     """
-    endpoints = [endpoint.local for endpoint in router_endpoints(spec)]
+    endpoints = [endpoint.local for endpoint in router_endpoints(settings)]
     return next((endpoint for endpoint in endpoints if endpoint.loopback), endpoints[0])
 
 
-def session_config(spec: TransportSpec) -> zenoh.Config:
+def session_config(settings: TransportSettings) -> zenoh.Config:
     """Configuration of a node's session: a peer that finds the others through the router.
 
     Raises:
         TransportError: as ``router_endpoints``.
     """
-    protocol = "tcp" if spec.tls is None else "tls"
-    values = _common(spec)
-    values.update(
-        {
-            "mode": "peer",
-            "listen/endpoints": [f"{protocol}/localhost:0"],
-            "connect/endpoints": [str(own_router(spec))],
-            "connect/exit_on_failure": False,
-            "connect/retry": _RETRY,
-            "scouting/delay": _OPEN_WAIT_MS,
-            # every peer reaches every other one, so that one side of each pair connects
-            "scouting/gossip/target": {"router": ["router", "peer"], "peer": ["router"]},
-            "scouting/gossip/autoconnect_strategy": {
-                "peer": {"to_router": "always", "to_peer": "greater-zid"}
-            },
-        }
-    )
-    if spec.discovery_range == "OFF":
-        values.update(_ALONE)
-    return _config(values)
+    protocol = "tcp" if settings.tls is None else "tls"
+    values = {
+        "mode": "peer",
+        "listen/endpoints": [f"{protocol}/localhost:0"],
+        "connect/endpoints": [str(own_router(settings))],
+        "scouting/delay": _OPEN_WAIT_MS,
+        # every peer reaches every other one, so that one side of each pair connects
+        "scouting/gossip/target": {"router": ["router", "peer"], "peer": ["router"]},
+        "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
+    }
+    return _config(settings, values | _ALONE if settings.discovery_range == "OFF" else values)
 
 
-def guest_config(spec: TransportSpec) -> zenoh.Config:
-    """Configuration of a session that only watches the router of this machine: it links to nothing else.
+def guest_config(settings: TransportSettings) -> zenoh.Config:
+    """Configuration of a session that only watches the router of this machine and links to nothing else.
 
     Raises:
         TransportError: as ``router_endpoints``.
     """
-    values = _common(spec)
-    values.update(_ALONE)
-    values.update(
-        {
-            "mode": "peer",
-            "connect/endpoints": [str(own_router(spec))],
-            "connect/exit_on_failure": False,
-            "connect/retry": _RETRY,
-            # what holds the port may be no router and never answer
-            "transport/unicast/open_timeout": _ANSWER_MS,
-        }
-    )
-    return _config(values)
+    own = {
+        "mode": "peer",
+        "connect/endpoints": [str(own_router(settings))],
+        # the program that has the port may be no router and never answer
+        "transport/unicast/open_timeout": _ANSWER_MS,
+    }
+    return _config(settings, _ALONE | own)
 
 
-def router_config(spec: TransportSpec) -> zenoh.Config:
+def router_config(settings: TransportSettings) -> zenoh.Config:
     """Configuration of the router of this machine.
 
     Raises:
         TransportError: as ``router_endpoints``, or a connect endpoint is malformed.
     """
-    values = _common(spec)
-    values.update(
-        {
-            "mode": "router",
-            "listen/endpoints": [str(endpoint) for endpoint in router_endpoints(spec)],
-            "connect/endpoints": [str(read_endpoint(text)) for text in spec.connect_endpoints],
-            "connect/exit_on_failure": False,
-            "connect/retry": _RETRY,
-            "scouting/delay": 0,
-        }
-    )
-    return _config(values)
+    own = {
+        "mode": "router",
+        "listen/endpoints": [str(endpoint) for endpoint in router_endpoints(settings)],
+        "connect/endpoints": [str(read_endpoint(text)) for text in settings.connect_endpoints],
+        "scouting/delay": 0,
+    }
+    return _config(settings, own)
 
 
-def _common(spec: TransportSpec) -> dict[str, Any]:
-    values: dict[str, Any] = {
+def _config(settings: TransportSettings, values: dict[str, Any]) -> zenoh.Config:
+    common: dict[str, Any] = {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
+        "connect/exit_on_failure": False,
+        "connect/retry": _RETRY,
         # caches for late joiners need time stamps
         "timestamping/enabled": True,
     }
-    if spec.tls is not None:
-        values["transport/link/tls"] = {
-            "root_ca_certificate": spec.tls.root_ca_file,
-            "listen_certificate": spec.tls.certificate_file,
-            "listen_private_key": spec.tls.private_key_file,
-            "connect_certificate": spec.tls.certificate_file,
-            "connect_private_key": spec.tls.private_key_file,
+    if settings.tls is not None:
+        common["transport/link/tls"] = {
+            "root_ca_certificate": settings.tls.root_ca_file,
+            "listen_certificate": settings.tls.certificate_file,
+            "listen_private_key": settings.tls.private_key_file,
+            "connect_certificate": settings.tls.certificate_file,
+            "connect_private_key": settings.tls.private_key_file,
             "enable_mtls": True,
             # the authority decides who belongs to the robot; its certificates need not name each address
             "verify_name_on_connect": False,
         }
-    return values
+    config = zenoh.Config()
+    for key, value in (common | values).items():
+        config.insert_json5(key, json.dumps(value))
+    return config
 
 
 def open_session(config: zenoh.Config, *, warn: bool = True) -> Any:
-    """Opens a session; close it with ``close_session``.
-
-    Where the system offers no shared memory, the session goes without.
+    """Open a session; close it with ``close_session``. Without shared memory the session uses sockets.
 
     Args:
         config: of the session.
-        warn: whether a lack of shared memory is worth a warning; one process of a run is enough.
+        warn: whether missing shared memory is logged as a warning; one process of a run is enough.
 
     Raises:
         TransportError: Zenoh refuses the settings, or this process was forked from one with an open session.
     """
-    session_opened()
+    if _inherited:
+        raise TransportError(
+            "this process was forked from one with an open Zenoh session, in which Zenoh hangs. Fork before "
+            "you open the transport, or start the process with spawn"
+        )
+    _count_session(1)
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        reason = _reason(error)
+        # without the place in Zenoh's own sources
+        reason = str(error).split(" at /", 1)[0].rstrip(". ")
         if "shm" in reason:
             with contextlib.suppress(zenoh.ZError):
                 return _open_without_shared_memory(config, reason, logging.WARNING if warn else logging.DEBUG)
-        session_closed()
+        _count_session(-1)
         raise TransportError(reason) from error
 
 
@@ -222,26 +194,69 @@ def _open_without_shared_memory(config: zenoh.Config, reason: str, level: int) -
     session = zenoh.open(config)
     _log.log(
         level,
-        "no shared memory (%s): messages go through sockets, which costs large images about three times the "
-        "latency. See whether /dev/shm is there, writable and has room: df -h /dev/shm",
+        "no shared memory (%s): messages use sockets, which triples the latency of large images. Check that "
+        "/dev/shm exists, is writable and has free space: df -h /dev/shm",
         reason,
     )
     return session
 
 
-def _reason(error: zenoh.ZError) -> str:
-    """What Zenoh said, without the place in its own sources."""
-    return str(error).split(" at /", 1)[0].rstrip(". ")
-
-
 def close_session(session: Any) -> None:
-    """Closes a session."""
+    """Close a session."""
     session.close()
-    session_closed()
+    _count_session(-1)
 
 
-def _config(values: dict[str, Any]) -> zenoh.Config:
-    config = zenoh.Config()
-    for key, value in values.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+def require_certificates(settings: TransportSettings) -> None:
+    """Check the certificates of a transport, because Zenoh itself says less, or aborts.
+
+    Raises:
+        TransportError: names the file that cannot be used, why, and what to do.
+    """
+    tls = settings.tls
+    if tls is None:
+        return
+    import ssl
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    for field in ("root_ca_file", "certificate_file", "private_key_file"):
+        path = Path(getattr(tls, field))
+        try:
+            path.open("rb").close()
+        except OSError as error:
+            raise TransportError(f"{field}: {path} cannot be read: {error.strerror}") from error
+    try:
+        context.load_verify_locations(tls.root_ca_file)
+    except ssl.SSLError as error:
+        raise TransportError(
+            f"root_ca_file: {tls.root_ca_file} holds no certificate in PEM form ({_reason(error)}). Name the "
+            "certificate of the authority that signed those of the robot"
+        ) from error
+    try:
+        context.load_cert_chain(tls.certificate_file, tls.private_key_file, password=_no_password)
+    except ssl.SSLError as error:
+        raise TransportError(
+            f"certificate_file and private_key_file: {tls.certificate_file} and {tls.private_key_file} are "
+            f"no certificate and its key in PEM form ({_reason(error)}). Name a certificate and the key that "
+            "belongs to it"
+        ) from error
+    except _EncryptedKeyError as error:
+        raise TransportError(
+            f"private_key_file: {tls.private_key_file} is protected by a password. Use a key without one "
+            "that only you can read"
+        ) from error
+
+
+class _EncryptedKeyError(Exception):
+    pass
+
+
+def _no_password() -> str:
+    raise _EncryptedKeyError
+
+
+def _reason(error: Exception) -> str:
+    text = str(getattr(error, "reason", "") or error).lower().replace("_", " ")
+    return (
+        "no PEM text in it" if text in ("no start line", "pem lib", "no certificate or crl found") else text
+    )

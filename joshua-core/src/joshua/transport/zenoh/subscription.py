@@ -6,60 +6,106 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 import zenoh.ext
 
 from joshua.plan import QosProfile
-from joshua.transport.api import Sample, Subscription
 from joshua.transport.delivery import Delivery
-from joshua.transport.watch import Limit, Watch
-from joshua.transport.zenoh.graph import AssertionListener, Graph
+from joshua.transport.transports import Emit, Sample, Subscription
+from joshua.transport.zenoh.graph import AssertionListener, Matching
 from joshua.transport.zenoh.keys import ATTACHMENT, Entity
-from joshua.transport.zenoh.matching import Matching
+from joshua.transport.zenoh.watch import Limit
+
+if TYPE_CHECKING:
+    from joshua.transport.zenoh.transport import ZenohNode
 
 _log = logging.getLogger("joshua.transport")
 # a channel of Zenoh has a bound; this one stands for none
 _UNBOUNDED = 2**31
-Handle = Callable[[zenoh.Sample], None]
+_UNKNOWN = (0, 0, 0, b"")
 
 
-class ChannelIntake:
-    """A channel of Zenoh itself: its network thread needs no Python to fill it.
+class ZenohSubscription(Subscription):
+    """Passes samples to the callback on a thread of its own, from a queue that the network thread fills.
 
-    That saves the hand-over of the interpreter between two threads, about half of a small message's
-    latency. Nothing of ours sees a sample arrive; it is seen when it is taken.
-
-    Args:
-        name: name of the thread.
-        depth: length of the queue, the newest stay; None keeps everything.
-        deliver: called with each sample on the thread.
-        arrived: not called by this form.
+    The queue is a channel of Zenoh, which needs no Python to fill it: that saves passing the interpreter
+    between two threads, about half of a small message's latency. With a deadline or a lease the queue is a
+    ``Delivery``, because then each arrival counts when it happens.
     """
 
-    def __init__(self, name: str, depth: int | None, deliver: Handle, arrived: Handle) -> None:
-        self.handler: Any = (
-            zenoh.handlers.FifoChannel(_UNBOUNDED) if depth is None else zenoh.handlers.RingChannel(depth)
+    def __init__(
+        self,
+        node: ZenohNode,
+        entity: Entity,
+        key: str,
+        qos: QosProfile,
+        callback: Callable[[Sample], None],
+        emit: Emit,
+    ) -> None:
+        super().__init__(node, entity.topic)
+        home = self._home = node.home
+        self._entity, self._callback, self._emit = entity, callback, emit
+        self._deadline: Limit | None = None
+        if qos.deadline_s > 0:
+            text = f"no message received on {entity.topic} within {qos.deadline_s:g} s"
+            limit = Limit(qos.deadline_s, lambda: emit("deadline-missed", text), repeat=True)
+            self._deadline = home.watch.add(limit)
+        self._leases: dict[bytes, Limit] = {}
+        self._marked: set[bytes] = set()
+        watches_lease = qos.lease_duration_s > 0
+        self._matching = Matching(
+            home.graph,
+            entity,
+            lambda text: emit("incompatible-qos", text),
+            self._publisher_left if watches_lease else None,
         )
-        self._name, self._deliver = name, deliver
-        self._closed = False
-        self._thread: threading.Thread | None = None
+        home.graph.listen(entity.topic, self._matching.graph_changed)
+        depth = None if qos.history == "KEEP_ALL" else max(qos.depth, 1)
+        self._name = f"joshua-sub {entity.topic}"
+        self._delivery: Delivery | None = None
+        handler: Any
+        if watches_lease or self._deadline is not None:
+            self._delivery = Delivery(self._name, depth, self._deliver)
+            handler = zenoh.handlers.Callback(self._arrived, indirect=False)
+        elif depth is None:
+            handler = zenoh.handlers.FifoChannel(_UNBOUNDED)
+        else:
+            handler = zenoh.handlers.RingChannel(depth)
+        # declared before data flows, so that a publisher's assertions are not missed
+        self._assertions = (
+            AssertionListener(home.session, entity.domain_id, self._publisher_marked, self._alive)
+            if watches_lease
+            else None
+        )
+        self._subscriber: Any = _declare(home.session, key, qos, handler)
+        self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+        if self._delivery is None:
+            self._thread.start()
+        self._token: Any = home.session.liveliness().declare_token(entity.token)
 
-    def start(self, subscriber: Any) -> None:
-        """Begins to deliver what the declared subscriber receives."""
-        self._thread = threading.Thread(target=self._run, args=(subscriber,), name=self._name, daemon=True)
-        self._thread.start()
+    @property
+    def publisher_count(self) -> int:
+        """Matched publishers."""
+        return len(self._matching.connected)
 
-    def close(self, undeclare: Callable[[], None]) -> None:
-        """Undeclares the subscriber and ends the thread; nothing is delivered after the return."""
-        self._closed = True
-        undeclare()
-        if self._thread is not None and threading.current_thread() is not self._thread:
+    def _leave(self) -> None:
+        self._home.graph.ignore(self.topic, self._matching.graph_changed)
+        self._token.undeclare()
+        self._subscriber.undeclare()
+        if self._delivery is not None:
+            self._delivery.close()
+        elif threading.current_thread() is not self._thread:
             self._thread.join()
+        if self._assertions is not None:
+            self._assertions.close()
+        for limit in (self._deadline, *self._leases.values()):
+            if limit is not None:
+                self._home.watch.remove(limit)
 
-    def _run(self, subscriber: Any) -> None:
-        receive, deliver = subscriber.handler.recv, self._deliver
+    def _run(self) -> None:
+        receive, deliver = self._subscriber.handler.recv, self._deliver
         while True:
             try:
                 sample = receive()
@@ -74,107 +120,10 @@ class ChannelIntake:
             # a sample kept here would keep its buffer until the next one arrives
             del sample
 
-
-class WatchedIntake:
-    """A queue of ours, for subscriptions with a deadline or a lease: arrivals count when they happen.
-
-    Args:
-        name: name of the thread.
-        depth: length of the queue, the newest stay; None keeps everything.
-        deliver: called with each sample on the thread.
-        arrived: called with each sample on the network thread.
-    """
-
-    def __init__(self, name: str, depth: int | None, deliver: Handle, arrived: Handle) -> None:
-        self._delivery = Delivery(name, depth, deliver)
-        self._arrived = arrived
-        self.handler: Any = zenoh.handlers.Callback(self._take, indirect=False)
-
-    def start(self, subscriber: Any) -> None:
-        """Nothing to begin: the handler delivers from the first sample on."""
-
-    def close(self, undeclare: Callable[[], None]) -> None:
-        """Undeclares the subscriber and ends the thread; nothing is delivered after the return."""
-        undeclare()
-        self._delivery.close()
-
-    def _take(self, sample: zenoh.Sample) -> None:
+    def _arrived(self, sample: zenoh.Sample) -> None:
+        """Queue a sample and restart deadline and lease; runs on the network thread."""
+        assert self._delivery is not None
         self._delivery.push(sample)
-        self._arrived(sample)
-
-
-_UNKNOWN = (0, 0, 0, b"")
-
-
-class ZenohSubscription(Subscription):
-    """Hands out samples on a thread of its own, from a queue that the network thread fills."""
-
-    def __init__(
-        self,
-        session: zenoh.Session,
-        graph: Graph,
-        watch: Watch,
-        entity: Entity,
-        key: str,
-        qos: QosProfile,
-        callback: Callable[[Sample], None],
-        emit: Callable[[str, str], None],
-    ) -> None:
-        self._graph, self._watch, self._entity, self._emit = graph, watch, entity, emit
-        self._callback = callback
-        self._closed = False
-        self._lock = threading.Lock()
-        self._deadline: Limit | None = None
-        if qos.deadline_s > 0:
-            text = f"no message came on {entity.topic} within {qos.deadline_s:g} s"
-            limit = Limit(qos.deadline_s, lambda: emit("deadline-missed", text), repeat=True)
-            self._deadline = watch.add(limit)
-        self._leases: dict[bytes, Limit] = {}
-        self._marked: set[bytes] = set()
-        watches_lease = qos.lease_duration_s > 0
-        self._matching = Matching(
-            entity,
-            lambda text: emit("incompatible-qos", text),
-            self._publisher_left if watches_lease else None,
-        )
-        graph.listen(entity.topic, self._matching.graph_changed)
-        depth = None if qos.history == "KEEP_ALL" else max(qos.depth, 1)
-        watched = watches_lease or self._deadline is not None
-        self._intake = (WatchedIntake if watched else ChannelIntake)(
-            f"joshua-sub {entity.topic}", depth, self._deliver, self._sign_of_life
-        )
-        # told before data flows, so that a publisher's assertions are not missed
-        self._assertions = (
-            AssertionListener(session, entity.domain_id, self._publisher_marked, self._alive)
-            if watches_lease
-            else None
-        )
-        self._subscriber: Any = _declare(session, key, qos, self._intake.handler)
-        self._intake.start(self._subscriber)
-        self._token: Any = session.liveliness().declare_token(entity.token)
-
-    @property
-    def publisher_count(self) -> int:
-        """Matched publishers."""
-        return len(self._matching.connected)
-
-    def close(self) -> None:
-        """Leaves the graph."""
-        with self._lock:
-            if self._closed:
-                return
-            self._closed = True
-        self._graph.ignore(self._entity.topic, self._matching.graph_changed)
-        self._token.undeclare()
-        self._intake.close(self._subscriber.undeclare)
-        if self._assertions is not None:
-            self._assertions.close()
-        for limit in (self._deadline, *self._leases.values()):
-            if limit is not None:
-                self._watch.remove(limit)
-
-    def _sign_of_life(self, sample: zenoh.Sample) -> None:
-        """Counts deadline and lease anew at the arrival of a sample."""
         gid = _head(sample)[3]
         if gid in self._matching.refused:
             return
@@ -197,7 +146,7 @@ class ZenohSubscription(Subscription):
     def _publisher_left(self, publisher: Entity) -> None:
         limit = self._leases.pop(publisher.gid, None)
         if limit is not None:
-            self._watch.remove(limit)
+            self._home.watch.remove(limit)
         self._emit("liveliness-lost", f"the publisher of {publisher.full_name} left {publisher.topic}")
 
     def _publisher_marked(self, gid: bytes) -> None:
@@ -205,7 +154,7 @@ class ZenohSubscription(Subscription):
         self._alive(gid)
 
     def _alive(self, gid: bytes) -> None:
-        """Counts the lease of a publisher anew; the first sign of life begins the count."""
+        """Restart the lease of a publisher; its first assertion starts it."""
         limit = self._leases.get(gid)
         if limit is None:
             publisher = self._matching.connected.get(gid)
@@ -217,12 +166,12 @@ class ZenohSubscription(Subscription):
                 f"liveliness within {lease_s:g} s"
             )
             limit = Limit(lease_s, lambda: self._emit("liveliness-lost", text), repeat=False)
-            self._leases = {**self._leases, gid: self._watch.add(limit)}
+            self._leases = {**self._leases, gid: self._home.watch.add(limit)}
         limit.touch()
 
 
 def _head(sample: zenoh.Sample) -> tuple[int, int, int, bytes]:
-    """Sequence, source time, gid length and gid of a sample; zeros where another program sent none."""
+    """Sequence, source time, gid length and gid of a sample; zeros if its publisher sent none."""
     attachment = sample.attachment
     if attachment is not None:
         raw = attachment.to_bytes()

@@ -1,0 +1,359 @@
+"""The transport interface: ROS 2 nodes, endpoints and graph over serialised CDR payloads.
+
+A transport derives from ``Transport``, ``NodeHandle``, ``Publisher`` and ``Subscription`` and implements
+what is abstract here. Names, life cycle and the thread of the events are common to all of them. Plugins
+take this module from ``joshua.api``.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import re
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, TypeVar
+
+from joshua.messages.typestore import require_type
+from joshua.plan import QosProfile as QosProfile
+from joshua.plan import TransportSettings as TransportSettings
+from joshua.transport.delivery import Delivery
+
+Buffer = Any  # anything with the buffer protocol; typing.Buffer needs Python 3.12
+Emit = Callable[[str, str], None]
+"""Called with (event, detail); events are ``deadline-missed``, ``liveliness-lost``, ``incompatible-qos``."""
+
+NAMELESS = "_CREATED_BY_BARE_DDS_APP_"
+"""Name that ROS 2 gives to the node of endpoints that no node has announced as its own."""
+
+_TOPIC = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
+_NODE = re.compile(r"^[A-Za-z_][A-Za-z0-9_]*$")
+
+
+class TransportError(RuntimeError):
+    """The transport cannot be opened or used as asked; the message says why and what to do."""
+
+    exit_code: ClassVar[int] = 1
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One received message.
+
+    Attributes:
+        cdr: serialised payload with its 4-byte encapsulation header.
+        source_stamp_ns: the publisher's clock when it published, ns since the epoch; 0 if unknown.
+        received_ns: this process's clock when the sample was taken from the receive queue, ns since the
+            epoch; with a slow callback that is later than its arrival.
+        sequence: the publisher's running number where the wire carries one, else 0.
+        publisher_gid: identity of the publisher, 16 bytes; empty if unknown.
+    """
+
+    cdr: Buffer
+    source_stamp_ns: int
+    received_ns: int
+    sequence: int
+    publisher_gid: bytes
+
+
+@dataclass(frozen=True)
+class EndpointInfo:
+    """One publisher or subscription in the graph."""
+
+    node_name: str
+    node_namespace: str
+    topic: str
+    type_name: str
+    type_hash: str
+    is_publisher: bool
+    qos: QosProfile
+
+
+@dataclass(frozen=True)
+class NodeInfo:
+    """One node in the graph with its endpoints."""
+
+    name: str
+    namespace: str
+    endpoints: Sequence[EndpointInfo] = field(default_factory=tuple)
+
+
+class Endpoint(ABC):
+    """A publisher or subscription of a node.
+
+    Attributes:
+        topic: fully qualified name.
+    """
+
+    def __init__(self, node: NodeHandle, topic: str) -> None:
+        self.topic = topic
+        self._node = node
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def close(self) -> None:
+        """Leave the graph; idempotent. After the return no callback of a subscription runs."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        self._node.forget(self)
+        self._leave()
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Give back what the middleware holds for this endpoint; called once."""
+
+
+class Publisher(Endpoint):
+    """Sends serialised messages on one topic; thread-safe."""
+
+    @abstractmethod
+    def publish(self, cdr: Buffer) -> None:
+        """Send one serialised message; never block a control loop for longer than the hand-over.
+
+        Raises:
+            TransportError: the publisher is closed or the middleware refuses the message.
+        """
+
+    @property
+    @abstractmethod
+    def subscription_count(self) -> int:
+        """Matched subscriptions, in this process and in others."""
+
+    @abstractmethod
+    def assert_liveliness(self) -> None:
+        """Assert that this publisher is alive (MANUAL_BY_TOPIC)."""
+
+
+class Subscription(Endpoint):
+    """Receives serialised messages of one topic; the callback runs on a thread of the transport."""
+
+    @property
+    @abstractmethod
+    def publisher_count(self) -> int:
+        """Matched publishers, in this process and in others."""
+
+
+EndpointT = TypeVar("EndpointT", bound=Endpoint)
+
+
+class NodeHandle(ABC):
+    """A ROS 2 node in the graph; closing it closes its endpoints."""
+
+    def __init__(self, transport: Transport, name: str, namespace: str) -> None:
+        self.name, self.namespace = name, namespace
+        self._transport = transport
+        self._lock = threading.RLock()
+        self._endpoints: list[Endpoint] = []
+        self._closed = False
+
+    def create_publisher(
+        self, topic: str, type_name: str, qos: QosProfile, *, on_event: Emit | None = None
+    ) -> Publisher:
+        """Declare a publisher.
+
+        Args:
+            topic: fully qualified name, such as ``/leader/joint_states``.
+            type_name: ROS 2 type, such as ``sensor_msgs/msg/JointState``.
+            qos: profile that is offered.
+            on_event: called with (event, detail) on a thread of the transport.
+
+        Raises:
+            TransportError: the topic name is invalid or the node is closed.
+            MessageError: the type is unknown.
+        """
+        full, emit = require_type(type_name), self._transport.emitter(on_event)
+        require_topic(topic)
+        return self._add(lambda: self._make_publisher(topic, full, qos, emit))
+
+    def create_subscription(
+        self,
+        topic: str,
+        type_name: str,
+        qos: QosProfile,
+        callback: Callable[[Sample], None],
+        *,
+        on_event: Emit | None = None,
+    ) -> Subscription:
+        """Declare a subscription.
+
+        Args:
+            topic: fully qualified name.
+            type_name: ROS 2 type.
+            qos: profile that is asked for; with KEEP_LAST its depth bounds the receive queue.
+            callback: called with each sample, one at a time, on a thread of this subscription.
+            on_event: as for publishers; a lost publisher is ``liveliness-lost``.
+
+        Raises:
+            TransportError: the topic name is invalid or the node is closed.
+            MessageError: the type is unknown.
+        """
+        full, emit = require_type(type_name), self._transport.emitter(on_event)
+        require_topic(topic)
+        return self._add(lambda: self._make_subscription(topic, full, qos, callback, emit))
+
+    def close(self) -> None:
+        """Close the endpoints and leave the graph; idempotent."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        for endpoint in list(self._endpoints):
+            endpoint.close()
+        self._leave()
+        self._transport.forget(self)
+
+    def forget(self, endpoint: Endpoint) -> None:
+        """Drop an endpoint that closes."""
+        with self._lock:
+            self._endpoints.remove(endpoint)
+            if not self._closed:
+                self._endpoints_changed()
+
+    @abstractmethod
+    def publisher_node(self, publisher_gid: bytes) -> str:
+        """Full name of the node that owns a publisher anywhere in the graph; "" while it is not known.
+
+        It searches the graph: ask once for each publisher, not for each message.
+        """
+
+    @abstractmethod
+    def _make_publisher(self, topic: str, type_name: str, qos: QosProfile, emit: Emit | None) -> Publisher:
+        """Declare a publisher of a valid topic and a known type."""
+
+    @abstractmethod
+    def _make_subscription(
+        self,
+        topic: str,
+        type_name: str,
+        qos: QosProfile,
+        callback: Callable[[Sample], None],
+        emit: Emit | None,
+    ) -> Subscription:
+        """Declare a subscription of a valid topic and a known type."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Leave the graph; called once, after the endpoints are closed."""
+
+    def _endpoints_changed(self) -> None:
+        """Announce the endpoints, where the node does that."""
+
+    def _add(self, make: Callable[[], EndpointT]) -> EndpointT:
+        with self._lock:
+            if self._closed:
+                raise TransportError(f"the node {self.name} is closed")
+            made = make()
+            self._endpoints.append(made)
+            self._endpoints_changed()
+        return made
+
+
+class Transport(ABC):
+    """One connection of this process to the ROS 2 graph.
+
+    Open it with ``joshua.transport.open_transport(settings)``, once in a process, after any fork. A class
+    that derives from it joins the graph before it calls this constructor.
+    """
+
+    def __init__(self, settings: TransportSettings) -> None:
+        self.settings = settings
+        self._lock = threading.Lock()
+        self._nodes: list[NodeHandle] = []
+        self._closed = False
+        self._process_id = os.getpid()
+        self._events = Delivery("joshua-events", None, lambda event: event[0](*event[1:]))
+        # a connection that is still open at the end of the interpreter calls back into nothing
+        atexit.register(self.close)
+
+    def create_node(self, name: str, namespace: str = "/") -> NodeHandle:
+        """Add a node to the graph.
+
+        Raises:
+            TransportError: the name or namespace is invalid, or the transport is closed.
+        """
+        require_node(name, namespace)
+        if self._closed:
+            raise TransportError("the transport is closed")
+        node = self._make_node(name, namespace)
+        self._nodes.append(node)
+        return node
+
+    def close(self) -> None:
+        """Close everything; idempotent, and without effect in a fork."""
+        with self._lock:
+            if self._closed or os.getpid() != self._process_id:
+                return
+            self._closed = True
+        atexit.unregister(self.close)
+        for node in list(self._nodes):
+            node.close()
+        self._events.close()
+        self._leave()
+
+    def forget(self, node: NodeHandle) -> None:
+        """Drop a node that closes."""
+        if node in self._nodes:
+            self._nodes.remove(node)
+
+    def emitter(self, on_event: Emit | None) -> Emit | None:
+        """A function that passes events to a callback on a thread where the callback may block."""
+        if on_event is None:
+            return None
+        return lambda event, detail: self._events.push((on_event, event, detail))
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether the meeting point of the transport answers: a router over Zenoh; always over DDS."""
+
+    @property
+    @abstractmethod
+    def meeting_point(self) -> str:
+        """Where this process looks for others, for messages."""
+
+    @abstractmethod
+    def nodes(self) -> list[NodeInfo]:
+        """The graph as known at present: every node of the domain, ours and ROS 2's, with its endpoints."""
+
+    @abstractmethod
+    def _make_node(self, name: str, namespace: str) -> NodeHandle:
+        """Add a node with valid names."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Leave the graph; called once, after the nodes are closed."""
+
+
+def require_topic(topic: str) -> str:
+    """Return a fully qualified topic or service name as it is.
+
+    Source: ROS 2 design, "Topic and Service name mapping to DDS".
+
+    Raises:
+        TransportError: not a fully qualified ROS 2 name.
+    """
+    if not _TOPIC.match(topic) or "__" in topic:
+        raise TransportError(
+            f"{topic!r} is not a fully qualified topic name. Write a path such as /leader/joint_states. "
+            "Each part follows a slash, has letters, digits and single underscores, and no leading digit"
+        )
+    return topic
+
+
+def require_node(name: str, namespace: str) -> None:
+    """Check node name and namespace.
+
+    Raises:
+        TransportError: not a ROS 2 node name, or not a namespace with a leading slash.
+    """
+    if not _NODE.match(name):
+        raise TransportError(
+            f"{name!r} is not a node name. Write letters, digits and underscores without a leading digit, "
+            "such as leader_arm"
+        )
+    if namespace != "/" and (not _TOPIC.match(namespace) or "__" in namespace):
+        raise TransportError(f"{namespace!r} is not a namespace. Write / or a path such as /left")

@@ -1,0 +1,19 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.api import PluginSpec, TransportSpec, hookimpl
+
+
+@hookimpl
+def joshua_specs() -> list[PluginSpec]:
+    """Names the DDS transport."""
+    return [
+        TransportSpec(
+            enum_values=("TRANSPORT_DDS",),
+            implementation="joshua_dds.transport:DdsTransport",
+            prepare="joshua_dds.config:require_usable",
+            library="cyclonedds",
+            summary="ROS 2 over DDS, by the conventions of rmw_cyclonedds and rmw_fastrtps",
+        )
+    ]

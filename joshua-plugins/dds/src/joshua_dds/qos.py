@@ -1,0 +1,100 @@
+"""QoS profiles as DDS policies, and back from what discovery says of other endpoints.
+
+Source: ros2/rmw_cyclonedds, create_readwrite_qos, and OMG DDS 1.4.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.util import duration
+from joshua.api.transports import QosProfile
+from joshua.messages import distro, type_hash
+from joshua.messages.typestore import HASH_UNSUPPORTED
+
+_NS_PER_S = 1_000_000_000
+_INFINITE = duration(infinite=True)
+
+POLICY_NAMES = {2: "durability", 4: "deadline", 8: "liveliness", 11: "reliability", 23: "data representation"}
+"""Names of the policies that keep a pair apart, by the policy ids of DDS."""
+
+XCDR1 = Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False)
+"""The encoding of all ROS 2 payloads."""
+
+
+def endpoint_qos(qos: QosProfile, type_name: str, *, is_writer: bool) -> Qos:
+    """The policies of a writer or reader."""
+    depth = max(qos.depth, 1)
+    history = Policy.History.KeepAll if qos.history == "KEEP_ALL" else Policy.History.KeepLast(depth)
+    # a writer that waits inside the wheel would hold the whole interpreter; the publisher waits instead
+    reliable = Policy.Reliability.Reliable(0)
+    lease = _ns(qos.lease_duration_s)
+    manual = qos.liveliness == "MANUAL_BY_TOPIC"
+    policies: list[Any] = [
+        reliable if qos.reliability == "RELIABLE" else Policy.Reliability.BestEffort,
+        history,
+        Policy.Liveliness.ManualByTopic(lease) if manual else Policy.Liveliness.Automatic(lease),
+        XCDR1,
+        *user_data(type_name),
+    ]
+    if qos.deadline_s > 0:
+        policies.append(Policy.Deadline(_ns(qos.deadline_s)))
+    if is_writer and qos.lifespan_s > 0:
+        policies.append(Policy.Lifespan(_ns(qos.lifespan_s)))
+    if qos.durability == "TRANSIENT_LOCAL":
+        policies.append(Policy.Durability.TransientLocal)
+        if is_writer:
+            # what late joiners get is bounded by this policy, not by the history
+            unlimited = -1
+            policies.append(Policy.DurabilityService(0, history, unlimited, unlimited, unlimited))
+    else:
+        policies.append(Policy.Durability.Volatile)
+    return Qos(*[policy for policy in policies if policy is not None])
+
+
+def user_data(type_name: str) -> list[Any]:
+    """The policy by which an endpoint tells its type hash; none for Humble, whose wire carries no hash."""
+    found = type_hash(type_name)
+    return [] if found == HASH_UNSUPPORTED else [Policy.Userdata(f"typehash={found};".encode())]
+
+
+def read_qos(qos: Qos) -> QosProfile:
+    """The profile of another endpoint; its history is not known to discovery and stays at the default."""
+    liveliness = qos[Policy.Liveliness]
+    return QosProfile(
+        reliability="RELIABLE" if _is(qos, Policy.Reliability, "Reliable") else "BEST_EFFORT",
+        durability="VOLATILE" if _is(qos, Policy.Durability, "Volatile") else "TRANSIENT_LOCAL",
+        history="KEEP_ALL" if _is(qos, Policy.History, "KeepAll") else "KEEP_LAST",
+        depth=getattr(qos[Policy.History], "depth", QosProfile().depth),
+        deadline_s=_seconds(qos[Policy.Deadline], "deadline"),
+        lifespan_s=_seconds(qos[Policy.Lifespan], "lifespan"),
+        liveliness="MANUAL_BY_TOPIC" if "ManualByTopic" in repr(liveliness) else "AUTOMATIC",
+        lease_duration_s=_seconds(liveliness, "lease_duration"),
+    )
+
+
+def read_type_hash(qos: Qos) -> str:
+    """The type hash in the user data of an endpoint; "" where it has none."""
+    data = qos[Policy.Userdata]
+    if data is None:
+        return HASH_UNSUPPORTED if distro() == "humble" else ""
+    for entry in bytes(data.data).split(b";"):
+        key, _, value = entry.partition(b"=")
+        if key == b"typehash":
+            return value.decode(errors="replace")
+    return HASH_UNSUPPORTED if distro() == "humble" else ""
+
+
+def _is(qos: Qos, family: Any, name: str) -> bool:
+    policy = qos[family]
+    return policy is not None and name in repr(policy)
+
+
+def _seconds(policy: Any, field: str) -> float:
+    value = getattr(policy, field, _INFINITE)
+    return 0.0 if value is None or value >= _INFINITE else float(value / _NS_PER_S)
+
+
+def _ns(duration_s: float) -> int:
+    return round(duration_s * _NS_PER_S) if duration_s > 0 else int(_INFINITE)
