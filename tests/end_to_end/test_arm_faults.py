@@ -176,7 +176,7 @@ def test_a_dry_run_teleoperates_with_torque_off(
     for arm in (leader, follower):
         assert not any(entry["on"] for entry in arm.log("torque"))
         assert True not in energised(arm)
-    assert "/follower_arm/command" in output  # what would have been written is published
+    assert "/follower_arm/applied_command" in output  # what would have been written is published
 
 
 def test_unplugged_while_moving_and_back_under_another_name(

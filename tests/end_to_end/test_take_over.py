@@ -58,7 +58,7 @@ class Desk:
         self.sent_s: list[float] = []
         node = transport.create_node("guide")
         self._publisher = node.create_publisher("/command", JOINT_STATE, QosProfile())
-        node.create_subscription("/follower/command", JOINT_STATE, QosProfile(), self._hear)
+        node.create_subscription("/follower/applied_command", JOINT_STATE, QosProfile(), self._hear)
 
     def _hear(self, sample: Any) -> None:
         self.written.append(float(decode(JOINT_STATE, sample.cdr).position[0]))

@@ -187,7 +187,7 @@ def test_the_other_arms_go_on(tmp_path: Path, joshua_domain_id: int) -> None:
             "/right_leader": "ready",
             "/right_follower": "ready",
         }
-        assert now["/right_follower"]["published_hz"]["/right_follower/command"] > 10
+        assert now["/right_follower"]["published_hz"]["/right_follower/applied_command"] > 10
         assert now["/left_follower"]["published_hz"]["/left/follower/joint_states"] > 10
         assert joshua("resume", "left_follower").returncode == 0
         assert states()["/left_follower"]["state"] == "ready"

@@ -30,7 +30,7 @@ from joshua.transport import open_transport
 from joshua_emulator import EmulatedBus
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-TOPICS = ("/leader/joint_states", "/follower/joint_states", "/follower_arm/command")
+TOPICS = ("/leader/joint_states", "/follower/joint_states", "/follower_arm/applied_command")
 FAULTS = ["drop=0.01", "corrupt=0.005", "late=0.005"]
 AMPLITUDE_RAD, FREQUENCY_HZ, PHASE_RAD = 0.4, 0.4, 0.7
 
@@ -46,7 +46,7 @@ TRUTH_TOLERANCE_RAD = AMPLITUDE_RAD * math.tau * FREQUENCY_HZ * 0.04
 STEP_TOLERANCE_RAD = {
     "/leader/joint_states": TRUTH_TOLERANCE_RAD,
     "/follower/joint_states": TRUTH_TOLERANCE_RAD,
-    "/follower_arm/command": 0.01,
+    "/follower_arm/applied_command": 0.01,
 }
 
 

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from joshua.config.calibration_paths import journal_path
+from joshua.config.loading import journal_path
 from joshua.devices.calibration import ArmCalibration, MotorCalibration
 from joshua_calibration import arm_file, journal, transaction
 from joshua_calibration.target import SO_ARM_JOINTS, StoredMotor

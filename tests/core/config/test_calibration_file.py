@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from joshua.config import check, load
-from joshua.config.calibration_paths import calibration_path, journal_path
+from joshua.config.loading import calibration_path, journal_path
 
 ROBOT = """
 general {{ mode: {mode} id: "{robot_id}" name: "rig" }}
@@ -62,10 +62,6 @@ def test_one_that_is_included_is_not_loaded_twice(folder: Path):
     loaded = load(robot(folder, more='include: "calibration/arm-7.pbtxt"'))
     assert loaded.diagnostics == []
     assert len(loaded.config.calibration.arms) == 2
-
-
-def test_a_calibration_run_starts_without_it(folder: Path):
-    assert not load(robot(folder, mode="MODE_CALIBRATION")).config.HasField("calibration")
 
 
 def test_what_is_wrong_in_it_is_found_there(folder: Path):

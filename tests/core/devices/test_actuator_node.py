@@ -68,7 +68,7 @@ class Running:
 
     @property
     def written(self) -> list[Any]:
-        return self.context.publishers["~/command"].messages
+        return self.context.publishers["~/applied_command"].messages
 
     @property
     def actuator(self) -> Any:
@@ -241,7 +241,7 @@ def test_a_leader_without_a_range_is_refused() -> None:
 def test_a_leader_never_gets_torque(run: Any) -> None:
     node = run("ACTION_LEADER", block={"motion": config_pb2.MOCK_MOTION_SINE, "motion_frequency_hz": 5.0})
     node.cycles(20)
-    assert "~/command" not in node.context.publishers
+    assert "~/applied_command" not in node.context.publishers
     assert not node.context.subscriptions
     assert node.context.warnings == ["/arm: a leader is moved by hand, so /arm/command has no effect"]
     positions = np.array([message.position for message in node.states])

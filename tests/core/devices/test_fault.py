@@ -111,11 +111,11 @@ def test_a_trip_leaves_the_node_running_without_torque(start: Any, monkeypatch: 
     assert not node.has_torque
     assert node.context.faults == ["joint_1: 81 °C, at most 70 °C; joshua resume arm gives torque again"]
     before = len(node.context.publishers["/arm/state"].messages)
-    written = len(node.context.publishers["~/command"].messages)
+    written = len(node.context.publishers["~/applied_command"].messages)
     for _ in range(3):
         node.cycle()
     assert len(node.context.publishers["/arm/state"].messages) == before + 3, "the state goes on"
-    assert len(node.context.publishers["~/command"].messages) == written, "nothing is written"
+    assert len(node.context.publishers["~/applied_command"].messages) == written, "nothing is written"
     node.context.tick("diagnostics")
     status = node.context.publishers["/diagnostics"].messages[-1].status[0]
     assert (status.level, status.message) == (2, node.context.faults[0])
@@ -124,7 +124,7 @@ def test_a_trip_leaves_the_node_running_without_torque(start: Any, monkeypatch: 
     assert node.has_torque
     assert node.context.faults[-1] == ""
     node.cycle()
-    assert len(node.context.publishers["~/command"].messages) == written + 1
+    assert len(node.context.publishers["~/applied_command"].messages) == written + 1
 
 
 def test_a_trip_that_the_device_does_not_confirm_fails_the_node(
@@ -147,7 +147,7 @@ def test_resume_is_refused_while_the_fault_persists(start: Any, monkeypatch: pyt
         node.node.resume()
     assert not node.has_torque
     node.cycle()
-    assert node.context.publishers["~/command"].messages == []
+    assert node.context.publishers["~/applied_command"].messages == []
     monkeypatch.undo()
     node.node.resume()
     assert node.has_torque
@@ -311,7 +311,7 @@ def test_a_device_that_is_silent_for_a_moment_is_waited_for(
     node = start()
     node.cycle()
     read, states = node.arm.read, node.context.publishers["/arm/state"].messages
-    written = node.context.publishers["~/command"].messages
+    written = node.context.publishers["~/applied_command"].messages
 
     def silent() -> Any:
         time.sleep(0.01)

@@ -144,10 +144,10 @@ def test_the_node_is_in_fault_until_it_is_resumed(node: ActuatorNode) -> None:
     assert context.faults == [
         "no command came back within 0 s, so the torque was taken off; joshua resume arm gives torque again"
     ]
-    written = len(context.publishers["~/command"].messages)
+    written = len(context.publishers["~/applied_command"].messages)
     context.receive("/arm/command", joint_state(["joint_1"], [0.2]))
     context.tick("control")
-    assert len(context.publishers["~/command"].messages) == written, "it does not come back by itself"
+    assert len(context.publishers["~/applied_command"].messages) == written, "it does not come back by itself"
     assert "approaches its next command slowly" in node.resume()
     assert set((node._actuator.read_torque() or {}).values()) == {True}
 

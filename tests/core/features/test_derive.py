@@ -55,7 +55,7 @@ def test_a_teleoperation_rig_shows_its_follower_and_cameras_and_does_what_was_ap
         Feature.joints("observation.state", JOINTS, topic="/follower/joint_states"),
         Feature.picture("observation.images.top", 48, 64, topic="/top/image_raw"),
         Feature.picture("observation.images.wrist", 48, 64, topic="/wrist/image_raw"),
-        Feature.joints("action", JOINTS, topic="/follower/command"),
+        Feature.joints("action", JOINTS, topic="/follower/applied_command"),
     ]
 
 

@@ -296,7 +296,7 @@ def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path
     found = examine(Request(path, purpose=Purpose.LAUNCH)).diagnostics
     (finding,) = [item for item in found if item.code == "native-missing"]
     assert finding.message == (
-        "joshua-core has no native implementation for follower, leader: the Python implementation runs."
+        "joshua-core has no native implementation of follower, leader: the Python implementation runs."
     )
 
 

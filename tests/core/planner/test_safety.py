@@ -83,7 +83,7 @@ def test_virtual_motors_have_no_guardian(tmp_path: Path) -> None:
     examination = planned(tmp_path, "safe_state: RELEASE park_timeout_s: 3", block=MOCK)
     assert facts(examination).safe_state == "RELEASE"
     assert facts(examination).safe_stop is None
-    assert "arm has no guardian that it could bound" in finding(examination, "field-unused").message
+    assert "arm has no guardian whose time it could limit" in finding(examination, "field-unused").message
 
 
 def test_virtual_motors_cannot_park(tmp_path: Path) -> None:
@@ -95,8 +95,8 @@ def test_virtual_motors_cannot_park(tmp_path: Path) -> None:
 
 def test_a_park_pose_has_one_angle_for_each_joint(tmp_path: Path) -> None:
     item = finding(planned(tmp_path, f"{PARK} park_pose_rad: [0, 0, 0]"), "park-pose-unfit")
-    assert "has 3 angles, and the actuator has 2 joints: joint_1, joint_2" in item.message
-    assert item.allowed == ("2",)
+    assert "has 3 angles, but the actuator has 2 joints: joint_1, joint_2" in item.message
+    assert item.allowed == ("2 angles",)
 
 
 def test_a_policy_for_commands_that_stay_away_reaches_the_node(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ import pytest
 from joshua.config import check, load
 from joshua.config.diagnostics import render_text
 from joshua.modes import check_mode, mode_of
+from joshua.planner.pipeline import check_file
+from joshua.planner.request import Request
 from joshua.plugins import load_registry
 
 BAD = Path(__file__).parent / "bad"
@@ -22,6 +24,20 @@ def test_what_is_said_about_a_file_that_has_nothing_to_calibrate(monkeypatch: py
     assert render_text(found, loaded.sources) == (BAD / "calibration_mode.expected").read_text(
         encoding="utf-8"
     )
+
+
+@pytest.mark.parametrize("more", ["", 'include: "calibration/x.pbtxt"'])
+def test_a_calibration_run_neither_loads_nor_checks_the_old_calibration(more: str, tmp_path: Path) -> None:
+    arm = 'calibration { arms { node_name: "a" motors { id: 9 joint_name: "of another arm" } } }'
+    (tmp_path / "calibration").mkdir()
+    (tmp_path / "calibration" / "x.pbtxt").write_text(arm, encoding="utf-8")
+    path = tmp_path / "robot.pbtxt"
+    for mode, expected in (("MODE_TEST", True), ("MODE_CALIBRATION", False)):
+        path.write_text(f'{more} general {{ mode: {mode} id: "x" }} {ARM}', encoding="utf-8")
+        checked = check_file(Request(str(path)))
+        found = {item.code for item in checked.diagnostics}
+        assert ("calibration-unknown-motor" in found) is expected
+        assert checked.loaded.config.HasField("calibration") is (expected or bool(more))
 
 
 @pytest.mark.parametrize(

@@ -164,7 +164,7 @@ def test_teleoperation_runs_against_physics() -> None:
     assert ended.returncode == 0, ended.stderr
     assert "simulated: leader_arm, follower_arm" in ended.stdout
     assert "follows /leader_arm: shoulder_pan → shoulder_pan" in ended.stderr
-    assert "/follower_arm/command" in ended.stdout
+    assert "/follower_arm/applied_command" in ended.stdout
 
 
 def test_camera_on_the_wire_shows_the_simulation() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joshua.plan import ServiceFacts, Severity
-from joshua.planner.diagnostics import Diagnostics
+from joshua.planner.draft import Draft
 from joshua.planner.environments import choose_environment
 from joshua.planner.pipeline import check_file, examine
 from joshua.planner.request import Purpose, Request
@@ -54,9 +54,9 @@ def write(folder: Path, text: str) -> Path:
 def chosen(folder: Path, text: str):
     """What the file chooses, through the whole road of a validation but the trainer, which is not there."""
     checked = check_file(Request(str(write(folder, text))))
-    findings = Diagnostics(checked.loaded, launch=True)
-    environment = choose_environment(checked.loaded.config, checked.registry, findings)
-    assert not findings.items
+    draft = Draft(checked.loaded, checked.registry, checked.request)
+    environment = choose_environment(draft)
+    assert not draft.findings
     return environment
 
 

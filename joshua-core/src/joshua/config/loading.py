@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os.path
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from joshua.config.calibration_paths import calibration_path
 from joshua.config.files import FileId, file_id, read_source
 from joshua.config.graph import build_graph
-from joshua.schema.config_pb2 import MODE_CALIBRATION, Config
+from joshua.schema.config_pb2 import Config
 from joshua.textproto.binder import Binder, Merge
 from joshua.textproto.diagnostics import Diagnostics, Span
 from joshua.textproto.limits import MAX_FILES
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
     from joshua.plan import Diagnostic
     from joshua.plan.graph import RobotGraph
+
+
+_ROBOT_ID = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}"
 
 
 @dataclass(frozen=True)
@@ -57,22 +60,41 @@ class LoadedConfig:
         return build_graph(self.config)
 
 
+def calibration_path(config_path: str, robot_id: str) -> str:
+    """Path of a robot's calibration file; "" for an id that can name none.
+
+    Args:
+        config_path: of the configuration that it stands beside.
+    """
+    if not re.fullmatch(_ROBOT_ID, robot_id):
+        return ""
+    folder = os.path.dirname(config_path)  # noqa: PTH120 - keeps the path as the user wrote it
+    return os.path.join(folder, "calibration", f"{robot_id}.pbtxt")  # noqa: PTH118
+
+
+def journal_path(calibration_file: str, node_name: str) -> str:
+    """Path of the note that an arm's calibration is being written; it stays where that was interrupted."""
+    return f"{calibration_file.removesuffix('.pbtxt')}.{node_name}.interrupted.json"
+
+
 def load(
     path: str | os.PathLike[str],
     overrides: Sequence[str] = (),
     message_types: Iterable[str | type[Message]] = (),
-    calibration: Callable[[str, str], str] = calibration_path,
+    calibration: Callable[[str, Config], str] = lambda path, config: calibration_path(
+        path, config.general.id
+    ),
 ) -> LoadedConfig:
     """Loads a configuration file; never raises for what stands in it.
 
-    A file without a calibration gets that of its robot, where there is one, except to calibrate anew.
+    A file without a calibration gets that of its robot, where there is one.
 
     Args:
         path: of the file.
         overrides: options of ``--set``, such as ``general.name=demo``; the last one wins.
         message_types: types for ``plugin_config`` blocks: message classes, or import strings of
             compiled ``_pb2`` modules. They are looked at only when a block asks.
-        calibration: names the calibration file for the path of a configuration and the id of its robot.
+        calibration: names the calibration file of a configuration by its path and content; "" for none.
     """
     return _Loading(os.fspath(path), PluginTypes(message_types)).run(overrides, calibration)
 
@@ -95,7 +117,7 @@ class _Loading:
         self._chain: list[_OpenFile] = []
         self._included: dict[FileId, tuple[str, Span | None]] = {}
 
-    def run(self, overrides: Sequence[str], calibration: Callable[[str, str], str]) -> LoadedConfig:
+    def run(self, overrides: Sequence[str], calibration: Callable[[str, Config], str]) -> LoadedConfig:
         self._read(self._path, None)
         is_readable = self._path in self._sources
         if overrides and is_readable:
@@ -113,11 +135,10 @@ class _Loading:
             calibration_file,
         )
 
-    def _load_calibration(self, calibration: Callable[[str, str], str]) -> str:
-        general = self._config.general
-        if self._config.HasField("calibration") or general.mode == MODE_CALIBRATION:
+    def _load_calibration(self, calibration: Callable[[str, Config], str]) -> str:
+        if self._config.HasField("calibration"):
             return ""
-        path = calibration(self._path, general.id)
+        path = calibration(self._path, self._config)
         identity = file_id(path) if path else None
         if identity is None or identity in self._included:
             return ""

@@ -36,8 +36,8 @@ class ActuatorNode(NodeBehaviour):
     """The standard behaviour of actuators.
 
     One timer, at the rate of the fastest publisher, reads and publishes the state, then writes the newest
-    command. What was written is published on ``~/command``. A leader is read only and never gets torque;
-    neither does an actuator that nobody commands.
+    command. What was written is published on ``~/applied_command``. A leader is read only and never gets
+    torque; neither does an actuator that has no commander.
 
     It is in fault, which means that it reads, gives no torque and writes nothing until ``resume``: after a
     failure (``restarted`` in its facts; torque is then as the safe state has left it), after a trip of a
@@ -103,7 +103,7 @@ class ActuatorNode(NodeBehaviour):
             )
         if self._is_commanded:
             self._written = self.context.publisher(
-                TopicSpec(name="~/command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
+                TopicSpec(name="~/applied_command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
             )
         self._diagnostics = DiagnosticsPublisher(
             self.context, lambda: self._test.diagnosed(self._status.rows(actuator))

@@ -102,7 +102,7 @@ class _Robot:
         for arm in self._arms:
             if self._graph.commands(arm):
                 key = self._of_arm(ACTION, arm)
-                yield Feature.joints(key, self._names(arm), topic=arm.written_topic)
+                yield Feature.joints(key, self._names(arm), topic=arm.applied_command_topic)
 
     def observed(self, item: Endpoint) -> Feature:
         """The feature of a topic, as the node that publishes it describes it."""

@@ -16,7 +16,8 @@ from joshua.schema import simulation_pb2 as sim
 PHYSICS_GROUP = "simulation"
 
 
-def _name(enum: Any, number: int) -> str:
+def value_name(enum: Any, number: int) -> str:
+    """Name of an enum value, the number itself where it has none."""
     return str(enum.Name(number)) if number in enum.values() else str(number)
 
 
@@ -48,7 +49,7 @@ DATA_STORE = ServiceSpec(
     "ai.data_store",
     _data_store,
     StoreSpec,
-    value=lambda config: _name(pb.DataFormat, config.ai.data_store.format),
+    value=lambda config: value_name(pb.DataFormat, config.ai.data_store.format),
     is_chosen=lambda config: bool(config.ai.data_store.format),
     topics=_recorded,
 )
@@ -58,8 +59,8 @@ def _trainer(config: pb.Config) -> str:
     """A reinforcement learner is chosen by its simulator, every other trainer by its method."""
     training = config.ai.training
     if training.method == pb.METHOD_RL and training.simulator_backend:
-        return _name(pb.SimulatorBackend, training.simulator_backend)
-    return _name(pb.TrainingMethod, training.method)
+        return value_name(pb.SimulatorBackend, training.simulator_backend)
+    return value_name(pb.TrainingMethod, training.method)
 
 
 def _trainer_is_chosen(config: pb.Config) -> bool:
@@ -104,7 +105,7 @@ SIMULATION = ServiceSpec(
     "simulation",
     _simulation,
     SimulatorSpec,
-    value=lambda config: _name(sim.SimulationMode, config.simulation.mode),
+    value=lambda config: value_name(sim.SimulationMode, config.simulation.mode),
     is_chosen=lambda config: bool(config.simulation.mode),
     topics=_mirrored,
     process_group=PHYSICS_GROUP,

@@ -51,9 +51,14 @@ class ServiceSpec:
     restart: str = "on-failure"
 
     @property
+    def block_name(self) -> str:
+        """Name of the block that asks for it."""
+        return self.path.rpartition(".")[2]
+
+    @property
     def name(self) -> str:
         """Name of its node: unless given, that of its block."""
-        return self.node_name or self.path.rpartition(".")[2]
+        return self.node_name or self.block_name
 
     def needed(self) -> ServiceSpec:
         """The same service in a mode that does not work without it."""
@@ -76,6 +81,7 @@ class ModeSpec:
             line's options and the emulated devices or None, it returns the exit code; "" for a run of nodes.
         verdict: the run ends with a pass/fail table of what each node measured.
         works_uncalibrated: actuators may move within their position limits without a calibration.
+        recalibrates: it makes the robot's calibration anew; the present one is neither loaded nor checked.
         idle: what starts no device, for a note that says so, such as "an upload".
     """
 
@@ -90,6 +96,7 @@ class ModeSpec:
     run: str = ""
     verdict: bool = False
     works_uncalibrated: bool = False
+    recalibrates: bool = False
     idle: str = ""
 
     def uses(self, path: str) -> bool:

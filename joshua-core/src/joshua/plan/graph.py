@@ -52,9 +52,9 @@ class NodeEntry:
         return isinstance(self.owner, pb.SingleAction)
 
     @property
-    def written_topic(self) -> str:
+    def applied_command_topic(self) -> str:
         """Where an actuator publishes the goals that it wrote, after ramp and limits."""
-        return f"{self.full_name}/command"
+        return f"{self.full_name}/applied_command"
 
     @property
     def is_sensor(self) -> bool:
@@ -225,7 +225,7 @@ class RobotGraph:
         names = dict(self.published_by_nodes)
         for entry in self.actuators:
             if entry.node.node_name:
-                names.setdefault(entry.written_topic, types.JOINT_STATE)
+                names.setdefault(entry.applied_command_topic, types.JOINT_STATE)
         if self.replays:
             names |= {item.topic: item.block.data_type for item in self.usable if item.is_command}
         return names

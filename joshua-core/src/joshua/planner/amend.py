@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.config.checks.device_table import device_block
+from joshua.config.checks.device_table import device_block, motor_ids
 from joshua.modes import mode_of
 from joshua.plan import Diagnostic, Related, Severity, installing
 from joshua.plan.diagnostic import as_sentence
@@ -134,24 +134,27 @@ def _is_camera(want: Wanted) -> bool:
 def _device(config: pb.Config, registry: Registry, want: Wanted) -> RealDevice:
     block = want.block_path.rpartition(".")[2]
     joints = _joint_names(config, registry, want) if want.kind is ActuatorSpec else ()
-    in_chain = want.block is not None and "motor_ids" in want.block.DESCRIPTOR.fields_by_name
+    in_chain = motor_ids(want.block) is not None
     return RealDevice(_name(want), want.enum_value, want.entry.owner, block, joints, in_chain)
 
 
 def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[str, ...]:
+    """The joints of an actuator: its settings know them, without its plugin the ids in its block count."""
     calibration = next((arm for arm in config.calibration.arms if arm.node_name == _name(want)), None)
     spec = registry.find(want.kind, want.block_name, want.enum_value)
-    settings = None
     if spec is not None and want.block is not None:
         from joshua.plugins.settings import make_settings  # needs pydantic
 
         context = BlockContext(calibration)
         settings, _ = make_settings(spec, want.block, node=want.entry.node, context=context)
-    names = tuple(joint.name for joint in joints_of(settings, want.block, calibration))
+        names = tuple(joint.name for joint in joints_of(settings))
+    else:
+        known = {motor.id: motor.joint_name for motor in calibration.motors} if calibration else {}
+        names = tuple(known.get(number) or f"joint_{number}" for number in motor_ids(want.block) or ())
     if not names:
         raise SimAdapterError(
-            f"{_name(want)}: its block does not say which joints it has, so the simulation cannot stand for "
-            "it: leave it out of the file, or run without --sim"
+            f"{_name(want)}: its block does not say which joints it has, so the simulation cannot replace "
+            "it. Leave it out of the file, or run without --sim"
         )
     return names
 

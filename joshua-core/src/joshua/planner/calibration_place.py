@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.config.calibration_paths import calibration_path, journal_path
+from joshua.config.loading import calibration_path, journal_path
 from joshua.plan import Diagnostic, Severity
-from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
     from joshua.config import LoadedConfig
@@ -68,7 +67,7 @@ def interrupted_calibrations(
     """
     config = loaded.config
     path = calibration_place(state_home, emulate=emulate)(loaded.path, config.general.id)
-    if not path or config.general.mode == pb.MODE_CALIBRATION:
+    if not path:
         return []
     names = [entry.node.node_name for entry in loaded.graph.actuators]
     return [

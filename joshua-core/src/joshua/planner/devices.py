@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -10,7 +9,6 @@ from joshua.config.checks.blocks import unpacked
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
-from joshua.schema import calibration_pb2
 from joshua.schema import config_pb2 as pb
 from joshua.schema.rules import block_rule
 
@@ -79,41 +77,10 @@ def _value_name(enum: Any, number: int) -> str:
         return str(number)
 
 
-def joints_of(
-    settings: Any, block: Any, calibration: calibration_pb2.ArmCalibration | None
-) -> tuple[JointRange, ...]:
-    """Names the joints of an actuator with their limits in radians, without a connection.
-
-    ``ActuatorSettings`` decide; else motors of 4096 ticks a turn are assumed, zero in
-    the middle, named by the calibration or ``joint_<id>``.
-    """
-    if settings is not None:
-        from joshua.plugins.settings import ActuatorSettings  # needs pydantic, as the settings did
-
-        if isinstance(settings, ActuatorSettings):
-            return settings.joints()
-    identities = _motor_ids(block)
-    names = {motor.id: motor for motor in calibration.motors} if calibration else {}
-    joints = []
-    for identity in identities:
-        motor = names.get(identity)
-        low = motor.range_min if motor else getattr(block, "position_min", 0)
-        high = motor.range_max if motor else getattr(block, "position_max", 4095)
-        name = motor.joint_name if motor and motor.joint_name else f"joint_{identity}"
-        joints.append(JointRange(name, _radians(low), _radians(high)))
-    return tuple(joints)
-
-
-def _motor_ids(block: Any) -> Sequence[int]:
-    if block is None:
+def joints_of(settings: Any) -> tuple[JointRange, ...]:
+    """The joints of an actuator, as its settings know them without a connection; () where they do not."""
+    if settings is None:
         return ()
-    names = block.DESCRIPTOR.fields_by_name
-    if "motor_ids" in names:
-        return list(cast(Iterable[int], block.motor_ids))
-    if "num_motors" in names:
-        return range(1, min(block.num_motors, 64) + 1)
-    return ()
+    from joshua.plugins.settings import ActuatorSettings  # needs pydantic, as the settings did
 
-
-def _radians(ticks: int) -> float:
-    return (ticks - 2048) * 6.283185307179586 / 4096
+    return settings.joints() if isinstance(settings, ActuatorSettings) else ()

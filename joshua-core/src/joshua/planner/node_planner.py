@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from joshua.features.derive import features_of
-from joshua.modes import ModeSpec
 from joshua.modes.services import PHYSICS_GROUP
 from joshua.plan import (
     ActuatorFacts,
@@ -19,13 +18,11 @@ from joshua.plan import (
     TopicSpec,
 )
 from joshua.plan.facts import Facts
-from joshua.plan.graph import Endpoint, NodeEntry, RobotGraph
-from joshua.planner.devices import Wanted
-from joshua.planner.diagnostics import Diagnostics
-from joshua.planner.request import Request
+from joshua.plan.graph import NodeEntry, RobotGraph
+from joshua.planner.draft import Draft
 from joshua.planner.resolution import Resolved
 from joshua.planner.safety import safety_facts
-from joshua.plugins import ActuatorSpec, ModelSpec, Registry, SensorSpec
+from joshua.plugins import ActuatorSpec, ModelSpec, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 
@@ -37,97 +34,65 @@ RESTART = {
 }
 
 
-class NodePlanner:
-    """Makes the node specs of one configuration.
+def node_specs(draft: Draft, nodes: list[Resolved], physics: dict[str, Any] | None) -> list[NodeSpec]:
+    """Make the node specs of a configuration.
 
     Args:
-        joints: joints of each actuator by field path of its node block.
-        request: names the configuration file, at whose folder relative paths start.
         physics: settings of the simulation; None where there is none.
-        allow_uncalibrated: joints without calibration may be energised.
     """
+    settings = {item.want.entry.path: item.settings for item in nodes}
+    without_native: dict[str, list[NodeEntry]] = {}
+    for item in nodes:
+        if item.want.entry.node.node_type == pb.CPP and not item.spec.native:
+            plugin = draft.registry.owner(item.spec).distribution
+            without_native.setdefault(plugin, []).append(item.want.entry)
+    for plugin, entries in without_native.items() if draft.launch else ():
+        names = ", ".join(entry.node.node_name for entry in entries)
+        message = f"{plugin} has no native implementation of {names}: the Python implementation runs"
+        draft.findings.append(draft.note("native-missing", message, f"{entries[0].path}.node_type"))
+    return [_spec(draft, item, _facts(draft, item, settings, physics)) for item in nodes]
 
-    def __init__(
-        self,
-        mode: ModeSpec,
-        graph: RobotGraph,
-        registry: Registry,
-        joints: Mapping[str, Sequence[JointRange]],
-        findings: Diagnostics,
-        request: Request,
-        physics: dict[str, Any] | None,
-        *,
-        allow_uncalibrated: bool,
-    ) -> None:
-        self._request = request
-        self._allow_uncalibrated = allow_uncalibrated
-        self._registry = registry
-        self._joints = joints
-        self._findings = findings
-        self._without_native: dict[str, list[Wanted]] = {}
-        self._settings: dict[str, Any] = {}
-        self._graph = graph
-        self._physics = physics
-        self._testing = mode.verdict
-        self._runs_models = mode.models
 
-    def specs(self, nodes: list[Resolved]) -> list[NodeSpec]:
-        """Makes the specs of all resolved nodes."""
-        self._settings = {resolved.want.entry.path: resolved.settings for resolved in nodes}
-        specs = [self._spec(resolved) for resolved in nodes]
-        for plugin, wants in self._without_native.items():
-            self._findings.native_missing(wants, plugin)
-        return specs
+def _spec(draft: Draft, item: Resolved, facts: Facts) -> NodeSpec:
+    want, spec, settings = item.want, item.spec, item.settings
+    node = want.entry.node
+    native = node.node_type == pb.CPP and bool(spec.native)
+    return NodeSpec(
+        name=node.node_name,
+        namespace=want.entry.namespace,
+        frame_id=node.frame_id or node.node_name,
+        node_id=node.node_id,
+        kind=NodeKind(want.kind.kind),
+        role=want.enum_value,
+        block=want.block_name,
+        plugin=draft.registry.owner(spec).distribution,
+        behaviour=spec.behaviour or spec.standard_behaviour,
+        implementation=spec.native if native else spec.implementation,
+        settings_type=spec.settings,
+        settings=settings.model_dump(mode="json") if settings is not None else {},
+        facts=facts,
+        backend="native" if native else "python",
+        publishers=tuple(_topics(draft.graph, want.entry, publishers=True)),
+        subscriptions=tuple(_topics(draft.graph, want.entry, publishers=False)),
+        process_group=node.process_group or (PHYSICS_GROUP if want.is_simulated else ""),
+        interpreter=_interpreter(draft, want.entry),
+        host=node.host,
+        restart=RESTART.get(node.restart, "on-failure"),
+    )
 
-    def _spec(self, resolved: Resolved) -> NodeSpec:
-        want, spec = resolved.want, resolved.spec
-        node = want.entry.node
-        plugin = self._registry.owner(spec).distribution
-        native = node.node_type == pb.CPP and bool(spec.native)
-        if node.node_type == pb.CPP and not native:
-            self._without_native.setdefault(plugin, []).append(want)
-        settings = resolved.settings
-        return NodeSpec(
-            name=node.node_name,
-            namespace=want.entry.namespace,
-            frame_id=node.frame_id or node.node_name,
-            node_id=node.node_id,
-            kind=NodeKind(want.kind.kind),
-            role=want.enum_value,
-            block=want.block_name,
-            plugin=plugin,
-            behaviour=spec.behaviour or spec.standard_behaviour,
-            implementation=spec.native if native else spec.implementation,
-            settings_type=spec.settings,
-            settings=settings.model_dump(mode="json") if settings is not None else {},
-            facts=self._facts(resolved),
-            backend="native" if native else "python",
-            publishers=tuple(self._topics(want, publishers=True)),
-            subscriptions=tuple(self._topics(want, publishers=False)),
-            process_group=node.process_group or (PHYSICS_GROUP if want.is_simulated else ""),
-            interpreter=self._interpreter(want),
-            host=node.host,
-            restart=RESTART.get(node.restart, "on-failure"),
-        )
 
-    def _interpreter(self, want: Wanted) -> str:
-        """The interpreter of a node; a relative path starts at the file that names it, as in the checks."""
-        if not want.entry.node.python:
-            return ""
-        from joshua.config.input_paths import with_absolute_paths
+def _interpreter(draft: Draft, entry: NodeEntry) -> str:
+    """The interpreter of a node; a relative path starts at the file that names it, as in the checks."""
+    if not entry.node.python:
+        return ""
+    from joshua.config.input_paths import with_absolute_paths
 
-        positions = self._findings.positions
-        return with_absolute_paths(want.entry.node, want.entry.path, positions, self._request.path).python
+    return with_absolute_paths(entry.node, entry.path, draft.loaded.positions, draft.request.path).python
 
-    def _own(self, want: Wanted, *, publishers: bool) -> list[Endpoint]:
-        return [
-            endpoint
-            for endpoint in self._graph.endpoints
-            if endpoint.entry.path == want.entry.path and endpoint.is_publisher is publishers
-        ]
 
-    def _topics(self, want: Wanted, *, publishers: bool) -> Iterable[TopicSpec]:
-        for endpoint in self._own(want, publishers=publishers):
+def _topics(graph: RobotGraph, entry: NodeEntry, *, publishers: bool) -> Iterable[TopicSpec]:
+    for endpoint in graph.endpoints:
+        if endpoint.entry.path == entry.path and endpoint.is_publisher is publishers:
             yield TopicSpec(
                 name=endpoint.topic,
                 type_name=data_types.type_name(endpoint.block.data_type),
@@ -135,33 +100,35 @@ class NodePlanner:
                 rate_hz=endpoint.block.publish_rate_hz if publishers else 0.0,
             )
 
-    def _facts(self, resolved: Resolved) -> Facts:
-        """What a node must know of itself and others, such as its leader, or the joints that it commands."""
-        want, spec = resolved.want, resolved.spec
-        common: dict[str, Any] = {
-            "testing": self._testing,
-            "hang_after_s": spec.hang_after_s,
-            "ready_timeout_s": spec.ready_timeout_s,
-        }
-        if isinstance(spec, ModelSpec):
-            driven = self._graph.driven_by(want.entry)
-            commanded = (joint for entry in driven for joint in self._joints.get(entry.path, ()))
-            names = {path: [joint.name for joint in joints] for path, joints in self._joints.items()}
-            features = features_of(self._graph, names, self._settings, reader=want.entry)
-            return ModelFacts(joints=tuple(commanded), features=tuple(features.values()), **common)
-        common["simulation"] = self._physics if want.is_simulated else None
-        if isinstance(spec, SensorSpec):
-            return SensorFacts(joints=resolved.joints, terminal=spec.terminal, **common)
-        assert isinstance(spec, ActuatorSpec)
-        return ActuatorFacts(
-            joints=tuple(self._joints[want.entry.path]),
-            commanders=tuple(commanders(self._graph, want.entry, self._joints, models=self._runs_models)),
-            external=tuple(item.topic for item in self._graph.commands(want.entry) if item.block.external),
-            allow_uncalibrated=self._allow_uncalibrated,
-            dry_run=self._request.dry_run,
-            **common,
-            **safety_facts(want.entry.owner, spec),
-        )
+
+def _facts(
+    draft: Draft, item: Resolved, settings: Mapping[str, Any], physics: dict[str, Any] | None
+) -> Facts:
+    """What a node must know of itself and others, such as its leader, or the joints that it commands."""
+    entry, spec, graph = item.want.entry, item.spec, draft.graph
+    common: dict[str, Any] = {
+        "testing": draft.mode.verdict,
+        "hang_after_s": spec.hang_after_s,
+        "ready_timeout_s": spec.ready_timeout_s,
+    }
+    if isinstance(spec, ModelSpec):
+        commanded = (joint for other in graph.driven_by(entry) for joint in draft.joints.get(other.path, ()))
+        names = {path: [joint.name for joint in joints] for path, joints in draft.joints.items()}
+        features = features_of(graph, names, settings, reader=entry)
+        return ModelFacts(joints=tuple(commanded), features=tuple(features.values()), **common)
+    common["simulation"] = physics if item.want.is_simulated else None
+    if isinstance(spec, SensorSpec):
+        return SensorFacts(joints=item.joints, terminal=spec.terminal, **common)
+    assert isinstance(spec, ActuatorSpec)
+    return ActuatorFacts(
+        joints=tuple(draft.joints[entry.path]),
+        commanders=tuple(commanders(graph, entry, draft.joints, models=draft.mode.models)),
+        external=tuple(endpoint.topic for endpoint in graph.commands(entry) if endpoint.block.external),
+        allow_uncalibrated=draft.allows_uncalibrated,
+        dry_run=draft.request.dry_run,
+        **common,
+        **safety_facts(entry.owner, spec),
+    )
 
 
 def commanders(

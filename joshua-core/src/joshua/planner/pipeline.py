@@ -57,9 +57,9 @@ class Checked:
 
 
 def examine(request: Request) -> PipelineResult:
-    """Loads, checks and plans a configuration; reports every problem at once and never raises for one.
+    """Load, check and plan a configuration; report every problem at once, and never raise for one.
 
-    Emulated devices have ``emulated`` for an endpoint: nothing is started.
+    The endpoint of emulated devices is ``emulated``: nothing is started.
     """
     checked = check_file(request)
     if request.emulate and not checked.result.errors:
@@ -71,37 +71,44 @@ def examine(request: Request) -> PipelineResult:
 
 
 def check_file(request: Request) -> Checked:
-    """Loads a configuration, checks everything that its text decides, and puts in what stands for devices."""
+    """Load a configuration, check everything that its text decides, and replace devices by simulated ones."""
     from joshua.config import check, load
     from joshua.config.checks.paths import check_paths
-    from joshua.modes import check_mode
+    from joshua.modes import check_mode, mode_of
     from joshua.planner.calibration_place import calibration_place, interrupted_calibrations
     from joshua.plugins import load_registry
+    from joshua.schema.config_pb2 import Config
 
     registry = load_registry(blocked=tuple(request.blocked_plugins))
     home = request.state_home
+    place = calibration_place(home, emulate=request.emulate)
+
+    def calibration_file(path: str, config: Config) -> str:
+        return "" if mode_of(config, registry).recalibrates else place(path, config.general.id)
+
     loaded = load(
         request.path,
         overrides=request.overrides,
         message_types=registry.message_modules(),
-        calibration=calibration_place(home, emulate=request.emulate),
+        calibration=calibration_file,
     )
+    recalibrates = mode_of(loaded.config, registry).recalibrates
     diagnostics = [
         *loaded.diagnostics,
-        *check(loaded),
+        *check(loaded, without=("calibration",) if recalibrates else ()),
         *check_mode(loaded, registry, launch=request.launch),
         *check_paths(loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged),
     ]
-    if request.launch and (request.emulate or not request.simulate):
+    if request.launch and not recalibrates and (request.emulate or not request.simulate):
         diagnostics += interrupted_calibrations(loaded, emulate=request.emulate, state_home=home)
     checked = Checked(request, registry, loaded, diagnostics)
     if checked.result.errors or not (request.simulate or request.emulate):
         return checked
-    return _with_stand_ins(checked)
+    return _amended(checked)
 
 
-def _with_stand_ins(checked: Checked) -> Checked:
-    """Does what ``--sim`` asks for, and finds devices that nothing emulates; refusals become findings."""
+def _amended(checked: Checked) -> Checked:
+    """Do what ``--sim`` asks for, and find devices that nothing emulates; refusals become findings."""
     from joshua.planner import amend
     from joshua.planner.calibration_place import calibration_place
     from joshua.plugins.sim_adapter import SimAdapterError
@@ -125,20 +132,22 @@ def _with_stand_ins(checked: Checked) -> Checked:
 
 
 def finish(checked: Checked) -> PipelineResult:
-    """Resolves the plugins of a checked configuration and makes its plan, where one is asked for."""
+    """Resolve the plugins of a checked configuration and make its plan, where one is asked for."""
     from joshua.config.checks.taint import one_of_each
-    from joshua.planner.planning import Planning
+    from joshua.planner.draft import Draft
+    from joshua.planner.planning import make_plan, resolve
 
-    request = checked.request
-    planning = Planning(checked.loaded, checked.registry, request)
-    planning.resolve()
-    findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
-    result = PipelineResult(findings, checked.loaded.sources)
-    if result.errors or request.purpose is Purpose.VALIDATE:
-        return result
-    plan = planning.plan()
-    findings = one_of_each(checked.diagnostics, planning.findings, checked.loaded.positions)
-    result = replace(result, diagnostics=findings)
-    if plan is None or result.errors:
-        return result
-    return replace(result, plan=plan.model_copy(update={"findings": tuple(result.diagnostics)}))
+    draft = Draft(checked.loaded, checked.registry, checked.request)
+    nodes, services = resolve(draft)
+
+    def result() -> PipelineResult:
+        findings = one_of_each(checked.diagnostics, draft.findings, checked.loaded.positions)
+        return PipelineResult(findings, checked.loaded.sources)
+
+    if result().errors or checked.request.purpose is Purpose.VALIDATE:
+        return result()
+    plan = make_plan(draft, nodes, services)
+    found = result()
+    if plan is None or found.errors:
+        return found
+    return replace(found, plan=plan.model_copy(update={"findings": tuple(found.diagnostics)}))

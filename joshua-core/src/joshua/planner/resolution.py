@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from joshua.config.checks.device_table import fitting_blocks
-from joshua.plan import Diagnostic, Severity
-from joshua.plan.graph import RobotGraph
+from joshua.plan import Related
 from joshua.planner.devices import Wanted, joints_of
-from joshua.planner.diagnostics import Diagnostics
 from joshua.planner.safety import check_safety
-from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, Registry, SensorSpec
+from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.plugins.block_context import BlockContext
-from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 
 if TYPE_CHECKING:
-    from joshua.plan import JointRange
+    from joshua.plan import Diagnostic, JointRange
+    from joshua.planner.draft import Draft
 
 
 @dataclass(frozen=True)
@@ -36,121 +33,91 @@ class Resolved:
     joints: tuple[JointRange, ...] = ()
 
 
-class Resolver:
-    """Finds the implementation of each wanted node and makes its settings; problems become findings.
+def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | None) -> list[Resolved]:
+    """Resolve all nodes whose plugin is installed, fill in ``draft.joints``; the others become findings.
 
     Args:
-        source: the configuration file, at whose folder relative paths start.
-        allow_uncalibrated: joints without calibration may be energised.
-
-    Attributes:
-        joints: joints of each actuator by field path of its node block, known without a connection.
+        physics: settings of the simulation; None where there is none.
     """
+    from joshua.config.input_paths import with_absolute_paths
 
-    def __init__(
-        self,
-        config: pb.Config,
-        graph: RobotGraph,
-        registry: Registry,
-        findings: Diagnostics,
-        source: str,
-        *,
-        allow_uncalibrated: bool,
-    ) -> None:
-        self._registry = registry
-        self._allow_uncalibrated = allow_uncalibrated
-        self._findings = findings
-        self._source = source
-        self._calibrations = {arm.node_name: arm for arm in config.calibration.arms}
-        self.joints: dict[str, Sequence[JointRange]] = {}
-        self._graph = graph
-        self._final_names: set[str] = set()
-
-    def resolve(self, wanted: list[Wanted], physics: dict[str, Any] | None) -> list[Resolved]:
-        """Resolves all nodes whose plugin is installed; the others become findings.
-
-        Args:
-            physics: settings of the simulation; None where there is none.
-        """
-        resolved = []
-        missing: dict[tuple[type[NodePluginSpec], str], list[Wanted]] = {}
-        for want in wanted:
-            spec = self._spec(want)
-            if spec is None and _is_complete(want):
-                key = (want.kind, want.block_name or want.enum_value)
-                missing.setdefault(key, []).append(want)
-            calibration = self._calibrations.get(want.entry.node.node_name)
-            reached = self._reached_joints(want) if want.kind is SensorSpec else ()
-            simulation = physics if want.is_simulated else None
-            settings = None
-            if spec is not None:
-                context = BlockContext(calibration, reached, simulation, launch=self._findings.launch)
-                settings, problems = self._settings(want, spec, context)
-                self._findings.items += problems
-                self._unfit_types(want, spec)
-                resolved.append(Resolved(want, spec, settings, reached))
-            if want.kind is ActuatorSpec:
-                joints = self.joints[want.entry.path] = joints_of(settings, want.block, calibration)
-                # Without calibration an arm's joints have names that nobody will use, unless that is waived.
-                virtual = isinstance(spec, DeviceSpec) and spec.virtual
-                if calibration is not None or virtual or self._allow_uncalibrated:
-                    self._final_names.add(want.entry.path)
-                if isinstance(spec, ActuatorSpec):
-                    check_safety(want, spec, joints, self._findings)
-        for wants in missing.values():
-            self._findings.plugin_missing(wants, self._registry)
-        return resolved
-
-    def _reached_joints(self, want: Wanted) -> tuple[JointRange, ...]:
-        """The joints that a sensor's commands reach; empty unless the names of all of them are final."""
-        reached = self._graph.driven_by(want.entry)
-        if not all(entry.path in self._final_names for entry in reached):
-            return ()
-        return tuple(joint for entry in reached for joint in self.joints[entry.path])
-
-    def _spec(self, want: Wanted) -> NodePluginSpec | None:
+    calibrations = {arm.node_name: arm for arm in draft.config.calibration.arms}
+    resolved = []
+    final_names: set[str] = set()
+    missing: dict[tuple[type[NodePluginSpec], str], list[Wanted]] = {}
+    for want in wanted:
         if not _is_complete(want):
-            return None
-        return self._registry.find(want.kind, want.block_name, want.enum_value)
+            continue
+        entry = want.entry
+        spec = draft.registry.find(want.kind, want.block_name, want.enum_value)
+        if spec is None:
+            missing.setdefault((want.kind, want.block_name or want.enum_value), []).append(want)
+            continue
+        calibration = calibrations.get(entry.node.node_name)
+        # The joints that a sensor's commands reach are known where the names of all of them are final.
+        driven = draft.graph.driven_by(entry) if want.kind is SensorSpec else []
+        known = all(other.path in final_names for other in driven)
+        reached = tuple(joint for other in driven for joint in draft.joints[other.path]) if known else ()
+        simulation = physics if want.is_simulated else None
+        context = BlockContext(calibration, reached, simulation, launch=draft.launch)
+        block = want.block
+        if block is not None and spec.settings:
+            positions = draft.loaded.positions
+            block = with_absolute_paths(block, want.block_path, positions, draft.request.path)
+        settings = draft.settings(spec, block, want.block_path, context, entry.node)
+        draft.findings += _unfit_types(draft, want, spec)
+        resolved.append(Resolved(want, spec, settings, reached))
+        if isinstance(spec, ActuatorSpec):
+            joints = draft.joints[entry.path] = joints_of(settings)
+            # Without a calibration the names of joints are placeholders, unless the user waives it.
+            if joints and (calibration is not None or spec.virtual or draft.allows_uncalibrated):
+                final_names.add(entry.path)
+            check_safety(draft, want, spec, joints)
+    draft.findings += [_plugin_missing(draft, wants) for wants in missing.values()]
+    return resolved
 
-    def _settings(
-        self, want: Wanted, spec: NodePluginSpec, context: BlockContext
-    ) -> tuple[Any, list[Diagnostic]]:
-        if want.block is None or not spec.settings:
-            return None, []
-        # Imported here, because it needs pydantic, which a file without such a block need not wait for.
-        from joshua.config.input_paths import with_absolute_paths
-        from joshua.plugins.settings import make_settings
 
-        return make_settings(
-            spec,
-            with_absolute_paths(want.block, want.block_path, self._findings.positions, self._source),
-            node=want.entry.node,
-            context=context,
-            field_path=want.block_path,
-            positions=self._findings.positions,
+def _plugin_missing(draft: Draft, wants: list[Wanted]) -> Diagnostic:
+    """One finding for all nodes of one kind and block whose plugin is not installed."""
+    first, others = wants[0], wants[1:]
+    names = ", ".join(want.entry.node.node_name or want.entry.owner_path for want in wants)
+    # Several nodes with one block may have different roles, none of which matters here.
+    same_role = len({want.enum_value for want in wants}) == 1
+    enum_value = first.enum_value if same_role or not first.block_name else ""
+    return draft.missing(
+        "plugin-missing",
+        draft.registry.missing(names, first.kind, first.block_name, enum_value),
+        first.block_path,
+        remedy=draft.registry.remedy(first.kind, first.block_name, enum_value),
+        related=also_needed_by(draft, others),
+    )
+
+
+def also_needed_by(draft: Draft, wants: list[Wanted]) -> tuple[Related, ...]:
+    """The positions of further blocks that need the same plugin."""
+    labels = ((want.block_path, f"{want.entry.node.node_name} needs it too") for want in wants)
+    return tuple(related for path, label in labels for related in draft.see(path, label))
+
+
+def _unfit_types(draft: Draft, want: Wanted, spec: NodePluginSpec) -> list[Diagnostic]:
+    """Topics of a third party's device that it cannot serve; the checks know the types of the others."""
+    if "." not in want.block_name or not isinstance(spec, DeviceSpec) or not spec.data_types:
+        return []
+    offered = tuple(data_types.number(name) for name in spec.data_types)
+    allowed = tuple(data_types.enum_names(number)[0] for number in offered)
+    return [
+        draft.error(
+            "data-type-unfit",
+            f"{want.entry.node.node_name} ({want.block_name}) cannot publish "
+            f"{data_types.enum_names(publisher.data_type)[0]}",
+            f"{want.entry.path}.publishers[{index}].data_type",
+            allowed=allowed,
+            remedy=f"Write data_type: {allowed[0]}",
         )
-
-    def _unfit_types(self, want: Wanted, spec: NodePluginSpec) -> None:
-        """Topics of a third party's device that it cannot serve; the checks know the types of the others."""
-        if "." not in want.block_name or not isinstance(spec, DeviceSpec) or not spec.data_types:
-            return
-        offered = tuple(data_types.number(name) for name in spec.data_types)
-        allowed = tuple(data_types.enum_names(number)[0] for number in offered)
-        for index, publisher in enumerate(want.entry.node.publishers):
-            number = publisher.data_type
-            if number in offered or number not in data_type_pb2.DataType.values() or not number:
-                continue  # absent and unknown numbers are findings of the checks
-            found = data_types.enum_names(number)[0]
-            self._findings.add(
-                "data-type-unfit",
-                Severity.ERROR,
-                f"{want.entry.node.node_name} ({want.block_name}) cannot publish {found}",
-                f"{want.entry.path}.publishers[{index}].data_type",
-                found=found,
-                allowed=allowed,
-                remedy=f"write data_type: {allowed[0]}",
-            )
+        for index, publisher in enumerate(want.entry.node.publishers)
+        # The checks report absent and unknown numbers.
+        if publisher.data_type in set(data_type_pb2.DataType.values()) - {0, *offered}
+    ]
 
 
 def _is_complete(want: Wanted) -> bool:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from joshua.plan import Severity
 from joshua.planner.devices import Wanted
-from joshua.planner.diagnostics import Diagnostics
 from joshua.plugins import ActuatorSpec
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
     from joshua.plan import JointRange
+    from joshua.planner.draft import Draft
 
 PARK_TIMEOUT_S = 5.0
 ON_STALE_AFTER_S = 5.0
@@ -45,44 +44,25 @@ def safety_facts(action: pb.SingleAction, spec: ActuatorSpec) -> dict[str, Any]:
     return facts
 
 
-def check_safety(
-    want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange], findings: Diagnostics
-) -> None:
-    """Finds a park pose that does not fit the joints, and a device that cannot park."""
-    action = want.entry.owner
-    if not isinstance(action, pb.SingleAction):
-        return
-    path = want.entry.owner_path
+def check_safety(draft: Draft, want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange]) -> None:
+    """Find a park pose that does not fit the joints, and a device that cannot park."""
+    action, path, name = want.entry.owner, want.entry.owner_path, want.entry.node.node_name
     has_guardian = bool(spec.safe_stop) and action.action_type != pb.ACTION_LEADER
     parks_when_stale = action.on_stale == pb.PARK_THEN_RELEASE
+    found = draft.findings
     if action.HasField("park_timeout_s") and not (has_guardian or parks_when_stale):
-        findings.add(
-            "field-unused",
-            Severity.NOTE,
-            f"park_timeout_s has no effect: {want.entry.node.node_name} has no guardian that it could bound",
-            f"{path}.park_timeout_s",
-            remedy="remove it",
-        )
+        message = f"park_timeout_s has no effect: {name} has no guardian whose time it could limit"
+        found.append(draft.note("field-unused", message, f"{path}.park_timeout_s"))
     parks = action.safe_state == pb.PARK_THEN_RELEASE
     if parks and not spec.safe_stop:
-        findings.add(
-            "safe-state-unfit",
-            Severity.ERROR,
-            f"{want.entry.node.node_name}: the plugin of {want.block_name or want.enum_value} cannot park",
-            f"{path}.safe_state",
-            found="PARK_THEN_RELEASE",
-            allowed=("HOLD", "RELEASE"),
-            remedy="write safe_state: HOLD or safe_state: RELEASE",
-        )
-    elif (parks or parks_when_stale) and action.park_pose_rad and len(action.park_pose_rad) != len(joints):
+        message = f"{name}: the plugin of {want.block_name or want.enum_value} cannot park"
+        allowed: tuple[str, ...] = ("HOLD", "RELEASE")
+        found.append(draft.error("safe-state-unfit", message, f"{path}.safe_state", allowed=allowed))
+    elif (parks or parks_when_stale) and joints and len(action.park_pose_rad) not in (0, len(joints)):
         names = ", ".join(joint.name for joint in joints)
-        findings.add(
-            "park-pose-unfit",
-            Severity.ERROR,
-            f"{want.entry.node.node_name}: the park pose has {len(action.park_pose_rad)} angles, "
-            f"and the actuator has {len(joints)} joints: {names}",
-            f"{path}.park_pose_rad",
-            found=str(len(action.park_pose_rad)),
-            allowed=(str(len(joints)),),
-            remedy="write one angle for each joint, in radians and in this order",
+        message = (
+            f"{name}: the park pose has {len(action.park_pose_rad)} angles, "
+            f"but the actuator has {len(joints)} joints: {names}"
         )
+        allowed = (f"{len(joints)} angles",)
+        found.append(draft.error("park-pose-unfit", message, f"{path}.park_pose_rad", allowed=allowed))

@@ -3,82 +3,73 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from joshua.plan import Severity, TlsSpec, TransportSettings
+from joshua.plan import Diagnostic, TlsSpec, TransportSettings
 from joshua.transport.choice import ZENOH, TransportChoiceError, choose_transport, kind_of, why_missing
 
 if TYPE_CHECKING:
-    from joshua.planner.diagnostics import Diagnostics
+    from joshua.config.checks import Context
     from joshua.plugins import Registry
-    from joshua.schema import config_pb2 as pb
-    from joshua.schema import transport_pb2
 
 _ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
 _DDS_FIELDS = ("network_interface", "peers")
 
 
 def transport_settings(
-    config: pb.Config, source: str, findings: Diagnostics, registry: Registry, option: str = ""
-) -> TransportSettings | None:
-    """Choose the transport; an unknown value or a missing plugin becomes a finding, an unknown value None.
+    context: Context, registry: Registry, option: str = ""
+) -> tuple[TransportSettings | None, list[Diagnostic]]:
+    """Choose the transport; None and the reason where the environment is wrong.
 
     Args:
-        config, source: the file and its path; findings: where diagnostics go.
-        registry: what is installed.
+        context: the loaded file; registry: what is installed.
         option: value of ``--transport``.
     """
-    block = config.transport
+    block = context.config.transport
     try:
         settings = choose_transport(
-            block, os.environ, lambda: registry, option=option, tls=_tls(block, source, findings)
+            block,
+            os.environ,
+            lambda: registry,
+            option=option,
+            tls=_tls(context) if block.HasField("tls") else None,
         )
     except TransportChoiceError as error:
-        findings.add(
-            "transport-environment",
-            Severity.ERROR,
-            f"The environment variable {error.variable} has a value that ROS 2 does not know",
-            found=f"{error.variable}={error.found}",
-            allowed=error.allowed,
-            remedy=error.remedy,
-        )
-        return None
-    _refuse_unused(block, settings, findings)
+        message = f"ROS 2 does not know the value of the environment variable {error.variable}"
+        found = f"{error.variable}={error.found}"
+        allowed, remedy = error.allowed, error.remedy
+        problem = context.error("transport-environment", message, found=found, allowed=allowed, remedy=remedy)
+        return None, [problem]
+    problems = [] if kind_of(block) else list(_unused(context, settings))  # the checks know a named kind
     if not settings.implementation:
         message, remedy = why_missing(settings, registry)
-        severity = Severity.ERROR if findings.launch else Severity.NOTE
-        findings.add(
-            "extra-missing", severity, message[0].upper() + message[1:], "transport.kind", remedy=remedy
-        )
-    return settings
+        message = message[0].upper() + message[1:]
+        path = "transport.kind"
+        problems.append(context.missing("extra-missing", message, path, found="", remedy=remedy))
+    return settings, problems
 
 
-def _refuse_unused(
-    block: transport_pb2.TransportConfig, settings: TransportSettings, findings: Diagnostics
-) -> None:
-    """Refuse settings of one transport where the environment chose the other; checks know a named kind."""
-    if kind_of(block):
-        return
+def _unused(context: Context, settings: TransportSettings) -> Iterator[Diagnostic]:
+    """Settings of one transport where the environment has chosen the other."""
     chosen, other = ("Zenoh", "DDS") if settings.kind == ZENOH else ("DDS", "Zenoh")
     fields = _ZENOH_FIELDS if other == "Zenoh" else _DDS_FIELDS
-    written = {field.name for field, _ in block.ListFields()}
+    written = {field.name for field, _ in context.config.transport.ListFields()}
     for field in (name for name in fields if name in written):
-        findings.add(
+        yield context.error(
             "transport-field-unused",
-            Severity.ERROR,
-            f"{field} is a setting of {other}, and {chosen} was chosen: {settings.reason}",
+            f"{field} is a setting of {other}, but {chosen} was chosen: {settings.reason}",
             f"transport.{field}",
             found=field,
             remedy=f"Write kind: TRANSPORT_{other.upper()} into transport, or remove {field}",
         )
 
 
-def _tls(block: transport_pb2.TransportConfig, source: str, findings: Diagnostics) -> TlsSpec | None:
-    if not block.HasField("tls"):
-        return None
+def _tls(context: Context) -> TlsSpec:
     from joshua.config.input_paths import with_absolute_paths
 
-    tls = with_absolute_paths(block.tls, "transport.tls", findings.positions, source)
+    block, loaded = context.config.transport.tls, context.loaded
+    tls = with_absolute_paths(block, "transport.tls", loaded.positions, loaded.path)
     return TlsSpec(
         root_ca_file=tls.root_ca_file,
         certificate_file=tls.certificate_file,

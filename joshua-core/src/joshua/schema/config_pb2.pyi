@@ -313,7 +313,7 @@ class STS3215Config(_message.Message):
     def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ..., joint: _Optional[_Iterable[_Union[STS3215Joint, _Mapping]]] = ...) -> None: ...
 
 class STS3215Joint(_message.Message):
-    __slots__ = ("motor_id", "gripper", "torque_limit_percent", "protection_current_ma", "overload_torque_percent", "overload_time_s", "position_p", "position_i", "position_d", "acceleration")
+    __slots__ = ("motor_id", "gripper", "torque_limit_percent", "protection_current_ma", "overload_torque_percent", "overload_time_s", "position_p", "position_i", "position_d", "acceleration", "grip_load_percent", "grip_torque_percent", "grip_squeeze_rad")
     MOTOR_ID_FIELD_NUMBER: _ClassVar[int]
     GRIPPER_FIELD_NUMBER: _ClassVar[int]
     TORQUE_LIMIT_PERCENT_FIELD_NUMBER: _ClassVar[int]
@@ -324,6 +324,9 @@ class STS3215Joint(_message.Message):
     POSITION_I_FIELD_NUMBER: _ClassVar[int]
     POSITION_D_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    GRIP_LOAD_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    GRIP_TORQUE_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    GRIP_SQUEEZE_RAD_FIELD_NUMBER: _ClassVar[int]
     motor_id: int
     gripper: bool
     torque_limit_percent: float
@@ -334,7 +337,10 @@ class STS3215Joint(_message.Message):
     position_i: int
     position_d: int
     acceleration: int
-    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., protection_current_ma: _Optional[float] = ..., overload_torque_percent: _Optional[float] = ..., overload_time_s: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
+    grip_load_percent: float
+    grip_torque_percent: float
+    grip_squeeze_rad: float
+    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., protection_current_ma: _Optional[float] = ..., overload_torque_percent: _Optional[float] = ..., overload_time_s: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ..., grip_load_percent: _Optional[float] = ..., grip_torque_percent: _Optional[float] = ..., grip_squeeze_rad: _Optional[float] = ...) -> None: ...
 
 class DynamixelConfig(_message.Message):
     __slots__ = ("comm", "motor_ids", "models", "position_min", "position_max", "velocity", "acceleration", "joint")
@@ -357,7 +363,7 @@ class DynamixelConfig(_message.Message):
     def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., motor_ids: _Optional[_Iterable[int]] = ..., models: _Optional[_Iterable[str]] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., velocity: _Optional[int] = ..., acceleration: _Optional[int] = ..., joint: _Optional[_Iterable[_Union[DynamixelJoint, _Mapping]]] = ...) -> None: ...
 
 class DynamixelJoint(_message.Message):
-    __slots__ = ("motor_id", "gripper", "torque_limit_percent", "current_limit_ma", "position_p", "position_i", "position_d", "acceleration")
+    __slots__ = ("motor_id", "gripper", "torque_limit_percent", "current_limit_ma", "position_p", "position_i", "position_d", "acceleration", "grip_load_percent", "grip_torque_percent", "grip_squeeze_rad")
     MOTOR_ID_FIELD_NUMBER: _ClassVar[int]
     GRIPPER_FIELD_NUMBER: _ClassVar[int]
     TORQUE_LIMIT_PERCENT_FIELD_NUMBER: _ClassVar[int]
@@ -366,6 +372,9 @@ class DynamixelJoint(_message.Message):
     POSITION_I_FIELD_NUMBER: _ClassVar[int]
     POSITION_D_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    GRIP_LOAD_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    GRIP_TORQUE_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    GRIP_SQUEEZE_RAD_FIELD_NUMBER: _ClassVar[int]
     motor_id: int
     gripper: bool
     torque_limit_percent: float
@@ -374,7 +383,10 @@ class DynamixelJoint(_message.Message):
     position_i: int
     position_d: int
     acceleration: int
-    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., current_limit_ma: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ...) -> None: ...
+    grip_load_percent: float
+    grip_torque_percent: float
+    grip_squeeze_rad: float
+    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., current_limit_ma: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ..., grip_load_percent: _Optional[float] = ..., grip_torque_percent: _Optional[float] = ..., grip_squeeze_rad: _Optional[float] = ...) -> None: ...
 
 class MockMotorConfig(_message.Message):
     __slots__ = ("num_motors", "position_min", "position_max", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "time_constant_s")

@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from joshua.cli.stand_ins import replace_devices as replace_devices
     from joshua.config import LoadedConfig as LoadedConfig
     from joshua.config import load as load
-    from joshua.config.calibration_paths import journal_path as journal_path
     from joshua.config.checks.device_table import calibratable_blocks as calibratable_blocks
     from joshua.config.checks.device_table import device_block as device_block
     from joshua.config.diagnostics import render_text as render_text
     from joshua.config.format_file import replace_file as replace_file
+    from joshua.config.loading import journal_path as journal_path
     from joshua.devices.context import open_driver as open_driver
     from joshua.ipc.client import CallError as CallError
     from joshua.ipc.client import RunInfo as RunInfo
@@ -102,7 +102,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.planner.request": ("Request", "Purpose"),
         "joshua.planner.pipeline": ("PipelineResult", "Checked", "check_file", "finish"),
         "joshua.planner.calibration_place": ("kept_calibrations", "FileRefused"),
-        "joshua.config.calibration_paths": ("journal_path",),
+        "joshua.config.loading": ("journal_path",),
         "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan"),
         "joshua.plugins.targets": ("TargetError", "load_target"),
         "joshua.config": ("LoadedConfig", "load"),

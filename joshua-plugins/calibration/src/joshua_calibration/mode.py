@@ -40,5 +40,6 @@ SPEC = ModeSpec(
     services=(SIMULATION,),
     blocks=("calibration_run",),
     works_uncalibrated=True,
+    recalibrates=True,
     run="joshua_calibration.run:run_calibration",
 )

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from joshua.api import FieldError
 from joshua_servo.register import Register
-from joshua_servo.settings import ServoJoint, ServoSettings
+from joshua_servo.settings import GRIP_DEFAULTS, ServoJoint, ServoSettings
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
@@ -26,9 +26,14 @@ from joshua_dynamixel.registers import (
 class DynamixelJoint(ServoJoint):
     """Settings of one servo, in the units of its block."""
 
-    gripper_defaults: ClassVar[Mapping[str, float]] = {"torque_limit_percent": 50}
+    gripper_defaults: ClassVar[Mapping[str, float]] = {**GRIP_DEFAULTS, "torque_limit_percent": 50}
 
     current_limit_ma: float | None = None
+
+    @property
+    def overload(self) -> tuple[float, float]:
+        """Load in % that trips the servo, and the time in s: on the safe side, as none is published."""
+        return 80, 1
 
 
 class DynamixelSettings(ServoSettings):

@@ -30,6 +30,7 @@ from joshua_servo.diagnostics import bus_row, joint_rows
 from joshua_servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from joshua_servo.family import ServoFamily
 from joshua_servo.feedback import Feedback
+from joshua_servo.grip import Grips
 from joshua_servo.handover import open_unguarded
 from joshua_servo.inspection import ServoSetup
 from joshua_servo.joint_map import JointMap, TickArray
@@ -80,6 +81,7 @@ class ServoArm(Actuator):
         self._torque = TorqueSwitch(self._bus, self.family, names)
         self._state = StateReader(self._bus, self.family, names, self.parse)
         self._tuning = Tuning(self._bus, self.family, settings.register_values())
+        self._grips = Grips(settings, self._bus)
         self._lock = threading.RLock()
         self._enabled = False
         self._tripped = ""
@@ -200,6 +202,7 @@ class ServoArm(Actuator):
             self._readings = readings
             if self._enabled:
                 self._trip_where_needed(readings)
+                self._grips.look(readings, self._goal_ticks.tolist(), time.monotonic())
         return JointReading(
             stamp_ns,
             self._map.radians([reading.position for reading in readings]),
@@ -243,6 +246,7 @@ class ServoArm(Actuator):
             self.check_start(present.tolist())
             if not self._dry_run:
                 self._torque.switch_on(present.tolist(), self.move_values())
+            self._grips.reset()
             self._enabled = True
             self._tripped = ""
             self._remember(self._map.radians(present), present)
@@ -268,19 +272,23 @@ class ServoArm(Actuator):
             step = self._map.speed_rad_s * elapsed_s
             goal = np.clip(goal, self._goal - step, self._goal + step)
             ticks = self._map.ticks(goal, self._goal_ticks)
-            self._send_goals(ticks)
+            if not self._dry_run:
+                self._grips.write_limits(time.monotonic())
+            written = np.array(self._grips.goals(ticks.tolist()), dtype=np.int64)
+            self._send_goals(written)
             self._remember(goal, ticks)
-            return self._map.radians(ticks)
+            return self._map.radians(written)
 
     def hold(self) -> None:
-        """Stops where the joints are; without torque it does nothing. Raises DeviceDisconnected."""
+        """Stops where the joints are and keeps a grip; idle without torque. Raises DeviceDisconnected."""
         self.require_connected("hold")
         with self._lock:
             if not self._enabled:
                 return
-            present = np.array(self._state.positions(), dtype=np.int64)
-            self._send_goals(present)
-            self._remember(self._map.radians(present), present)
+            present = self._state.positions()
+            held = np.array(self._grips.held(present, self._goal_ticks.tolist()), dtype=np.int64)
+            self._send_goals(held)
+            self._remember(self._map.radians(held), held)
 
     def release(self) -> None:
         """Takes torque off all joints and verifies it; does nothing on a closed device.

@@ -34,7 +34,7 @@ class ServoJoint(BaseModel):
 
     model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     #: What a gripper is set to unless the file says otherwise.
-    gripper_defaults: ClassVar[Mapping[str, float]] = {}
+    gripper_defaults: ClassVar[Mapping[str, float]]
 
     motor_id: int | None = None
     gripper: bool | None = None
@@ -43,6 +43,14 @@ class ServoJoint(BaseModel):
     position_i: int | None = None
     position_d: int | None = None
     acceleration: int | None = None
+    grip_load_percent: float | None = None
+    grip_torque_percent: float | None = None
+    grip_squeeze_rad: float | None = None
+
+    @property
+    def overload(self) -> tuple[float, float]:
+        """Load in % that trips the servo, and for how long it must last in s."""
+        raise NotImplementedError(f"{type(self).__name__} has no overload")
 
     def over(self, general: Self | None) -> Self:
         """These settings, completed by those that apply to every servo."""
@@ -51,6 +59,14 @@ class ServoJoint(BaseModel):
     def of_gripper(self) -> Self:
         """These settings, completed by the defaults of a gripper."""
         return self.model_copy(update={"gripper": True, **self.gripper_defaults} | _given(self))
+
+
+#: Settings of the grip mode, for the defaults of a gripper.
+GRIP_DEFAULTS: Mapping[str, float] = {
+    "grip_load_percent": 15,
+    "grip_torque_percent": 20,
+    "grip_squeeze_rad": 0.05,
+}
 
 
 def _given(joint: ServoJoint) -> dict[str, Any]:
@@ -148,6 +164,27 @@ class ServoSettings(SerialSettings, ActuatorSettings):
                     remedy="write all settings into one entry",
                 )
             seen.add(joint.motor_id)
+        return self
+
+    @model_validator(mode="after")
+    def _grips_below_the_overload(self) -> Self:
+        for servo_id, joint in zip(self.motor_ids, self.joint_settings, strict=True):
+            if not joint.grip_load_percent:
+                continue
+            if joint.grip_torque_percent is None or joint.grip_squeeze_rad is None:
+                raise FieldError(
+                    "joint",
+                    f"servo {servo_id} has a grip load, but not the other settings of the grip mode",
+                    remedy="add grip_torque_percent and grip_squeeze_rad, or gripper: true for the defaults",
+                )
+            limit = joint.torque_limit_percent or 100
+            if joint.grip_torque_percent >= joint.overload[0] or joint.grip_torque_percent > limit:
+                raise FieldError(
+                    "joint",
+                    f"servo {servo_id} would hold an object with {joint.grip_torque_percent:g} % torque, but "
+                    f"its limit is {limit:g} % and it trips at {joint.overload[0]:g} %",
+                    remedy="lower grip_torque_percent, or raise overload_torque_percent",
+                )
         return self
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from joshua.api import FromField
 from joshua_servo.register import Register
-from joshua_servo.settings import ServoJoint, ServoSettings
+from joshua_servo.settings import GRIP_DEFAULTS, ServoJoint, ServoSettings
 
 from joshua_sts3215.registers import (
     BAUDRATES,
@@ -29,6 +29,7 @@ class Sts3215Joint(ServoJoint):
 
     #: Public practice for the grippers of SO-100 and SO-101 arms.
     gripper_defaults: ClassVar[Mapping[str, float]] = {
+        **GRIP_DEFAULTS,
         "torque_limit_percent": 50,
         "protection_current_ma": 1625,
         "overload_torque_percent": 25,
@@ -38,6 +39,11 @@ class Sts3215Joint(ServoJoint):
     protection_current_ma: float | None = None
     overload_torque_percent: float | None = None
     overload_time_s: float | None = None
+
+    @property
+    def overload(self) -> tuple[float, float]:
+        """Load in % that trips the servo, and the time in s; the factory's where the file sets none."""
+        return self.overload_torque_percent or 80, self.overload_time_s or 2
 
 
 class Sts3215Settings(ServoSettings):

@@ -77,7 +77,7 @@ def _hz(actions: Any) -> None:
 
 def _pub(actions: Any) -> None:
     parser = _action(actions, "pub", "publish a message, once or at a rate")
-    parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /follower/command")
+    parser.add_argument("topic", metavar="TOPIC", help="topic name, such as /follower/joint_states")
     parser.add_argument("type", metavar="TYPE", help="package/msg/Type or a DataType such as JOINT_STATE")
     parser.add_argument(
         "values",

@@ -190,14 +190,13 @@ def _require_connection(transport: Transport, wait_s: float) -> None:
 
 def _settings_of_file(path: str, option: str) -> TransportSettings:
     from joshua.config import load
-    from joshua.planner.diagnostics import Diagnostics
+    from joshua.config.checks import Context
     from joshua.planner.transport_choice import transport_settings
     from joshua.plugins import load_registry
 
     loaded = load(path)
-    findings = Diagnostics(loaded, launch=True)
-    settings = transport_settings(loaded.config, path, findings, load_registry(), option)
-    problems = [item for item in (*loaded.diagnostics, *findings.items) if item.severity.value == "error"]
+    settings, found = transport_settings(Context(loaded, launch=True), load_registry(), option)
+    problems = [item for item in (*loaded.diagnostics, *found) if item.severity.value == "error"]
     if not loaded.is_readable or settings is None:
         reason = problems[0].message if problems else "it cannot be read"
         raise GraphError(f"{path}: {reason}; see joshua --config {path} --validate-only", ExitCode.INVALID)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from importlib import import_module
 from itertools import islice
 from typing import Any
@@ -13,8 +13,6 @@ from joshua.plan import Diagnostic, Severity
 from joshua.textproto.limits import MAX_PROBLEMS
 
 __all__ = ["Context", "at_most", "check", "settle"]
-
-_MODE_CALIBRATION = 4  # a calibration run asks nothing of the calibration that it replaces
 
 # Each family is a module with a function ``check``; the condition says which files it concerns, so that
 # the others do not wait for its import.
@@ -31,9 +29,7 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "qos": lambda context: bool(context.graph.entries),
     "no_effect": lambda context: True,
     "safety": lambda context: any(_has_safety(entry.owner) for entry in context.graph.entries),
-    "calibration": lambda context: (
-        context.config.HasField("calibration") and context.config.general.mode != _MODE_CALIBRATION
-    ),
+    "calibration": lambda context: context.config.HasField("calibration"),
     "transport": lambda context: context.config.HasField("transport"),
     "machines": lambda context: any(entry.node.host for entry in context.graph.entries),
 }
@@ -44,11 +40,12 @@ def _has_safety(owner: Any) -> bool:
     return any(getattr(owner, name, 0) for name in fields)
 
 
-def check(loaded: LoadedConfig) -> list[Diagnostic]:
+def check(loaded: LoadedConfig, without: Collection[str] = ()) -> list[Diagnostic]:
     """Checks a loaded configuration against every rule that needs no device, plugin or other file.
 
     Args:
         loaded: what ``joshua.config.load`` returned, be it complete or not.
+        without: families that have no meaning in the file's mode.
 
     Returns:
         Every problem, in the order of the families of rules; rendering sorts them by place.
@@ -59,7 +56,7 @@ def check(loaded: LoadedConfig) -> list[Diagnostic]:
     families = (
         import_module(f"joshua.config.checks.{name}")
         for name, concerns in _FAMILIES.items()
-        if concerns(context)
+        if name not in without and concerns(context)
     )
     return settle((item for family in families for item in family.check(context)), loaded)
 

@@ -131,3 +131,10 @@ def _stated(rule: options_pb2.BlockRule, otherwise: Messages) -> Messages:
         tuple(map(types.DataType.Value, rule.publishes)) or otherwise.publishes,
         tuple(map(types.DataType.Value, rule.takes)) or otherwise.hears,
     )
+
+
+def motor_ids(block: Any) -> list[int] | None:
+    """The ids of the motors that a block lists, as on a servo bus; None for a block of another kind."""
+    facts = field_facts(block.DESCRIPTOR) if block is not None else ()
+    fields = [item.name for item in facts if item.repeated and item.kind == options_pb2.KIND_MOTOR_ID]
+    return [number for name in fields for number in getattr(block, name)] if fields else None

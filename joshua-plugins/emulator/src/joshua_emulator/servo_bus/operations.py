@@ -223,7 +223,11 @@ class Operations(StationOperations):
         return (servo.joint.low - zero) / TICKS_PER_RADIAN, (servo.joint.high - zero) / TICKS_PER_RADIAN
 
     def _set(self, request: Request) -> None:
-        """Sets temperature_c, external_load, blocked and silent of servos, and volts of their supply."""
+        """Sets what acts on servos, and the volts of their supply.
+
+        ``temperature_c``, ``external_load``, ``blocked``, ``silent`` and ``object_ticks`` (something stiff
+        in the joint's way; null takes it away).
+        """
         for servo in self._servos(request):
             joint = servo.joint
             servo.advance(time.monotonic())
@@ -235,6 +239,9 @@ class Operations(StationOperations):
                 joint.external_load = float(request["external_load"])
             if "blocked" in request:
                 joint.blocked = bool(request["blocked"])
+            if "object_ticks" in request:
+                ticks = request["object_ticks"]
+                joint.put_object(None if ticks is None else servo.angle_of(float(ticks)))
             if "silent" in request:  # its cable is off
                 servo.silent = bool(request["silent"])
 

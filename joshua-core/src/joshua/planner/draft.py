@@ -1,0 +1,59 @@
+"""A checked configuration on its way to a plan, and what planning finds about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from joshua.config.checks import Context
+from joshua.modes import mode_of
+from joshua.plan import Diagnostic, JointRange
+
+if TYPE_CHECKING:
+    from joshua.config import LoadedConfig
+    from joshua.planner.request import Request
+    from joshua.plugins import PluginSpec, Registry
+    from joshua.plugins.block_context import BlockContext
+    from joshua.schema import config_pb2 as pb
+
+
+class Draft(Context):
+    """What the steps of planning work on.
+
+    Attributes:
+        registry: the installed plugins; request: what the user asked for; mode: that of the file.
+        graph: with the services of the mode, once they are resolved.
+        findings: problems that planning has found.
+        joints: of each actuator by the field path of its node block; () where its plugin does not say.
+    """
+
+    def __init__(self, loaded: LoadedConfig, registry: Registry, request: Request) -> None:
+        super().__init__(loaded, launch=request.launch)
+        self.registry, self.request = registry, request
+        self.mode = mode_of(loaded.config, registry)
+        self.findings: list[Diagnostic] = []
+        self.joints: dict[str, Sequence[JointRange]] = {}
+
+    @property
+    def allows_uncalibrated(self) -> bool:
+        """Whether joints without a calibration may be energised."""
+        return self.request.allow_uncalibrated or self.mode.works_uncalibrated
+
+    def settings(
+        self, spec: PluginSpec, block: Any, path: str, context: BlockContext, node: pb.Node | None = None
+    ) -> Any:
+        """Make the settings model of a block; broken rules become findings.
+
+        Returns:
+            None where the plugin declares no settings, and where a rule is broken.
+        """
+        if block is None or not spec.settings:
+            return None
+        # Imported here because it needs pydantic, which a file without such a block need not wait for.
+        from joshua.plugins.settings import make_settings
+
+        settings, problems = make_settings(
+            spec, block, node=node, context=context, field_path=path, positions=self.loaded.positions
+        )
+        self.findings += problems
+        return settings
