@@ -200,7 +200,7 @@ def test_without_it_a_check_notes_what_is_missing_and_a_launch_is_refused(
     launch = joshua("--config", str(robot), *block)
     assert launch.returncode == 3
     said = " ".join((launch.stdout + launch.stderr).split())
-    assert "gripper: ACTION_FOLLOWER with acme.GripperConfig needs a plugin that provides it" in said
+    assert "gripper: ACTION_FOLLOWER with acme.GripperConfig requires a plugin that provides it" in said
     assert "acme-gripper is blocked" in said
 
 

@@ -204,6 +204,6 @@ def test_each_copy_is_valid_and_lacks_no_plugin_that_its_header_hides(
         name
         for item in examination.diagnostics
         if item.code == "plugin-missing"
-        for name in re.findall(r"needs the plugin (joshua-[\w-]+)", item.message)
+        for name in re.findall(r"requires the plugin (joshua-[\w-]+)", item.message)
     }
     assert missing <= set(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))

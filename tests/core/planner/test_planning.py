@@ -152,7 +152,7 @@ def test_one_mistake_is_one_finding_whoever_else_could_complain(tmp_path, before
 def test_nodes_that_lack_the_same_plugin_share_a_finding(tmp_path):
     examination = examine(Request(teleoperation(tmp_path), blocked_plugins=("core",)))
     (finding,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]
-    assert finding.message.startswith("follower, leader: mock_motor_config needs the plugin joshua-core")
+    assert finding.message.startswith("follower, leader: mock_motor_config requires the plugin joshua-core")
     assert [place.label for place in finding.related] == ["leader needs it too"]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 _numbers = itertools.count(1)
+_NAMES = "hookimpl Environment EnvironmentSpec ActuatorSpec ModeOffer ModelSpec PluginSpec SensorSpec"
 
 
 class PluginFolder:
@@ -22,7 +23,7 @@ class PluginFolder:
     def add(self, distribution: str, source: str, *, version: str = "1.0", entry: str = "main") -> str:
         """Writes a distribution with one module; returns the name of the module."""
         module = f"{distribution.replace('-', '_')}_{next(_numbers)}"
-        header = "from joshua.plugins import *  # noqa: F403\n"
+        header = f"from joshua.plugins import {_NAMES.replace(' ', ', ')}\n"
         (self.path / f"{module}.py").write_text(header + textwrap.dedent(source), encoding="utf-8")
         info = self.path / f"{distribution.replace('-', '_')}-{version}.dist-info"
         info.mkdir()

@@ -75,10 +75,10 @@ def test_a_blocked_plugin_is_not_imported(plugin_folder: Any, name: str) -> None
     [
         ("import no_such_module_at_all", "cannot be imported: ModuleNotFoundError: No module named"),
         ("raise SystemExit('bye')", "cannot be imported: SystemExit: bye"),
-        ("def joshua_specs(): return []", "declares no hook: mark the function joshua_specs"),
+        ("def joshua_specs(): return []", "declares no hook. Mark the function joshua_specs"),
         (
             "@hookimpl\ndef joshua_spec(): return []",
-            "joshua_spec is no hook of this version of JOSHUA; allowed: joshua_specs",
+            "joshua_spec is not a hook of this version of JOSHUA; allowed: joshua_specs",
         ),
         (
             "@hookimpl\ndef joshua_specs(robot): return []",
@@ -95,7 +95,7 @@ def test_a_blocked_plugin_is_not_imported(plugin_folder: Any, name: str) -> None
         ),
         (
             "@hookimpl\ndef joshua_specs(): return [{}]",
-            "item 0 is dict, which is no spec of joshua.plugins",
+            "item 0 is dict, which is not a spec of joshua.api",
         ),
         ("@hookimpl(wrapper=True)\ndef joshua_specs(): return (yield)", "is a hook wrapper"),
     ],
@@ -135,7 +135,7 @@ def spec_source(arguments: str) -> str:
         ),
         (
             "SensorSpec, 'sts3215_config', 'a.b:C'",
-            "block 'sts3215_config' is no block of sensor; allowed: ",
+            "block 'sts3215_config' is not a block of sensor; allowed: ",
         ),
         ("SensorSpec, 'lidar_confg', 'a.b:C'", "allowed: lidar_config, "),
         (
@@ -156,11 +156,11 @@ def spec_source(arguments: str) -> str:
         ),
         (
             "EnvironmentSpec, 'training', 'a:make'",
-            "environments is empty, and it needs at least one joshua.plugins.Environment",
+            "environments is empty, and it needs at least one joshua.api.simulation.Environment",
         ),
         (
             "EnvironmentSpec, 'training', 'a:make', environments=('acme/Reach-v0',)",
-            "environments is not a tuple of joshua.plugins.Environment",
+            "environments is not a tuple of joshua.api.simulation.Environment",
         ),
         (
             "EnvironmentSpec, 'training', 'a:make', environments=(Environment('a/Reach-v0', ()),)",
@@ -171,7 +171,7 @@ def spec_source(arguments: str) -> str:
             "data_types is str, not a tuple of ROS 2 types",
         ),
         ("SensorSpec, 'lidar_config', 'a:B', safe_stop='a:b'", "argument 'safe_stop'"),
-        ("PluginSpec, 'lidar_config', 'a:B'", "which is no spec of joshua.plugins; "),
+        ("PluginSpec, 'lidar_config', 'a:B'", "which is not a spec of joshua.api; "),
         (
             "SensorSpec, 'lidar_config', 'a:B', enum_values='PERCEPTION_LIDAR'",
             "enum_values is str, not a tuple",
@@ -225,8 +225,8 @@ def test_a_plugin_of_the_contract_before_the_specs_is_one_row_that_says_what_cha
     assert row.status is PluginStatus.BROKEN
     assert row.reasons == (
         f"was written for an earlier version of JOSHUA: it {what}. A plugin declares each thing that it "
-        "provides as ActuatorSpec, SensorSpec or the like of joshua.plugins, in the hook joshua_specs: "
-        "pip install --upgrade acme-old, or change it as docs/guides/plugins.md shows",
+        "provides as ActuatorSpec, SensorSpec or the like of joshua.api, in the hook joshua_specs. "
+        "Upgrade acme-old, or change it as docs/guides/plugins.md shows.",
     )
 
 

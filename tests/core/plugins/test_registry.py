@@ -40,6 +40,10 @@ def row(distribution: str, *specs: PluginSpec, status: PluginStatus = PluginStat
     )
 
 
+def absent(plugin: str) -> str:
+    return f"the plugin {plugin}, which is not installed: pip install {plugin}"
+
+
 REACH = Environment("acme/Reach-v0", ("reach",))
 PUSH = Environment("acme/Push-v0", ("push",))
 TASKS = EnvironmentSpec(
@@ -68,7 +72,7 @@ def test_several_plugins_may_offer_environments_of_different_names() -> None:
 def test_installed_plugin_that_lacks_something_is_not_to_be_installed() -> None:
     registry = Registry((row("joshua-lidar"),))
     assert registry.missing("front", SensorSpec, "lidar_config", "PERCEPTION_LIDAR") == (
-        "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, and 1 does not provide it: "
+        "front: PERCEPTION_LIDAR requires the plugin joshua-lidar, and 1 does not provide it: "
         "pip install --upgrade joshua-lidar"
     )
 
@@ -87,7 +91,7 @@ def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None
         assert conflicting.status is PluginStatus.CONFLICT
         assert conflicting.reasons == (expected,)
     text = registry.missing("front", SensorSpec, "lidar_config", "PERCEPTION_LIDAR")
-    assert text == f"front: PERCEPTION_LIDAR is provided twice: {expected}"
+    assert text == f"front: two plugins provide PERCEPTION_LIDAR: {expected}"
 
 
 def test_a_conflict_elsewhere_is_not_named() -> None:
@@ -102,7 +106,7 @@ def test_a_conflict_of_models_is_named_though_they_have_no_block() -> None:
     registry = Registry((row("acme-one", SMOLVLA), row("acme-two", replace(SMOLVLA, implementation="x:Y"))))
     assert registry.find(ModelSpec, "", "SMOLVLA") is None
     assert registry.missing("policy", ModelSpec, "", "SMOLVLA").startswith(
-        "policy: SMOLVLA is provided twice: acme-one and acme-two both provide SMOLVLA; neither"
+        "policy: two plugins provide SMOLVLA: acme-one and acme-two both provide SMOLVLA; neither"
     )
 
 
@@ -125,8 +129,7 @@ def test_nobody_displaces_the_core() -> None:
     assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is LIDAR
     assert [r.status for r in registry.rows()] == [PluginStatus.OK, PluginStatus.CONFLICT]
     assert registry.rows()[1].reasons == (
-        "acme-two and joshua-core both provide PERCEPTION_LIDAR with lidar_config; "
-        "joshua-core stays in force",
+        "acme-two and joshua-core both provide PERCEPTION_LIDAR with lidar_config; joshua-core is used",
     )
 
 
@@ -162,32 +165,31 @@ def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
             SensorSpec,
             "lidar_config",
             "PERCEPTION_LIDAR",
-            "n: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar",
+            f"n: PERCEPTION_LIDAR requires {absent('joshua-lidar')}",
         ),
         (
             ActuatorSpec,
             "sts3215_config",
             "ACTION_FOLLOWER",
-            "n: ACTION_FOLLOWER with sts3215_config needs the plugin joshua-sts3215: "
-            "pip install joshua-sts3215",
+            f"n: ACTION_FOLLOWER with sts3215_config requires {absent('joshua-sts3215')}",
         ),
         (
             ModelSpec,
             "",
             "SMOLVLA",
-            "n: SMOLVLA needs the plugin joshua-smolvla: pip install joshua-smolvla",
+            f"n: SMOLVLA requires {absent('joshua-smolvla')}",
         ),
         (
             TrainerSpec,
             "rl_config",
             "BACKEND_MJX",
-            "n: BACKEND_MJX needs the plugin joshua-mjx-trainer: pip install joshua-mjx-trainer",
+            f"n: BACKEND_MJX requires {absent('joshua-mjx-trainer')}",
         ),
         (
             TrainerSpec,
             "rl_config",
             "METHOD_RL",
-            "n: METHOD_RL needs the plugin joshua-ppo-trainer: pip install joshua-ppo-trainer",
+            f"n: METHOD_RL requires {absent('joshua-ppo-trainer')}",
         ),
         (
             StoreSpec,
@@ -200,14 +202,14 @@ def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
             EpisodeWriterSpec,
             "data_store",
             "FORMAT_HUGGINGFACE",
-            "n: FORMAT_HUGGINGFACE needs the plugin joshua-dataset: pip install joshua-dataset",
+            f"n: FORMAT_HUGGINGFACE requires {absent('joshua-dataset')}",
         ),
         (
             ActuatorSpec,
             "acme.GripperConfig",
             "ACTION_PLUGIN",
-            "n: ACTION_PLUGIN with acme.GripperConfig needs a plugin that provides it, "
-            "and none is installed: pip install the vendor's package, then see joshua plugins",
+            "n: ACTION_PLUGIN with acme.GripperConfig requires a plugin that provides it, "
+            "and none is installed: install the vendor's package, then run joshua plugins",
         ),
     ],
 )
@@ -220,11 +222,11 @@ def test_a_missing_plugin_is_named_with_its_remedy(
 def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
     ask = ("front", SensorSpec, "lidar_config", "PERCEPTION_LIDAR")
     assert Registry((row("joshua-lidar", status=PluginStatus.BLOCKED),)).missing(*ask) == (
-        "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, which is blocked: "
+        "front: PERCEPTION_LIDAR requires the plugin joshua-lidar, which is blocked: "
         "leave out --block-plugin lidar"
     )
     assert Registry((row("joshua-lidar", status=PluginStatus.BROKEN),)).missing(*ask) == (
-        "front: PERCEPTION_LIDAR needs the plugin joshua-lidar, which is broken (no module named cv2): "
+        "front: PERCEPTION_LIDAR requires the plugin joshua-lidar, which is broken (no module named cv2): "
         "pip install --force-reinstall joshua-lidar"
     )
     remedies = [
@@ -238,7 +240,7 @@ def test_a_blocked_or_broken_plugin_is_not_to_be_installed_again() -> None:
     assert [text.split(",")[0] for text in remedies] == [
         "install the plugin",
         "leave --block-plugin out",
-        "see what `joshua plugins` lists",
+        "run `joshua plugins` to see why it is not used",
     ]
 
 
@@ -246,7 +248,7 @@ def test_a_third_partys_plugin_that_is_not_in_use_is_named() -> None:
     rows = (row("acme-gripper", status=PluginStatus.BLOCKED), row("acme-arm", status=PluginStatus.BROKEN))
     text = Registry(rows).missing("hand", ActuatorSpec, "acme.GripperConfig", "ACTION_PLUGIN")
     assert text == (
-        "hand: ACTION_PLUGIN with acme.GripperConfig needs a plugin that provides it, "
+        "hand: ACTION_PLUGIN with acme.GripperConfig requires a plugin that provides it, "
         "and no plugin in use does (acme-gripper is blocked, acme-arm is broken): see joshua plugins"
     )
 

@@ -11,6 +11,8 @@ from joshua.plugins.block_context import BlockContext
 from joshua.plugins.block_values import block_values, shortest_float32
 from joshua.plugins.settings import BlockSettings, FieldError, FromField, make_settings
 from joshua.schema import config_pb2
+from joshua.textproto.positions import Positions
+from joshua.textproto.source import Source, Span
 from pydantic import Field, model_validator
 
 
@@ -52,12 +54,14 @@ class BrokenSettings(BlockSettings):
         return {"stroke_m": values["no_such_field"]}
 
 
-class FakePositions:
-    def __init__(self, known: dict[str, Position]) -> None:
-        self.known = known
-
-    def value(self, field_path: str) -> Position | None:
-        return self.known.get(field_path)
+def positions(path: str, place: Position) -> Positions:
+    """A file in which one field stands at one place."""
+    start = place.line - 1 + place.column - 1
+    text = "\n" * (place.line - 1) + " " * (place.column - 1) + "x" * place.length
+    span = Span(Source(place.file, text), start, start + place.length)
+    found = Positions()
+    found.record(path, span, span)
+    return found
 
 
 def spec(name: str) -> PluginSpec:
@@ -139,7 +143,7 @@ def test_a_rule_across_fields_becomes_a_diagnostic_on_its_field(motors: PluginSp
     path = "robot.actions[0].mock_motor_config"
     where = Position(file="robot.pbtxt", line=7, column=19, length=4)
     settings, problems = make_settings(
-        motors, block, field_path=path, positions=FakePositions({f"{path}.position_max": where})
+        motors, block, field_path=path, positions=positions(f"{path}.position_max", where)
     )
     assert settings is None
     (problem,) = problems
@@ -156,7 +160,7 @@ def test_a_pydantic_bound_points_at_the_field_that_the_setting_comes_from(motors
     block = config_pb2.MockMotorConfig(num_motors=2, position_max=4095)
     around = Position(file="robot.pbtxt", line=3, column=5)
     _, problems = make_settings(
-        motors, block, field_path="robot.actions[0].x", positions=FakePositions({"robot.actions[0]": around})
+        motors, block, field_path="robot.actions[0].x", positions=positions("robot.actions[0]", around)
     )
     (problem,) = problems
     assert problem.field_path == "robot.actions[0].x.position_max"

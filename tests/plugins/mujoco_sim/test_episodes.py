@@ -290,7 +290,7 @@ def test_store_and_its_writer_are_asked_for(tmp_path: Path) -> None:
     request = Request(str(path), purpose=Purpose.LAUNCH, blocked_plugins=("joshua-dataset",))
     (missing,) = examine(request).errors
     assert missing.code == "plugin-missing"
-    assert "needs the plugin joshua-dataset" in missing.message
+    assert "requires the plugin joshua-dataset" in missing.message
     path.write_text(dataset_file().replace("FORMAT_HUGGINGFACE", "FORMAT_CSV"))
     (unfit,) = examine(Request(str(path), purpose=Purpose.LAUNCH)).errors
     assert "provides data_store for FORMAT_HUGGINGFACE, not for FORMAT_CSV" in unfit.message

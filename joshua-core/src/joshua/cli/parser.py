@@ -84,7 +84,7 @@ class Parser(argparse.ArgumentParser):
         options = [f"{self.prog.split()[-1]} {word}" for word in unrecognized]
         brings = {option: hints.stated().commands.get(option, "") for option in options}
         found = [
-            f"{option} requires the plugin {distribution}: {installing.install(distribution)}"
+            f"{option} {installing.requires(distribution)}"
             for option, distribution in brings.items()
             if distribution
         ]

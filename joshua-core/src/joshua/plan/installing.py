@@ -34,6 +34,11 @@ def install(distribution: str, extra: str = "") -> str:
     return f"this clone has no joshua-plugins/{name}"
 
 
+def requires(distribution: str) -> str:
+    """The end of a message that something needs a plugin: which one, and how to install it."""
+    return f"requires the plugin {distribution}, which is not installed: {install(distribution)}"
+
+
 def reinstall(distribution: str) -> str:
     """The command that installs a broken distribution anew."""
     options = "--force-reinstall" + (" --no-deps" if _is_cloned(distribution) else "")

@@ -16,9 +16,7 @@ class DataStoreContext:
     """The data set that a simulator replays or makes.
 
     Attributes:
-        writer: import string of the ``EpisodeWriter``; "" where none is installed.
-        path: of its folder; format: such as ``FORMAT_HUGGINGFACE``.
-        episodes: to replay, () for all.
+        writer: import string of the ``EpisodeWriter``, "" for none; episodes: to replay, () for all.
     """
 
     writer: str = ""

@@ -13,24 +13,40 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from enum import Enum
+
+from joshua.plugins.specs import PluginSpec
 
 ENTRY_POINT_GROUP = "joshua.plugins"
 CORE_DISTRIBUTION = "joshua-core"
 
 
+class PluginStatus(str, Enum):
+    """What became of a plugin when the host looked at it."""
+
+    OK = "ok"
+    BROKEN = "broken"
+    BLOCKED = "blocked"
+    CONFLICT = "conflict"
+
+
 @dataclass(frozen=True)
-class Candidate:
-    """One entry point of the group ``joshua.plugins``, not imported.
+class PluginRow:
+    """One plugin: a row of ``joshua plugins``.
 
     Attributes:
-        name: name of the entry point; distribution, version: of the package that declares it.
-        target: where it leads: a module, or an object in it, such as ``acme_gripper.plugin``.
+        name: of the entry point; distribution, version: of the package that declares it.
+        module: where the entry point leads: a module, or an object in it, such as ``acme_gripper.plugin``.
+        reasons: for the status, one sentence each; specs: what it provides, () for one that is not in use.
     """
 
     name: str
     distribution: str
     version: str
-    target: str
+    module: str = ""
+    status: PluginStatus = PluginStatus.OK
+    reasons: tuple[str, ...] = ()
+    specs: tuple[PluginSpec, ...] = ()
 
     @property
     def key(self) -> str:
@@ -43,29 +59,28 @@ def normalise(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def discover() -> list[Candidate]:
+def discover() -> list[PluginRow]:
     """Lists the entry points of the group, the core's own first, then by distribution and name."""
-    found: dict[str, Candidate] = {}
-    for candidate in _from_folders() if _only_folders() else _from_metadata():
-        found.setdefault(candidate.key, candidate)
-    return sorted(found.values(), key=lambda c: (c.distribution != CORE_DISTRIBUTION, c.distribution, c.name))
+    found: dict[str, PluginRow] = {}
+    for row in _from_folders() if _only_folders() else _from_metadata():
+        found.setdefault(row.key, row)
+    return sorted(found.values(), key=lambda r: (r.distribution != CORE_DISTRIBUTION, r.distribution, r.name))
 
 
-def is_blocked(candidate: Candidate, blocked: Iterable[str]) -> bool:
+def is_blocked(row: PluginRow, blocked: Iterable[str]) -> bool:
     """Whether a list of names names this plugin, by its distribution or by its entry point."""
     names = {normalise(name) for name in blocked}
-    return candidate.distribution in names or normalise(candidate.name) in names
+    return row.distribution in names or normalise(row.name) in names
 
 
 def _only_folders() -> bool:
     """Whether every place of the module path is a folder, or not there, and only folders are searched."""
     finders = [finder for finder in sys.meta_path if hasattr(finder, "find_distributions")]
     usual = all(getattr(finder, "__name__", "") == "PathFinder" for finder in finders)
-    unusual = (place for place in sys.path if place.endswith(".egg") or os.path.isfile(place))  # noqa: PTH113
-    return usual and not any(unusual)
+    return usual and not any(place.endswith(".egg") or os.path.isfile(place) for place in sys.path)  # noqa: PTH113
 
 
-def _from_folders() -> Iterator[Candidate]:
+def _from_folders() -> Iterator[PluginRow]:
     seen: set[str] = set()
     for place in dict.fromkeys(sys.path):
         try:
@@ -81,15 +96,22 @@ def _from_folders() -> Iterator[Candidate]:
                 yield from _of_distribution(f"{place}/{folder}" if place else folder)
 
 
-def _of_distribution(folder: str) -> Iterator[Candidate]:
+def _of_distribution(folder: str) -> Iterator[PluginRow]:
     entry_points = _read(f"{folder}/entry_points.txt")
     if ENTRY_POINT_GROUP not in entry_points:
         return
     about = _read(f"{folder}/METADATA") or _read(f"{folder}/PKG-INFO")
     fields = dict(line.partition(":")[::2] for line in about.partition("\n\n")[0].splitlines())
     name, version = fields.get("Name", "(unknown)").strip(), fields.get("Version", "").strip()
-    for entry, target in _entries(entry_points):
-        yield Candidate(entry, normalise(name), version, target)
+    group = ""
+    for line in map(str.strip, entry_points.splitlines()):
+        if line.startswith("[") and line.endswith("]"):
+            group = line[1:-1].strip()
+        elif group == ENTRY_POINT_GROUP and not line.startswith(("#", ";")):
+            entry, equals, target = line.partition("=")
+            if equals and entry.strip():
+                # What stands in brackets are extras, which no longer have an effect.
+                yield PluginRow(entry.strip(), normalise(name), version, target.partition("[")[0].strip())
 
 
 def _read(path: str) -> str:
@@ -101,27 +123,9 @@ def _read(path: str) -> str:
         return ""
 
 
-def _entries(text: str) -> Iterator[tuple[str, str]]:
-    """Yields name and target of each entry of the group; what no name and target is, is left out."""
-    group = ""
-    for line in map(str.strip, text.splitlines()):
-        if line.startswith("[") and line.endswith("]"):
-            group = line[1:-1].strip()
-        elif group == ENTRY_POINT_GROUP and not line.startswith(("#", ";")):
-            name, equals, target = line.partition("=")
-            if equals and name.strip():
-                # What stands in brackets are extras, which no longer have an effect.
-                yield name.strip(), target.partition("[")[0].strip()
-
-
-def _from_metadata() -> Iterator[Candidate]:
+def _from_metadata() -> Iterator[PluginRow]:
     from importlib import metadata
 
-    for entry_point in metadata.entry_points(group=ENTRY_POINT_GROUP):
-        distribution = entry_point.dist
-        yield Candidate(
-            name=entry_point.name,
-            distribution=normalise(distribution.name) if distribution else "(unknown)",
-            version=distribution.version if distribution else "",
-            target=entry_point.value.partition("[")[0].strip(),
-        )
+    for point in metadata.entry_points(group=ENTRY_POINT_GROUP):
+        name, version = (point.dist.name, point.dist.version) if point.dist else ("(unknown)", "")
+        yield PluginRow(point.name, normalise(name), version, point.value.partition("[")[0].strip())

@@ -9,17 +9,13 @@ from joshua.plugins.targets import load_target
 
 
 def make_environment(facts: ServiceFacts, *, num_envs: int = 0) -> Any:
-    """Makes the environment of a plan: vectorised, and seeded where the file has a seed.
+    """Makes the ``gymnasium.vector.VectorEnv`` of a plan, seeded where the file has a seed.
 
     Args:
         facts: of the trainer's node; num_envs: another number than the file's, 0 for the file's.
 
-    Returns:
-        A ``gymnasium.vector.VectorEnv``. Its first ``reset()`` needs no seed of its own.
-
     Raises:
-        ValueError: the plan has no environment, since the file trains on a robot or from a data set.
-        TargetError: the plugin that offers it cannot be imported.
+        ValueError: the plan has no environment; TargetError: the plugin that offers it cannot be imported.
     """
     chosen = facts.environment
     if chosen is None:

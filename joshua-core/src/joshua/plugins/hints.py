@@ -79,13 +79,3 @@ def distribution_for(block: str, enum_value: str = "") -> str:
 def emulator_for(block: str) -> str:
     """Names the published plugin that emulates the device of a block; "" where none is known."""
     return str(stated().blocks[block].emulator) if block in stated().blocks else ""
-
-
-def subject(block: str, enum_value: str = "") -> str:
-    """What needs the plugin, in words of the file: the enum value, and the block where it takes both."""
-    if not enum_value or not block:
-        return enum_value or block
-    named = stated().enum_values.get(enum_value)
-    if named and named == distribution_for(block, enum_value):
-        return enum_value
-    return f"{enum_value} with {block}"

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
+from dataclasses import replace
 
 import pluggy
 
-from joshua.plugins.discovery import Candidate, discover, is_blocked
+from joshua.plugins.discovery import PluginRow, PluginStatus, discover, is_blocked
 from joshua.plugins.hooks import PROJECT_NAME, PluginHooks
-from joshua.plugins.registry import PluginRow, PluginStatus, Registry
+from joshua.plugins.registry import Registry
 from joshua.plugins.specs import PluginSpec
 from joshua.plugins.verify import verify_specs
+
+_HOOK = "joshua_specs"
 
 
 def load_registry(blocked: Iterable[str] = ()) -> Registry:
@@ -26,60 +29,46 @@ def load_registry(blocked: Iterable[str] = ()) -> Registry:
     names = tuple(blocked)
     manager = pluggy.PluginManager(PROJECT_NAME)
     manager.add_hookspecs(PluginHooks)
-    return Registry(tuple(_load(manager, candidate, names) for candidate in discover()))
+    return Registry(tuple(_load(manager, row, names) for row in discover()))
 
 
 class _BrokenPluginError(Exception):
     """A plugin cannot be used; the arguments are the reasons."""
 
 
-def _load(manager: pluggy.PluginManager, candidate: Candidate, blocked: tuple[str, ...]) -> PluginRow:
-    specs: tuple[PluginSpec, ...] = ()
-    reasons: tuple[str, ...] = ()
-    if is_blocked(candidate, blocked):
-        status, reasons = PluginStatus.BLOCKED, ("blocked on request; its module was not imported",)
-    else:
-        try:
-            specs = _ask(manager, candidate)
-            status = PluginStatus.OK
-        except _BrokenPluginError as error:
-            status, reasons = PluginStatus.BROKEN, tuple(map(str, error.args))
-    return PluginRow(
-        name=candidate.name,
-        distribution=candidate.distribution,
-        version=candidate.version,
-        status=status,
-        reasons=reasons,
-        specs=specs,
-        module=candidate.target,
-    )
+def _load(manager: pluggy.PluginManager, row: PluginRow, blocked: tuple[str, ...]) -> PluginRow:
+    if is_blocked(row, blocked):
+        reasons = ("blocked on request; its module was not imported",)
+        return replace(row, status=PluginStatus.BLOCKED, reasons=reasons)
+    try:
+        return replace(row, specs=_ask(manager, row))
+    except _BrokenPluginError as error:
+        return replace(row, status=PluginStatus.BROKEN, reasons=tuple(map(str, error.args)))
 
 
-def _ask(manager: pluggy.PluginManager, candidate: Candidate) -> tuple[PluginSpec, ...]:
+def _ask(manager: pluggy.PluginManager, row: PluginRow) -> tuple[PluginSpec, ...]:
     """Imports a plugin's module, registers its hooks and asks what it provides."""
     try:
-        plugin = _load_target(candidate.target)
+        plugin = _load_target(row.module)
     except (Exception, SystemExit) as error:
-        if _asks_for_old_names(error):
-            raise _BrokenPluginError(_old_contract("imports Provision", candidate)) from error
-        raise _BrokenPluginError(
-            f"{candidate.target} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
+        if isinstance(error, ImportError) and (
+            error.name in ("joshua.plugins", "joshua.plugins.provision") and "rovision" in str(error)
+        ):
+            raise _old_contract("imports Provision", row) from error
+        reason = f"{row.module} cannot be imported: {type(error).__name__}: {error}"
+        raise _BrokenPluginError(reason) from error
     try:
-        manager.register(plugin, name=candidate.key)
-        _check_hooks(manager, plugin, candidate)
-        answers = _specs(manager, candidate)
-    except _BrokenPluginError:
-        manager.unregister(plugin)
-        raise
-    except (pluggy.PluginValidationError, ValueError) as error:
+        manager.register(plugin, name=row.key)
+        answers = _answers(manager, plugin, row)
+    except (_BrokenPluginError, pluggy.PluginValidationError, ValueError) as error:
         if manager.is_registered(plugin):
             manager.unregister(plugin)
+        if isinstance(error, _BrokenPluginError):
+            raise
         raise _BrokenPluginError(" ".join(str(error).split())) from error
     if any(type(answer).__name__ == "Provision" for answer in answers):
-        raise _BrokenPluginError(_old_contract("returns Provision objects", candidate))
-    problems = verify_specs(answers)
-    if problems:
+        raise _old_contract("returns Provision objects", row)
+    if problems := verify_specs(answers):
         raise _BrokenPluginError(*problems)
     return tuple(answer for answer in answers if isinstance(answer, PluginSpec))
 
@@ -93,54 +82,36 @@ def _load_target(target: str) -> object:
     return found
 
 
-def _asks_for_old_names(error: BaseException) -> bool:
-    """Whether an import failed for a name that the contract of plugins had before there were specs."""
-    return (
-        isinstance(error, ImportError)
-        and error.name in ("joshua.plugins", "joshua.plugins.provision")
-        and "rovision" in str(error)
-    )
-
-
-def _old_contract(what: str, candidate: Candidate) -> str:
-    return (
+def _old_contract(what: str, row: PluginRow) -> _BrokenPluginError:
+    return _BrokenPluginError(
         f"was written for an earlier version of JOSHUA: it {what}. A plugin declares each thing that it "
-        "provides as ActuatorSpec, SensorSpec or the like of joshua.plugins, in the hook joshua_specs: "
-        f"pip install --upgrade {candidate.distribution}, or change it as docs/guides/plugins.md shows"
+        "provides as ActuatorSpec, SensorSpec or the like of joshua.api, in the hook joshua_specs. "
+        f"Upgrade {row.distribution}, or change it as docs/guides/plugins.md shows."
     )
 
 
-def _check_hooks(manager: pluggy.PluginManager, plugin: object, candidate: Candidate) -> None:
+def _answers(manager: pluggy.PluginManager, plugin: object, row: PluginRow) -> list[object]:
     callers = manager.get_hookcallers(plugin) or []
-    known = sorted(name for name in vars(PluginHooks) if name.startswith(f"{PROJECT_NAME}_"))
     unknown = [caller.name for caller in callers if not caller.has_spec()]
     if "joshua_provisions" in unknown:
-        raise _BrokenPluginError(_old_contract("implements the hook joshua_provisions", candidate))
+        raise _old_contract("implements the hook joshua_provisions", row)
     if unknown:
         raise _BrokenPluginError(
-            *(f"{name} is no hook of this version of JOSHUA; allowed: {', '.join(known)}" for name in unknown)
+            *(f"{name} is not a hook of this version of JOSHUA; allowed: {_HOOK}" for name in unknown)
         )
     if not callers:
         raise _BrokenPluginError(
-            f"declares no hook: mark the function {known[0]} with @joshua.plugins.hookimpl, "
-            "and let the entry point name its module"
+            f"declares no hook. Mark the function {_HOOK} with @joshua.api.hookimpl, and let the entry point "
+            "name its module."
         )
-
-
-def _specs(manager: pluggy.PluginManager, candidate: Candidate) -> list[object]:
-    implementation = next(
-        impl for impl in manager.hook.joshua_specs.get_hookimpls() if impl.plugin_name == candidate.key
-    )
+    implementations = manager.hook.joshua_specs.get_hookimpls()
+    implementation = next(impl for impl in implementations if impl.plugin_name == row.key)
     if implementation.hookwrapper or implementation.wrapper:
-        raise _BrokenPluginError("joshua_specs is a hook wrapper; a plugin answers only for itself")
+        raise _BrokenPluginError(f"{_HOOK} is a hook wrapper; a plugin answers only for itself")
     try:
         answer = implementation.function()
-        if isinstance(answer, (str, PluginSpec)) or not isinstance(answer, Iterable):
-            raise _BrokenPluginError(
-                f"joshua_specs returned {type(answer).__name__}, not an iterable of specs"
-            )
-        return list(answer)
-    except _BrokenPluginError:
-        raise
+        if not isinstance(answer, (str, PluginSpec)) and isinstance(answer, Iterable):
+            return list(answer)
     except (Exception, SystemExit) as error:
-        raise _BrokenPluginError(f"joshua_specs failed: {type(error).__name__}: {error}") from error
+        raise _BrokenPluginError(f"{_HOOK} failed: {type(error).__name__}: {error}") from error
+    raise _BrokenPluginError(f"{_HOOK} returned {type(answer).__name__}, not an iterable of specs")

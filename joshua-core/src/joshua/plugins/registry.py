@@ -2,73 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
+from itertools import combinations
 from typing import TypeGuard, TypeVar
 
 from joshua.plan import installing
 from joshua.plugins import hints
-from joshua.plugins.discovery import CORE_DISTRIBUTION, normalise
-from joshua.plugins.specs import (
-    Environment,
-    EnvironmentSpec,
-    ModeOffer,
-    PluginSpec,
-    SimulatorSpec,
-    TransportSpec,
-)
+from joshua.plugins.discovery import CORE_DISTRIBUTION, PluginRow, PluginStatus, normalise
+from joshua.plugins.specs import Environment, EnvironmentSpec, ModeOffer, PluginSpec, SimulatorSpec, TransportSpec
 from joshua.plugins.targets import TargetError, load_target
 
 SpecT = TypeVar("SpecT", bound=PluginSpec)
-
-
-class PluginStatus(str, Enum):
-    """What became of a plugin when the host looked at it."""
-
-    OK = "ok"
-    BROKEN = "broken"
-    BLOCKED = "blocked"
-    CONFLICT = "conflict"
-
-
-@dataclass(frozen=True)
-class PluginRow:
-    """One plugin of the host: a row of ``joshua plugins``.
-
-    Attributes:
-        name: name of the entry point; distribution, version: of the package that declares it.
-        status: what became of it; reasons: one sentence each, empty where all is well.
-        specs: what it provides; empty for a broken or blocked plugin.
-        module: where the entry point leads, such as ``joshua_lidar.plugin``.
-    """
-
-    name: str
-    distribution: str
-    version: str
-    status: PluginStatus
-    reasons: tuple[str, ...] = ()
-    specs: tuple[PluginSpec, ...] = ()
-    module: str = ""
 
 
 def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
     """Enum values that both answer for; ``()`` where one answers for all; None where they do not meet."""
     if (first.kind, first.block) != (second.kind, second.block):
         return None
-    if isinstance(first, EnvironmentSpec) and isinstance(second, EnvironmentSpec):
-        # many may offer some, as long as each is another one
-        ids = [offer.id for offer in second.environments]
-        return tuple(offer.id for offer in first.environments if offer.id in ids) or None
     if isinstance(first, (ModeOffer, TransportSpec)) and first.name != getattr(second, "name", ""):
         return None
-    if not first.enum_values or not second.enum_values:
+    mine, others = first.enum_values, second.enum_values
+    if isinstance(first, EnvironmentSpec) and isinstance(second, EnvironmentSpec):
+        # many may offer some, as long as each is another one
+        mine, others = (tuple(offer.id for offer in spec.environments) for spec in (first, second))
+    elif not mine or not others:
         return ()
-    common = tuple(value for value in first.enum_values if value in second.enum_values)
-    return common or None
+    return tuple(value for value in mine if value in others) or None
 
 
-def _subject(spec: PluginSpec, values: tuple[str, ...]) -> str:
-    return " with ".join(part for part in (", ".join(values), spec.block) if part)
+def _subject(block: str, *values: str) -> str:
+    return " with ".join(part for part in (", ".join(values), block) if part)
 
 
 def _answers(spec: PluginSpec, kind: type[SpecT], enum_value: str) -> TypeGuard[SpecT]:
@@ -92,17 +55,12 @@ class Registry:
         return self._rows
 
     def find(self, kind: type[SpecT], block: str, enum_value: str = "") -> SpecT | None:
-        """Finds the implementation for a configuration block and an enum value.
+        """Finds the one implementation for a block and an enum value; None where none or several fit.
 
         Args:
-            kind: what is asked for.
             block: member of a oneof such as ``lidar_config``, or for an ``Any`` block the full name of
                 its message (``acme.GripperConfig``); "" asks by enum value alone.
             enum_value: name such as ``PERCEPTION_LIDAR``; "" accepts every one.
-
-        Returns:
-            The one spec that fits, or None where there is none or more than one
-            (``missing`` says why).
         """
         fitting = [offer for offer, _ in self._usable if _answers(offer, kind, enum_value)]
         for wanted in dict.fromkeys((block, "")):
@@ -173,43 +131,38 @@ class Registry:
         return tuple(dict.fromkeys(names))
 
     def missing(self, node_name: str, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
-        """Says why ``find`` has nothing, and what to do.
+        """Says why ``find`` has nothing, and what to do, in one sentence.
 
-        Returns:
-            One sentence such as
-            ``lidar_front: PERCEPTION_LIDAR needs the plugin joshua-lidar: pip install joshua-lidar``.
+        Such as ``lidar_front: PERCEPTION_LIDAR requires the plugin joshua-lidar, which is not installed: …``.
         """
-        what = hints.subject(block, enum_value)
+        return f"{node_name}: {self._reason(kind, block, enum_value)}"
+
+    def _reason(self, kind: type[PluginSpec], block: str, enum_value: str) -> str:
+        distribution = hints.distribution_for(block, enum_value)
+        by_value = enum_value and distribution and distribution == hints.stated().enum_values.get(enum_value)
+        what = enum_value if by_value else _subject(block, *filter(None, (enum_value,)))
         for spec, reason in self._withdrawn:
             if _answers(spec, kind, enum_value) and spec.block in (block, ""):
-                return f"{node_name}: {what} is provided twice: {reason}"
+                return f"two plugins provide {what}: {reason}"
         for spec, row in self._usable:
             if block and isinstance(spec, kind) and spec.block == block:
                 allowed = ", ".join(spec.enum_values)
-                return f"{node_name}: {row.distribution} provides {block} for {allowed}, not for {enum_value}"
+                return f"{row.distribution} provides {block} for {allowed}, not for {enum_value}"
         sentence, _ = hints.not_yet(kind, block)
         if sentence:
-            return f"{node_name}: {sentence}"
-        distribution = hints.distribution_for(block, enum_value)
+            return sentence
         if not distribution:
-            return f"{node_name}: {what} needs a plugin that provides it, and {self._nobody()}"
-        for row in self._rows:
-            if row.distribution == distribution and row.status is PluginStatus.BLOCKED:
-                return (
-                    f"{node_name}: {what} needs the plugin {distribution}, which is blocked: "
-                    f"leave out --block-plugin {row.name}"
-                )
-            if row.distribution == distribution and row.status is PluginStatus.BROKEN:
-                return (
-                    f"{node_name}: {what} needs the plugin {distribution}, which is broken "
-                    f"({'; '.join(row.reasons)}): {installing.reinstall(distribution)}"
-                )
-            if row.distribution == distribution and row.status is PluginStatus.OK:
-                return (
-                    f"{node_name}: {what} needs the plugin {distribution}, and {row.version} does not "
-                    f"provide it: {installing.upgrade(distribution)}"
-                )
-        return f"{node_name}: {what} needs the plugin {distribution}: {installing.install(distribution)}"
+            return f"{what} requires a plugin that provides it, and {self._none_in_use()}"
+        rows = [row for row in self._rows if row.distribution == distribution]
+        if not rows:
+            return f"{what} {installing.requires(distribution)}"
+        needs, row = f"{what} requires the plugin {distribution}, ", rows[0]
+        if row.status is PluginStatus.BLOCKED:
+            return f"{needs}which is blocked: leave out --block-plugin {row.name}"
+        if row.status is PluginStatus.BROKEN:
+            reasons = "; ".join(row.reasons)
+            return f"{needs}which is broken ({reasons}): {installing.reinstall(distribution)}"
+        return f"{needs}and {row.version} does not provide it: {installing.upgrade(distribution)}"
 
     def remedy(self, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
         """What to do where ``find`` has nothing."""
@@ -221,54 +174,47 @@ class Registry:
         distribution = hints.distribution_for(block, enum_value)
         rows = [row for row in self._rows if row.distribution == distribution or not distribution]
         if any(row.status is PluginStatus.BLOCKED for row in rows):
-            return "leave --block-plugin out, or take a device that needs no blocked plugin"
+            return "leave --block-plugin out, or use a device that needs no blocked plugin"
         if any(row.distribution == distribution for row in rows):
-            return "see what `joshua plugins` lists, and why something is not used"
-        return "install the plugin, then see what `joshua plugins` lists"
+            return "run `joshua plugins` to see why it is not used"
+        return "install the plugin, then run `joshua plugins` to check it"
 
-    def _nobody(self) -> str:
+    def _none_in_use(self) -> str:
         """Why no plugin provides a third party's block, and what to do; it may be one that is not in use."""
-        unused = [
-            f"{row.distribution} is {row.status.value}"
-            for row in self._rows
-            if row.status in (PluginStatus.BLOCKED, PluginStatus.BROKEN)
-        ]
+        status = (PluginStatus.BLOCKED, PluginStatus.BROKEN)
+        unused = [f"{row.distribution} is {row.status.value}" for row in self._rows if row.status in status]
         if unused:
             return f"no plugin in use does ({', '.join(unused)}): see joshua plugins"
-        return "none is installed: pip install the vendor's package, then see joshua plugins"
+        return "none is installed: install the vendor's package, then run joshua plugins"
 
 
-def _settle_conflicts(
-    rows: tuple[PluginRow, ...],
-) -> tuple[
+_Settled = tuple[
     tuple[PluginRow, ...], tuple[tuple[PluginSpec, PluginRow], ...], tuple[tuple[PluginSpec, str], ...]
-]:
-    """Marks plugins that provide the same thing.
+]
 
-    Returns:
-        The rows; what may be used, with its row; what may not, with the reason.
-    """
+
+def _settle_conflicts(rows: tuple[PluginRow, ...]) -> _Settled:
+    """Marks plugins that provide the same thing: rows, what may be used, what may not and why."""
     reasons: dict[int, list[str]] = {}
     withdrawn: list[tuple[PluginSpec, str]] = []
     offers = [(index, spec) for index, row in enumerate(rows) for spec in row.specs]
-    for position, (index, spec) in enumerate(offers):
-        for other_index, other in offers[position + 1 :]:
-            if index == other_index or (common := _overlap(spec, other)) is None:
-                continue
-            first, second = _label(rows, index), _label(rows, other_index)
-            what = _subject(spec, common)
-            if rows[index].distribution == CORE_DISTRIBUTION:
-                reason = f"{second} and {first} both provide {what}; {first} stays in force"
-                reasons.setdefault(other_index, []).append(reason)
-                withdrawn.append((other, reason))
-                continue
+    for (index, spec), (other_index, other) in combinations(offers, 2):
+        if index == other_index or (common := _overlap(spec, other)) is None:
+            continue
+        first, second = _label(rows, index), _label(rows, other_index)
+        what = _subject(spec.block, *common)
+        losers = [(index, spec), (other_index, other)]
+        if rows[index].distribution == CORE_DISTRIBUTION:
+            reason = f"{second} and {first} both provide {what}; {first} is used"
+            losers = losers[1:]
+        else:
             reason = (
                 f"{first} and {second} both provide {what}; neither is used for it: "
                 f"choose with --block-plugin {first} or --block-plugin {second}"
             )
-            for at, offer in ((index, spec), (other_index, other)):
-                reasons.setdefault(at, []).append(reason)
-                withdrawn.append((offer, reason))
+        for at, offer in losers:
+            reasons.setdefault(at, []).append(reason)
+            withdrawn.append((offer, reason))
     settled = tuple(
         replace(row, status=PluginStatus.CONFLICT, reasons=row.reasons + tuple(reasons[index]))
         if index in reasons

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -57,11 +57,7 @@ class FieldError(ValueError):
 
 
 class FieldErrors(ValueError):
-    """Several rules are broken; raised by a validator that has looked at everything before it complains.
-
-    Args:
-        errors: at least one.
-    """
+    """Several rules are broken, at least one; raised by a validator that has looked at everything."""
 
     def __init__(self, errors: Sequence[FieldError]) -> None:
         super().__init__("; ".join(str(error) for error in errors))
@@ -86,12 +82,7 @@ class BlockSettings(BaseModel):
     def from_block(
         cls, block: Message, node: Message | None = None, context: BlockContext | None = None
     ) -> Self:
-        """Makes the settings of a block.
-
-        Args:
-            block: the configuration block, such as a ``MockMotorConfig``.
-            node: the ``Node`` block beside it; None where there is none.
-            context: what the rest of the file says to it.
+        """Makes the settings of a block; the arguments are those of ``make_settings``.
 
         Raises:
             pydantic.ValidationError: a value or a rule across fields is broken.
@@ -127,8 +118,8 @@ class ActuatorSettings(BlockSettings):
 class Positions(Protocol):
     """Where the values of a loaded configuration stand (``LoadedConfig.positions``)."""
 
-    def value(self, field_path: str) -> Position | None:
-        """Position of a field's value."""
+    def nearest(self, field_path: str) -> Position | None:
+        """Position of a field's value, else of the innermost block around it."""
 
 
 def make_settings(
@@ -143,10 +134,7 @@ def make_settings(
     """Makes the settings that a spec asks for, problems as diagnostics.
 
     Args:
-        spec: whose ``settings`` names the model.
-        block: the configuration block.
-        node: the ``Node`` block beside it.
-        context: what the rest of the file says to it.
+        node: the ``Node`` block beside the block; context: what the rest of the file says to it.
         field_path: of the block, such as ``robot.actions[0].mock_motor_config``.
         positions: of the loaded configuration; None leaves diagnostics without a position.
 
@@ -156,30 +144,27 @@ def make_settings(
     """
     if not spec.settings:
         return None, []
+    reason = ""
     try:
         settings_type = load_target(spec.settings)
-        if not (isinstance(settings_type, type) and issubclass(settings_type, BlockSettings)):
-            raise TargetError(f"{spec.settings} is not derived from joshua.plugins.settings.BlockSettings")
+        if isinstance(settings_type, type) and issubclass(settings_type, BlockSettings):
+            return settings_type.from_block(block, node, context), []
+        reason = f"{spec.settings} is not derived from joshua.plugins.settings.BlockSettings"
     except TargetError as error:
-        return None, [_broken(spec, str(error), field_path, positions)]
-    try:
-        return settings_type.from_block(block, node, context), []
+        reason = str(error)
     except ValidationError as error:
         return None, settings_diagnostics(error, settings_type, block, field_path, positions)
     except Exception as error:  # noqa: BLE001 (a plugin's code: its defect is a finding, not a crash)
         reason = f"{spec.settings} cannot read the block: {type(error).__name__}: {error}"
-        return None, [_broken(spec, reason, field_path, positions)]
-
-
-def _broken(spec: PluginSpec, reason: str, field_path: str, positions: Positions | None) -> Diagnostic:
-    return Diagnostic(
+    broken = Diagnostic(
         code="broken-plugin",
         severity=Severity.ERROR,
         message=as_sentence(f"The plugin that provides {spec.block} is broken: {reason}"),
-        position=_nearest_position(positions, field_path),
+        position=positions.nearest(field_path) if positions is not None else None,
         field_path=field_path,
-        remedy="Install the plugin anew, or block it; joshua plugins --check lists the reasons.",
+        remedy="Reinstall or block the plugin. `joshua plugins --check` lists the reasons.",
     )
+    return None, [broken]
 
 
 def settings_diagnostics(
@@ -194,34 +179,36 @@ def settings_diagnostics(
 
     values = block_values(block)
     diagnostics = []
-    problems: list[FieldError] = []
-    for detail in error.errors(include_url=False):
-        problem = detail.get("ctx", {}).get("error")
-        if isinstance(problem, FieldErrors):
-            problems += problem.errors
-        elif isinstance(problem, FieldError):
-            problems.append(problem)
-        else:
-            problems.append(_field_error(detail, settings_type, block))
-    for problem in problems:
-        inner, message = problem.field, str(problem)
-        path = ".".join(part for part in (field_path, inner) if part)
-        found = _look_up(values, inner) if inner else None
+    for problem in _problems(error, settings_type, block):
+        path = ".".join(part for part in (field_path, problem.field) if part)
+        found = _look_up(values, problem.field) if problem.field else None
+        remedy = problem.remedy or "Change the value. `joshua explain` shows what the field means"
         diagnostics.append(
             Diagnostic(
                 code="invalid-setting",
                 severity=Severity.ERROR,
-                message=as_sentence(_begun(message)),
-                position=_nearest_position(positions, path),
+                message=as_sentence(_begun(str(problem))),
+                position=positions.nearest(path) if positions is not None else None,
                 field_path=path,
                 found="" if found is None else _as_text(found),
                 allowed=problem.allowed,
-                remedy=as_instruction(
-                    problem.remedy or "Change the value; joshua explain shows what the field means"
-                ),
+                remedy=as_instruction(remedy),
             )
         )
     return diagnostics
+
+
+def _problems(
+    error: ValidationError, settings_type: type[BlockSettings], block: Message
+) -> Iterator[FieldError]:
+    for detail in error.errors(include_url=False):
+        problem = detail.get("ctx", {}).get("error")
+        if isinstance(problem, FieldErrors):
+            yield from problem.errors
+        elif isinstance(problem, FieldError):
+            yield problem
+        else:
+            yield _field_error(detail, settings_type, block)
 
 
 # Words that a message may begin with and that name neither a field nor a joint.
@@ -281,16 +268,6 @@ def _block_path(location: tuple[int | str, ...], settings_type: type[BlockSettin
     field = settings_type.model_fields.get(name)
     path = _source(name, field).path if field else name
     return path + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location[1:])
-
-
-def _nearest_position(positions: Positions | None, path: str) -> Position | None:
-    """Position of a field, else of the innermost block around it."""
-    while positions is not None and path:
-        position = positions.value(path)
-        if position is not None:
-            return position
-        path = path[: max(path.rfind("."), path.rfind("["), 0)]
-    return None
 
 
 def _as_text(value: Any) -> str:

@@ -35,12 +35,7 @@ class RealDevice:
 
 @dataclass(frozen=True)
 class CoupledArm:
-    """An arm whose bus is emulated and whose joints the simulation moves.
-
-    Attributes:
-        actuators: of the model, in joint order; start_rad: where its joints are at first, about the middle
-            of their ranges.
-    """
+    """An arm whose bus is emulated and whose joints the simulation moves: fields of ``PhysicsLink``."""
 
     actuators: tuple[str, ...]
     start_rad: tuple[float, ...]

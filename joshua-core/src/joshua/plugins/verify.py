@@ -2,119 +2,74 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import re
 from collections.abc import Iterable
 from functools import cache
+from typing import Any
 
 from google.protobuf import descriptor_pool
-from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
-from google.protobuf.message import Message
 
+from joshua.plugins import specs as kinds
 from joshua.plugins.block_values import default_values
-from joshua.plugins.specs import (
-    ActuatorSpec,
-    DeviceSpec,
-    EmulatorSpec,
-    Environment,
-    EnvironmentSpec,
-    EpisodeWriterSpec,
-    ModelSpec,
-    ModeOffer,
-    PluginSpec,
-    SensorSpec,
-    SimulatorSpec,
-    StoreSpec,
-    TrainerSpec,
-    TransportSpec,
-)
+from joshua.plugins.specs import DeviceSpec, Environment, EnvironmentSpec, ModeOffer, PluginSpec, TransportSpec
 from joshua.plugins.targets import ROLES
-from joshua.schema import config_pb2, simulation_pb2, transport_pb2
+from joshua.schema import config_pb2 as pb
+from joshua.schema import simulation_pb2, transport_pb2
 from joshua.schema.data_types import type_names
 from joshua.schema.rules import block_rule
 
-_IMPORT_STRING = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
-_MODULE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
+_NAME = r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*"
+_IMPORT_STRING = re.compile(f"{_NAME}:{_NAME}")
 _MESSAGE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
 
 #: Modes that the core leaves to plugins.
 MODES_OF_PLUGINS = ("MODE_CALIBRATION", "MODE_PLUGIN")
 
 
-def _message_fields(message: type[Message], without: tuple[str, ...] = ()) -> tuple[str, ...]:
-    hidden = {"plugin_config", *without}
-    return tuple(
-        field.name
-        for field in message.DESCRIPTOR.fields
-        if field.type == FieldDescriptor.TYPE_MESSAGE and field.name not in hidden
-    )
+def _message_fields(message: Any) -> tuple[str, ...]:
+    fields = message.DESCRIPTOR.fields
+    hidden = ("plugin_config", "node")
+    return tuple(field.name for field in fields if field.message_type and field.name not in hidden)
 
 
 @cache
 def _own_blocks() -> dict[str, str]:
     """Action types that fit one block only, with it."""
-    fields = config_pb2.SingleAction.DESCRIPTOR.oneofs_by_name["actuator_config"].fields
+    fields = pb.SingleAction.DESCRIPTOR.oneofs_by_name["actuator_config"].fields
     return {value: field.name for field in fields for value in block_rule(field.message_type).fits}
 
 
 @cache
-def _blocks() -> dict[type[PluginSpec], tuple[str, ...]]:
-    actuators = _message_fields(config_pb2.SingleAction, ("node",))
-    sensors = _message_fields(config_pb2.SinglePerception, ("node",))
+def _answerable() -> dict[type[PluginSpec], tuple[tuple[str, ...], tuple[str, ...]]]:
+    """The schema's blocks and enum values that each kind may answer for; ``…_UNSPECIFIED`` is never one."""
+    actuators, sensors = _message_fields(pb.SingleAction), _message_fields(pb.SinglePerception)
+    actions, perceptions, backends = pb.ActionType, pb.PerceptionType, pb.SimulatorBackend
+    table: dict[type[PluginSpec], tuple[tuple[str, ...], tuple[Any, ...]]] = {
+        kinds.ActuatorSpec: (actuators, (actions,)),
+        kinds.SensorSpec: (sensors, (perceptions,)),
+        kinds.ModelSpec: (_message_fields(pb.SingleModel), (pb.ModelType,)),
+        kinds.StoreSpec: (("data_store",), (pb.DataFormat, pb.StorageBackend)),
+        kinds.TrainerSpec: (("training", *_message_fields(pb.Training)), (pb.TrainingMethod, backends)),
+        kinds.SimulatorSpec: (("simulation",), (simulation_pb2.SimulationMode, backends)),
+        kinds.EmulatorSpec: (actuators + sensors, (actions, perceptions)),
+        EnvironmentSpec: (("training",), (backends,)),
+        kinds.EpisodeWriterSpec: (("data_store",), (pb.DataFormat,)),
+        ModeOffer: ((), (pb.OperationMode,)),
+        TransportSpec: ((), (transport_pb2.TransportKind,)),
+    }
     return {
-        ActuatorSpec: actuators,
-        SensorSpec: sensors,
-        ModelSpec: _message_fields(config_pb2.SingleModel, ("node",)),
-        StoreSpec: ("data_store",),
-        TrainerSpec: ("training", *_message_fields(config_pb2.Training)),
-        SimulatorSpec: ("simulation",),
-        EmulatorSpec: actuators + sensors,
-        EnvironmentSpec: ("training",),
-        EpisodeWriterSpec: ("data_store",),
-        ModeOffer: (),
-        TransportSpec: (),
+        kind: (blocks, tuple(value for enum in enums for value in _chosen(enum)))
+        for kind, (blocks, enums) in table.items()
     }
 
 
-@cache
-def _enums() -> dict[type[PluginSpec], tuple[EnumDescriptor, ...]]:
-    actions = config_pb2.ActionType.DESCRIPTOR
-    perceptions = config_pb2.PerceptionType.DESCRIPTOR
-    backends = config_pb2.SimulatorBackend.DESCRIPTOR
-    return {
-        ActuatorSpec: (actions,),
-        SensorSpec: (perceptions,),
-        ModelSpec: (config_pb2.ModelType.DESCRIPTOR,),
-        StoreSpec: (config_pb2.DataFormat.DESCRIPTOR, config_pb2.StorageBackend.DESCRIPTOR),
-        TrainerSpec: (config_pb2.TrainingMethod.DESCRIPTOR, backends),
-        SimulatorSpec: (simulation_pb2.SimulationMode.DESCRIPTOR, backends),
-        EmulatorSpec: (actions, perceptions),
-        EnvironmentSpec: (backends,),
-        EpisodeWriterSpec: (config_pb2.DataFormat.DESCRIPTOR,),
-        ModeOffer: (config_pb2.OperationMode.DESCRIPTOR,),
-        TransportSpec: (transport_pb2.TransportKind.DESCRIPTOR,),
-    }
+def _chosen(enum: Any) -> list[str]:
+    return [name for name in enum.DESCRIPTOR.values_by_name if not name.endswith("UNSPECIFIED")]
 
 
-def _kind(spec: PluginSpec) -> type[PluginSpec]:
-    """The kind that a spec is of, the base class where its author has chosen none."""
-    return next((kind for kind in _blocks() if isinstance(spec, kind)), PluginSpec)
-
-
-def blocks_of(kind: type[PluginSpec]) -> tuple[str, ...]:
-    """Names of the schema's own configuration blocks that a kind may answer for."""
-    return _blocks()[kind]
-
-
-def enum_values_of(kind: type[PluginSpec]) -> tuple[str, ...]:
-    """Names of the enum values that a kind may answer for; ``…_UNSPECIFIED`` is never one."""
-    return tuple(
-        value.name
-        for enum in _enums()[kind]
-        for value in enum.values
-        if not value.name.endswith("UNSPECIFIED")
-    )
+def _answerable_by(spec: PluginSpec) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return next(known for kind, known in _answerable().items() if isinstance(spec, kind))
 
 
 def verify_specs(specs: Iterable[object]) -> list[str]:
@@ -127,8 +82,8 @@ def verify_specs(specs: Iterable[object]) -> list[str]:
     for number, spec in enumerate(specs):
         if not isinstance(spec, PluginSpec) or not spec.kind:
             problems.append(
-                f"joshua_specs: item {number} is {type(spec).__name__}, which is no spec of joshua.plugins; "
-                f"allowed: {', '.join(kind.__name__ for kind in _blocks())}"
+                f"joshua_specs: item {number} is {type(spec).__name__}, which is not a spec of joshua.api; "
+                f"allowed: {', '.join(kind.__name__ for kind in _answerable())}"
             )
             continue
         found = [f"spec {number} ({_label(spec)}): {text}" for text in _problems(spec)]
@@ -148,22 +103,26 @@ def _label(spec: PluginSpec) -> str:
 
 
 def _problems(spec: PluginSpec) -> list[str]:
-    return [
-        *_enum_problems(spec),
-        *_block_problems(spec),
-        *_import_string_problems(spec),
-        *_data_type_problems(spec),
-        *_environment_problems(spec),
-        *_mode_problems(spec),
-        *_transport_problems(spec),
-    ]
+    problems = [*_enum_problems(spec), *_block_problems(spec)]
+    for role in ROLES:
+        text: object = getattr(spec, role, "")
+        is_import_string = isinstance(text, str) and _IMPORT_STRING.fullmatch(text)
+        if (text or role == "implementation") and not is_import_string:
+            problems.append(f"{role} is {text!r}, not an import string such as acme.gripper:Gripper")
+    if isinstance(spec, DeviceSpec):
+        problems += _data_type_problems(spec.data_types)
+    if isinstance(spec, EnvironmentSpec):
+        problems += _environment_problems(spec.environments)
+    if isinstance(spec, ModeOffer):
+        problems += _mode_problems(spec)
+    return problems + (_transport_problems(spec) if isinstance(spec, TransportSpec) else [])
 
 
 def _enum_problems(spec: PluginSpec) -> list[str]:
     names: object = spec.enum_values
     if not isinstance(names, tuple):
         return [f"enum_values is {type(names).__name__}, not a tuple of names"]
-    known = enum_values_of(_kind(spec))
+    blocks, known = _answerable_by(spec)
     problems = [
         f"enum value {value!r} is unknown for {spec.kind}; {_nearest(str(value), known)}"
         for value in spec.enum_values
@@ -173,7 +132,7 @@ def _enum_problems(spec: PluginSpec) -> list[str]:
         own = _own_blocks().get(value)
         if own and spec.block != own:
             problems.append(f"{value} fits only {own}")
-        if value.endswith("_PLUGIN") and spec.block in blocks_of(_kind(spec)):
+        if value.endswith("_PLUGIN") and spec.block in blocks:
             problems.append(f"{value} fits only a message of the plugin's own")
     return problems
 
@@ -182,15 +141,15 @@ def _block_problems(spec: PluginSpec) -> list[str]:
     block = spec.block
     if not block:
         return [] if spec.enum_values else ["neither block nor enum_values says what asks for it"]
-    known = blocks_of(_kind(spec))
+    known, _ = _answerable_by(spec)
     if block in known:
         return []
     if not _MESSAGE_NAME.fullmatch(block):
         return [
-            f"block {block!r} is no block of {spec.kind}; {_nearest(block, known)}; "
+            f"block {block!r} is not a block of {spec.kind}; {_nearest(block, known)}; "
             "a message of the plugin's own is named in full, such as acme.GripperConfig"
         ]
-    if not _MODULE_NAME.fullmatch(spec.message_module):
+    if not re.fullmatch(_NAME, spec.message_module):
         return [f"block {block} needs message_module, the _pb2 module that registers it"]
     try:
         importlib.import_module(spec.message_module)
@@ -205,52 +164,30 @@ def _block_problems(spec: PluginSpec) -> list[str]:
     return []
 
 
-def _import_string_problems(spec: PluginSpec) -> list[str]:
-    texts = {role: getattr(spec, role, "") for role in ROLES}
-    return [
-        f"{role} is {text!r}, not an import string such as acme.gripper:Gripper"
-        for role, text in texts.items()
-        if (text or role == "implementation")
-        and not (isinstance(text, str) and _IMPORT_STRING.fullmatch(text))
-    ]
-
-
-def _data_type_problems(spec: PluginSpec) -> list[str]:
-    types: object = spec.data_types if isinstance(spec, DeviceSpec) else ()
+def _data_type_problems(types: object) -> list[str]:
     if not isinstance(types, tuple):
         return [f"data_types is {type(types).__name__}, not a tuple of ROS 2 types"]
     known = type_names()
-    return [
-        f"data type {name!r} is unknown; {_nearest(str(name), known, 3)}"
-        for name in types
-        if name not in known
-    ]
+    return [f"data type {n!r} is unknown; {_nearest(str(n), known, 3)}" for n in types if n not in known]
 
 
-def _environment_problems(spec: PluginSpec) -> list[str]:
-    if not isinstance(spec, EnvironmentSpec):
-        return []
-    offers: object = spec.environments
+def _environment_problems(offers: object) -> list[str]:
     if not isinstance(offers, tuple) or not all(isinstance(offer, Environment) for offer in offers):
-        return ["environments is not a tuple of joshua.plugins.Environment"]
+        return ["environments is not a tuple of joshua.api.simulation.Environment"]
     if not offers:
-        return ["environments is empty, and it needs at least one joshua.plugins.Environment"]
+        return ["environments is empty, and it needs at least one joshua.api.simulation.Environment"]
     return [f"environment {offer.id!r} offers no reward" for offer in offers if not offer.rewards]
 
 
-def _mode_problems(spec: PluginSpec) -> list[str]:
-    if not isinstance(spec, ModeOffer):
-        return []
+def _mode_problems(spec: ModeOffer) -> list[str]:
     if len(spec.enum_values) != 1 or spec.enum_values[0] not in MODES_OF_PLUGINS:
         return [f"a mode answers for one of {', '.join(MODES_OF_PLUGINS)}; the core has the others"]
     if (spec.enum_values[0] == "MODE_PLUGIN") != bool(spec.name):
-        return ["name is that of a mode with MODE_PLUGIN, which general.plugin_mode chooses by it"]
+        return ["MODE_PLUGIN, and no other mode, needs a name: general.plugin_mode chooses the mode by it"]
     return []
 
 
-def _transport_problems(spec: PluginSpec) -> list[str]:
-    if not isinstance(spec, TransportSpec):
-        return []
+def _transport_problems(spec: TransportSpec) -> list[str]:
     if len(spec.enum_values) != 1:
         return ["a transport provides one kind"]
     if (spec.enum_values[0] == "TRANSPORT_PLUGIN") != bool(spec.name):
@@ -259,6 +196,8 @@ def _transport_problems(spec: PluginSpec) -> list[str]:
 
 
 def _nearest(name: str, known: tuple[str, ...], count: int | None = None) -> str:
+    import difflib  # costs time that only an error is worth
+
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
     ordered = [*near, *(value for value in known if value not in near)]
     return f"allowed: {', '.join(ordered[:count])}" + (", …" if count else "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from joshua.schema.data_type_names import TYPE_NAMES
 from joshua.schema.data_type_pb2 import DataType
 
+_type_names = tuple(TYPE_NAMES[key] for key in sorted(TYPE_NAMES))
 _numbers_by_type_name = {name: number for number, name in TYPE_NAMES.items()}
 
 
@@ -49,4 +50,4 @@ def enum_names(number: int) -> tuple[str, ...]:
 
 def type_names() -> tuple[str, ...]:
     """Returns all ROS 2 types of the enum, by rising number."""
-    return tuple(TYPE_NAMES[key] for key in sorted(TYPE_NAMES))
+    return _type_names

@@ -89,7 +89,7 @@ def test_an_option_of_a_plugin_that_is_not_installed_names_it(
     with pytest.raises(SystemExit, match="3"):
         parse(["doctor", "--udev=rules"])
     assert (
-        "doctor --udev requires the plugin joshua-serial: pip install joshua-serial"
+        "doctor --udev requires the plugin joshua-serial, which is not installed: pip install joshua-serial"
         in capsys.readouterr().err
     )
     with pytest.raises(SystemExit, match="2"):

@@ -83,10 +83,10 @@ def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
     from importlib import metadata
 
     from joshua.cli.table import commands_by_distribution
-    from joshua.plugins import PluginRow, PluginStatus
+    from joshua.plugins import PluginRow
 
     others = commands_by_distribution().keys() - {row.distribution for row in rows} - {"(unknown)"}
-    return tuple(PluginRow(name, name, metadata.version(name), PluginStatus.OK) for name in sorted(others))
+    return tuple(PluginRow(name, name, metadata.version(name)) for name in sorted(others))
 
 
 def checked(row: PluginRow) -> PluginRow:
