@@ -86,10 +86,7 @@ def find_command(name: str) -> Command | None:
     if commands:
         return load_command(commands[0])
     if distribution := hints.stated().commands.get(name):
-        remedy = installing.install(distribution)
-        raise PluginCommandError(
-            f"{name} requires the plugin {distribution}, which is not installed: {remedy}"
-        )
+        raise PluginCommandError(f"{name} {installing.requires(distribution)}")
     return None
 
 
