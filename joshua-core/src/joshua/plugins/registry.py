@@ -9,7 +9,14 @@ from typing import TypeGuard, TypeVar
 from joshua.plan import installing
 from joshua.plugins import hints
 from joshua.plugins.discovery import CORE_DISTRIBUTION, PluginRow, PluginStatus, normalise
-from joshua.plugins.specs import Environment, EnvironmentSpec, ModeOffer, PluginSpec, SimulatorSpec, TransportSpec
+from joshua.plugins.specs import (
+    Environment,
+    EnvironmentSpec,
+    ModeOffer,
+    PluginSpec,
+    SimulatorSpec,
+    TransportSpec,
+)
 from joshua.plugins.targets import TargetError, load_target
 
 SpecT = TypeVar("SpecT", bound=PluginSpec)

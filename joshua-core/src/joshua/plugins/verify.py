@@ -12,7 +12,14 @@ from google.protobuf import descriptor_pool
 
 from joshua.plugins import specs as kinds
 from joshua.plugins.block_values import default_values
-from joshua.plugins.specs import DeviceSpec, Environment, EnvironmentSpec, ModeOffer, PluginSpec, TransportSpec
+from joshua.plugins.specs import (
+    DeviceSpec,
+    Environment,
+    EnvironmentSpec,
+    ModeOffer,
+    PluginSpec,
+    TransportSpec,
+)
 from joshua.plugins.targets import ROLES
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2, transport_pb2
