@@ -73,6 +73,28 @@ def test_an_overload_takes_the_torque_off_whatever_the_safe_state_is(
         assert rig.process.returncode == 0, "a fault that was ended is no failure"
 
 
+def test_an_overload_of_the_gripper_relaxes_it_and_the_arm_stands(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        rig.follower.fault("overload", 6)
+        rig.wait(lambda: not rig.follower.servo(6)["energised"])
+        tripped = wait_for_state(rig, "fault")
+        assert "gripper: the servo reports: overloaded" in tripped["reason"]
+        assert "Only this joint lost its torque" in tripped["reason"]
+        assert "joshua resume follower_arm" in tripped["reason"]
+        assert [servo["energised"] for servo in rig.follower.servos()] == [True] * 5 + [False]
+        written = len(rig.follower.log("sync_write"))
+        rig.wait(lambda: len(rig.follower.log("sync_write")) > written + 20)
+        assert not rig.follower.servo(6)["energised"], "a goal written to it would enable its torque"
+        result = rig.joshua("resume", "follower_arm")
+        assert result.returncode == 0, result.stderr
+        assert rig.energised() == {True}
+        assert wait_for_state(rig, "ready")["reason"] == ""
+        rig.stop()
+        assert rig.process.returncode == 0
+
+
 @pytest.mark.parametrize(
     ("begin", "end", "reason"),
     [(heat, cool, "shoulder_pan: "), (weaken, strengthen, " V, allowed ")],

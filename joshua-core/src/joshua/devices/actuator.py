@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,6 +128,17 @@ class Actuator(Device):
     @abstractmethod
     def release(self) -> None:
         """Takes torque off all joints."""
+
+    @property
+    def relaxed(self) -> Mapping[str, str]:
+        """Joints whose torque a protection took off while the others keep theirs, and why; by joint name.
+
+        ``write`` and ``hold`` leave them out until ``rejoin``.
+        """
+        return {}
+
+    def rejoin(self) -> None:
+        """Energises the relaxed joints where they are. Raises DeviceError, also while the cause lasts."""
 
     def check(self) -> None:
         """Looks once more whether the open device is the right one and in order. Raises DeviceError."""

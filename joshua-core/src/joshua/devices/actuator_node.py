@@ -170,14 +170,17 @@ class ActuatorNode(NodeBehaviour):
         latch = self._safety.latch()
         if latch is not None:
             raise RefusedError(f"{name} stays without torque: {latch.text}")
-        if self._energised:
+        if self._energised and not actuator.relaxed:
             return f"{name} has torque and follows commands: there is nothing to resume"
         try:
             actuator.check()
         except DeviceError as error:
             raise RefusedError(f"{name}: the check of the device failed: {error}") from error
         try:
-            self.energise()
+            if self._energised:
+                self._rejoin()
+            else:
+                self.energise()
         except SafetyTripped as error:
             self._energised = False
             self._safety.stand_down()
@@ -185,6 +188,19 @@ class ActuatorNode(NodeBehaviour):
         self._stopped_by = ""  # its release need not be noticed any more
         self._leave_fault()
         return f"{name} has torque again; it approaches its next command slowly"
+
+    def _rejoin(self) -> None:
+        """Energises the relaxed joints; the others have torque."""
+        actuator, goals = self._device()
+        joints = [actuator.joint_names.index(name) for name in actuator.relaxed]
+        try:
+            actuator.rejoin()
+            position_rad = actuator.read().position_rad
+        except DeviceError as error:
+            name = self.context.spec.full_name
+            raise RefusedError(f"{name}: torque of the joint is still off: {error}") from error
+        for joint in joints:
+            goals.reseed(joint, position_rad[joint])
 
     def deactivate(self) -> None:
         """Brings the joints into their safe state: a leader without torque, others as planned."""
@@ -263,6 +279,8 @@ class ActuatorNode(NodeBehaviour):
         self._test.state(reading, actuator.limits)
         if not self._energised:
             return
+        if actuator.relaxed and not self._status.fault:
+            self._enter_fault(f"{'; '.join(actuator.relaxed.values())}. Only this joint lost its torque")
         now_ns, stamp_ns = time.monotonic_ns(), self.context.now_ns()
         written = actuator.write(goals.step(now_ns))
         self._publish_written(written, stamp_ns)

@@ -88,6 +88,12 @@ class GoalGenerator:
             self.state = GoalState.WAITING
             self.stale = False
 
+    def reseed(self, index: int, position_rad: float) -> None:
+        """Starts one joint from where it is; it approaches its command slowly. Thread-safe."""
+        with self._lock:
+            self._goal[index] = position_rad
+            self._ramping[index] = True
+
     def command(self, command: JointCommand, now_ns: int) -> None:
         """Takes a command; ``now_ns`` on the monotonic clock. Thread-safe."""
         with self._lock:

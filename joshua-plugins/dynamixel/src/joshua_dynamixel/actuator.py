@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from joshua.api import ActuatorContext
@@ -82,16 +82,15 @@ class DynamixelActuator(ServoArm):
         rows = zip(self.settings.motor_ids, self._models, values, strict=True)
         return [parse_feedback(value, model, errors.get(servo_id, 0)) for servo_id, model, value in rows]
 
-    def clear_faults(self, readings: Sequence[Feedback]) -> bool:
-        """Reboots servos with a hardware error, which keep their torque off until then."""
-        faulty = [
-            servo_id
-            for servo_id, reading in zip(self.settings.motor_ids, readings, strict=True)
-            if reading.status
-        ]
-        self._bus.reboot(faulty)
-        return bool(faulty)
+    @property
+    def latched_faults(self) -> int:
+        """All bits of a hardware error, the supply's included."""
+        return self.family.status.known
 
-    def check_start(self, positions: Sequence[int]) -> None:
+    def clear_faults(self, ids: Sequence[int]) -> None:
+        """Reboots servos with a hardware error, which keep their torque off until then."""
+        self._bus.reboot(ids)
+
+    def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
         """Refuses a servo in position mode that stands beyond its limits: it refuses such a goal."""
-        check_start(self._bus, self.joint_names, self._setups, positions)
+        check_start(self._bus, self.joint_names, self._setups, positions, only=only)

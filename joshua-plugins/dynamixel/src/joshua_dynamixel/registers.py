@@ -62,6 +62,7 @@ HARDWARE_ERRORS = StatusBits(
         1 << 5: "overloaded",
     },
     voltage=1 << 0,
+    overload=1 << 5,
 )
 
 

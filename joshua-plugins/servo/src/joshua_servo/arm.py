@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 import time
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -85,6 +85,8 @@ class ServoArm(Actuator):
         self._lock = threading.RLock()
         self._enabled = False
         self._tripped = ""
+        self._relaxed: dict[int, str] = {}  # index of the joint, and why it has no torque
+        self._grippers = [i for i, joint in enumerate(settings.joint_settings) if joint.gripper]
         self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
         self._goal_ticks, self._written_s = np.zeros(len(self._ids), np.int64), 0.0
         self._readings: list[Feedback] = []
@@ -113,13 +115,21 @@ class ServoArm(Actuator):
         parse_feedback = self.family.parse_feedback
         return [parse_feedback(value) for value in values]
 
-    def clear_faults(self, readings: Sequence[Feedback]) -> bool:
-        """Before torque: clears faults that servos keep until they are told; whether it did anything."""
-        del readings
-        return False
+    @property
+    def latched_faults(self) -> int:
+        """Status bits that a servo keeps until they are cleared."""
+        return self.family.status.at_once
 
-    def check_start(self, positions: Sequence[int]) -> None:
-        """Refuses positions in ticks from which a servo cannot start. Raises DeviceError."""
+    @abstractmethod
+    def clear_faults(self, ids: Sequence[int]) -> None:
+        """Clears what servos without torque keep of faults that are over. Raises DeviceError."""
+
+    def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
+        """Refuses positions in ticks from which a servo cannot start. Raises DeviceError.
+
+        Args:
+            only: indices of the joints that start; None for all.
+        """
 
     @property
     def limits(self) -> JointLimits:
@@ -218,13 +228,24 @@ class ServoArm(Actuator):
         self.require_connected("prepare")
         self._require_calibration()
         with self._lock:
-            readings = self._state.settled_feedback()
-            if not self._dry_run and self.clear_faults(readings):
+            self._prepare(self._ids)
+
+    def _prepare(self, ids: Sequence[int]) -> None:
+        """Clears latched faults of servos without torque, writes their settings, and finds their turns."""
+        readings = self._state.settled_feedback()
+        if not self._dry_run:
+            latched = [
+                servo_id
+                for servo_id, reading in zip(self._ids, readings, strict=True)
+                if servo_id in ids and reading.status & self.latched_faults
+            ]
+            if latched:
+                self.clear_faults(latched)
                 readings = self._state.settled_feedback()
-            if not self._dry_run:
-                self._tuning.apply()
-            positions = [reading.position for reading in readings]
-            self._map.follow_turns(positions, [setup.turns for setup in self._setups])
+            self._tuning.apply()
+            self._grips.reset()
+        positions = [reading.position for reading in readings]
+        self._map.follow_turns(positions, [setup.turns for setup in self._setups])
 
     def enable(self) -> None:
         """Prepares the joints and energises them where they are, verified by reading back.
@@ -246,10 +267,37 @@ class ServoArm(Actuator):
             self.check_start(present.tolist())
             if not self._dry_run:
                 self._torque.switch_on(present.tolist(), self.move_values())
-            self._grips.reset()
             self._enabled = True
             self._tripped = ""
+            self._relaxed = {}
             self._remember(self._map.radians(present), present)
+
+    @property
+    def relaxed(self) -> Mapping[str, str]:
+        """Grippers whose torque is off after an overload, and why; the other joints have torque."""
+        return {self.joint_names[index]: reason for index, reason in self._relaxed.items()}
+
+    def rejoin(self) -> None:
+        """Energises the relaxed joints where they are; the others keep their torque.
+
+        Raises:
+            SafetyTripped: a protection would trip at once.
+            DeviceError: as ``enable``.
+        """
+        self.require_connected("rejoin")
+        with self._lock:
+            ids = [self._ids[index] for index in self._relaxed]
+            self._prepare(ids)
+            readings = self._state.settled_feedback()
+            if reason := self._watch.trip_reason(readings):
+                raise SafetyTripped(f"{self._port}: {reason}. Remove the cause, then try again.")
+            present = [reading.position for reading in readings]
+            self.check_start(present, tuple(self._relaxed))
+            self._torque.switch_on(present, self.move_values(), ids)
+            for index in self._relaxed:
+                self._goal_ticks[index] = present[index]
+                self._goal[index] = self._map.radians(present)[index]
+            self._relaxed = {}
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
         """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
@@ -389,7 +437,15 @@ class ServoArm(Actuator):
             )
 
     def _trip_where_needed(self, readings: Sequence[Feedback]) -> None:
-        reason = self._watch.trip_reason(readings) or self._lapse()
+        overloaded = [
+            index
+            for index in self._grippers
+            if index not in self._relaxed and self._watch.is_overload_alone(readings[index])
+        ]
+        reason = self._watch.trip_reason(readings, {*self._relaxed, *overloaded})
+        if not reason:
+            self._relax({index: self._watch.reported(index, readings[index]) for index in overloaded})
+            reason = self._lapse()
         if not reason:
             return
         self._tripped = reason
@@ -404,6 +460,21 @@ class ServoArm(Actuator):
             f"{self._port}: {reason}. The torque of this arm was taken off; look for the cause (a blocked "
             "joint, heat, the supply)."
         )
+
+    def _relax(self, reasons: Mapping[int, str]) -> None:
+        """Takes the torque off grippers; a goal would enable it, so none is written until ``rejoin``."""
+        if not reasons:
+            return
+        self._relaxed.update(reasons)
+        try:
+            self._torque.switch_off([self._ids[index] for index in reasons])
+        except DeviceDisconnected as error:
+            self._enabled = False
+            self.context.before_torque_off()
+            text = "; ".join(reasons.values())
+            raise SafetyTripped(
+                f"{self._port}: {text}. Its torque may still be on: {error}", released=False
+            ) from error
 
     def _lapse(self) -> str:
         """Looks at the torque itself now and then, and after each lost reply: a power cut resets servos."""
@@ -423,7 +494,11 @@ class ServoArm(Actuator):
         if self._dry_run:
             return
         goal = self.family.goal_position
-        rows = {i: goal.encode(t) for i, t in zip(self._ids, ticks.tolist(), strict=True)}
+        rows = {
+            servo_id: goal.encode(tick)
+            for index, (servo_id, tick) in enumerate(zip(self._ids, ticks.tolist(), strict=True))
+            if index not in self._relaxed
+        }
         self._bus.sync_write(goal.address, goal.width, rows)
 
     def _remember(self, goal_rad: FloatArray, ticks: TickArray) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from joshua.api.calibration import MotorCalibration
@@ -52,16 +52,21 @@ def check_start(
     setups: Sequence[ServoSetup],
     positions: Sequence[int],
     tolerance_ticks: int = 0,
+    *,
+    only: Collection[int] | None = None,
 ) -> None:
     """Refuses a servo that stands beyond its own limits: it would not take its position for a goal.
 
     Args:
         names, setups, positions: of all servos, in joint order; positions in ticks.
         tolerance_ticks: how far beyond is still good.
+        only: indices of the joints to look at; None for all.
 
     Raises SafetyTripped.
     """
-    for name, setup, position in zip(names, setups, positions, strict=True):
+    for index, (name, setup, position) in enumerate(zip(names, setups, positions, strict=True)):
+        if only is not None and index not in only:
+            continue
         low, high = setup.min_position - tolerance_ticks, setup.max_position + tolerance_ticks
         if not setup.turns and not low <= position <= high:
             raise SafetyTripped(

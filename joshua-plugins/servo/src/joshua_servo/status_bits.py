@@ -13,10 +13,12 @@ class StatusBits:
     Attributes:
         names: words for each bit.
         voltage: the bit of a supply out of range, which may come and go for a moment.
+        overload: the bit of an overload.
     """
 
     names: Mapping[int, str]
     voltage: int
+    overload: int
 
     @property
     def known(self) -> int:

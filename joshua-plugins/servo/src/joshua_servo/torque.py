@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from joshua.api import DeviceError
 
@@ -37,19 +37,24 @@ class TorqueSwitch:
         self._off = family.torque_enable.encode(0)
         self._kept: dict[int, dict[Register, bytes]] = {}  # by servo id, as last written with torque
 
-    def switch_on(self, goals_ticks: Sequence[int], values: Sequence[MoveValues]) -> None:
+    def switch_on(
+        self, goals_ticks: Sequence[int], values: Sequence[MoveValues], only: Collection[int] | None = None
+    ) -> None:
         """Seeds goal, speed and acceleration in one packet, switches torque on, and verifies all of it.
 
         Args:
             goals_ticks: where the joints are now, in joint order.
             values: what the other registers of a move get, in joint order.
+            only: ids of the servos that get torque; None for all.
 
         Raises:
-            DeviceError: a servo did not take it; then all joints were released.
+            DeviceError: a servo did not take it; then the torque of all these joints is off.
         """
         family, torque = self._family, self._family.torque_enable
         rows = {}
         for servo_id, ticks, row in zip(self._ids, goals_ticks, values, strict=True):
+            if only is not None and servo_id not in only:
+                continue
             move = {**row, family.goal_position: ticks}
             rows[servo_id] = b"".join(register.encode(move[register]) for register in family.moves)
             self._kept[servo_id] = {register: register.encode(move[register]) for register in family.kept}
@@ -64,19 +69,21 @@ class TorqueSwitch:
             }
             if not rows:
                 return
-        self.switch_off()
+        self.switch_off(only)
         raise DeviceError(
-            f"{self._bus.port}: {self._list(rows)} did not take goal and torque in {ATTEMPTS} attempts; "
-            "all joints were released. Check the supply voltage and run joshua doctor."
+            f"{self._bus.port}: {self._list(rows)} did not take goal and torque in {ATTEMPTS} attempts. "
+            f"The torque of {'all joints' if only is None else 'this joint'} is off. Check the supply "
+            "voltage and run `joshua doctor`."
         )
 
-    def switch_off(self) -> None:
-        """Takes torque off all joints. Raises NoReply where one does not confirm it, and PortDisconnected."""
-        self._kept = {}
+    def switch_off(self, only: Collection[int] | None = None) -> None:
+        """Takes torque off all joints, or some. Raises NoReply without confirmation, and PortDisconnected."""
+        ids = tuple(servo_id for servo_id in self._ids if only is None or servo_id in only)
+        self._kept = {servo_id: row for servo_id, row in self._kept.items() if servo_id not in ids}
         torque = self._family.torque_enable
-        waiting = self._ids
+        waiting = ids
         for _ in range(ATTEMPTS):
-            self._bus.sync_write(torque.address, torque.width, dict.fromkeys(self._ids, self._off))
+            self._bus.sync_write(torque.address, torque.width, dict.fromkeys(ids, self._off))
             found = self._bus.sync_read(torque.address, torque.width, waiting)
             waiting = tuple(servo_id for servo_id in waiting if found.get(servo_id) != self._off)
             if not waiting:
@@ -101,7 +108,9 @@ class TorqueSwitch:
         """
         lapsed = []
         for servo_id, found in self._states(within_s=LAPSE_S).items():
-            kept = self._kept.get(servo_id, {})
+            kept = self._kept.get(servo_id)
+            if kept is None:
+                continue  # its torque was taken off on purpose
             has_torque = found[self._family.torque_enable] == self._on
             if not has_torque or {register: found[register] for register in kept} != kept:
                 lapsed.append(servo_id)

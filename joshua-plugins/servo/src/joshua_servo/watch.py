@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from joshua_servo.feedback import Feedback
@@ -39,15 +39,29 @@ class HealthWatch:
         """Begins to count anew."""
         self._voltage_samples = [0] * len(self._names)
 
-    def trip_reason(self, readings: Sequence[Feedback]) -> str:
-        """Why the torque must go, "" where all is well; takes one sample of all servos."""
+    def is_overload_alone(self, reading: Feedback) -> bool:
+        """Whether a servo reports an overload and no other fault."""
+        return reading.status & self.status.at_once == self.status.overload
+
+    def reported(self, index: int, reading: Feedback) -> str:
+        """What a servo reports, for a person."""
+        return (
+            f"{self._names[index]}: the servo reports: {self.status.describe(reading.status)} "
+            f"(load {reading.load:+.0%}, {reading.temperature_c} °C, {reading.voltage_v:.1f} V)"
+        )
+
+    def trip_reason(self, readings: Sequence[Feedback], without: Collection[int] = ()) -> str:
+        """Why the torque must go, "" where all is well; takes one sample of all servos.
+
+        Args:
+            without: indices of joints that have no torque any more.
+        """
         for index, reading in enumerate(readings):
+            if index in without:
+                continue
             limits, name = self._limits[index], self._names[index]
             if reading.status & self.status.at_once:
-                return (
-                    f"{name}: the servo reports: {self.status.describe(reading.status)} "
-                    f"(load {reading.load:+.0%}, {reading.temperature_c} °C, {reading.voltage_v:.1f} V)"
-                )
+                return self.reported(index, reading)
             if reading.temperature_c > limits.max_temperature_c:
                 return f"{name}: {reading.temperature_c} °C, at most {limits.max_temperature_c} °C"
             if limits.min_voltage_v <= reading.voltage_v <= limits.max_voltage_v:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from joshua_serial.port import SerialPort
@@ -60,16 +60,13 @@ class Sts3215Actuator(ServoArm):
             for servo_id, reading in zip(self.settings.motor_ids, super().parse(values), strict=True)
         ]
 
-    def clear_faults(self, readings: Sequence[Feedback]) -> bool:
+    def clear_faults(self, ids: Sequence[int]) -> None:
         """Takes torque off once more, which clears what a servo keeps of a fault that is over."""
-        faulty = any(reading.status & self.family.status.at_once for reading in readings)
-        if faulty:
-            self._torque.switch_off()
-        return faulty
+        self._torque.switch_off(ids)
 
-    def check_start(self, positions: Sequence[int]) -> None:
+    def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
         """Refuses a servo that stands beyond its limits: with torque it would jump to them."""
-        check_start(self._bus, self.joint_names, self._setups, positions, BEYOND_TICKS)
+        check_start(self._bus, self.joint_names, self._setups, positions, BEYOND_TICKS, only=only)
 
     def move_values(self) -> list[MoveValues]:
         """Acceleration and speed of a move."""

@@ -71,4 +71,5 @@ STATUS_BITS = StatusBits(
         StatusBit.OVERLOAD: "overloaded",
     },
     voltage=StatusBit.VOLTAGE,
+    overload=StatusBit.OVERLOAD,
 )
