@@ -151,7 +151,7 @@ def judge(tracks: dict[str, Track], exit_code: int, output: str) -> list[str]:
         for name, track in tracks.items()
         if track.worst_step_rad > STEP_TOLERANCE_RAD[name]
     ]
-    if "started again" in output or "starts again" in output:
+    if "restarted" in output or "starts again" in output:
         problems.append("a node was restarted")
     if exit_code != 0:
         problems.append(f"the run ended with {exit_code}:\n{output}")

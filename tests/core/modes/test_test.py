@@ -1,7 +1,11 @@
 """The pass/fail table of MODE_TEST."""
 
-from joshua.modes.test import passed, verdict, verdict_text
+from collections.abc import Sequence
+
+from joshua.cli.motion_report import verdict_lines
+from joshua.modes.test import passed, verdict
 from joshua.plan import CheckResult, NodeKind, NodeReport, NodeSpec, Plan, RunReport
+from joshua.supervisor.tables import PLAIN, Screen
 
 
 def plan_of(*names: str) -> Plan:
@@ -9,6 +13,10 @@ def plan_of(*names: str) -> Plan:
         NodeSpec(name=name, kind=NodeKind.SENSOR, behaviour="a:B", implementation="a:C") for name in names
     )
     return Plan(source="x.pbtxt", mode="MODE_TEST", nodes=nodes)
+
+
+def verdict_text(rows: Sequence[tuple[str, CheckResult]], report: RunReport, screen: Screen = PLAIN) -> str:
+    return "\n".join(verdict_lines(rows, report, screen)) + "\n"
 
 
 def report_of(*nodes: NodeReport) -> RunReport:
@@ -74,3 +82,24 @@ def test_what_failed_by_itself_before_an_early_stop_is_said_to_have_failed():
     report = RunReport(exit_code=1, nodes=(node,), reason="stopped by SIGINT", interrupted=True)
     text = verdict_text(verdict(plan_of("camera"), report), report)
     assert text.startswith("FAIL  /camera  runs to the end  the cable is unplugged\n")
+
+
+def test_a_narrow_terminal_gets_a_line_for_each_node_and_wrapped_values_in_colour():
+    checks = (
+        CheckResult(check="lag", passed=False, measured="61 ms behind the goal"),
+        CheckResult(check="load", passed=True, measured="0.175 at most"),
+    )
+    node = NodeReport(full_name="/camera", state="stopped", checks=checks)
+    rows = verdict(plan_of("camera"), report_of(node))
+    assert verdict_text(rows, report_of(node), Screen(40)).splitlines() == [
+        "/camera",
+        "  PASS  runs to the end  stopped",
+        "  FAIL  lag              61 ms behind",
+        "                         the goal",
+        "  PASS  load             0.175 at most",
+        "test failed: 1 of 3 checks",
+    ]
+    colours = verdict_text(rows, report_of(node), Screen(0, colour=True)).splitlines()
+    assert colours[0] == "\x1b[32mPASS\x1b[0m  /camera  runs to the end  stopped"
+    assert colours[1].startswith("\x1b[31mFAIL\x1b[0m  /camera  lag ")
+    assert colours[-1] == "\x1b[31mtest failed: 1 of 3 checks\x1b[0m"

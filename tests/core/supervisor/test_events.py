@@ -34,7 +34,7 @@ from joshua.supervisor.control_server import STREAM_BACKLOG_BYTES, ControlServer
 from joshua.supervisor.event_bus import MAX_STREAMS, EventBus
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
-from joshua.supervisor.tables import progress_text, status_line
+from joshua.supervisor.tables import progress_text, status_lines
 
 STATUS = RunStatus("r.pbtxt", "MODE_TEST", "running", 1.0, 7, (NodeStatus("/a", "ready", 1, 0),))
 READY = RunEvent("ready", "/a", "", 5)
@@ -63,7 +63,7 @@ def test_progress_is_said_in_the_status() -> None:
     assert progress_text(EPISODES) == "episodes 3/10, 0.5/s, 14 s left"
     assert progress_text(Progress("/a", "copy", 2.5, None, "GB")) == "copy 2.5 GB"
     nodes = (NodeStatus("/a", "ready", 1, 0, progress=(EPISODES,)),)
-    line = status_line(RunStatus("r", "m", "running", 1.0, 1, nodes))
+    (line,) = status_lines(RunStatus("r", "m", "running", 1.0, 1, nodes))
     assert line == "running 1 s | /a [episodes 3/10, 0.5/s, 14 s left]"
 
 

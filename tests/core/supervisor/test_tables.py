@@ -14,15 +14,27 @@ from joshua.plan import (
     TimerReport,
     TopicReport,
     TopicSpec,
+    TransportSpec,
 )
 from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
-from joshua.supervisor.tables import clean, log_line, report_lines, start_lines, status_line
+from joshua.supervisor.node_record import visible_to
+from joshua.supervisor.tables import (
+    Cell,
+    Screen,
+    clean,
+    columns,
+    log_line,
+    report_lines,
+    shorten,
+    start_lines,
+    status_lines,
+)
 
 JOINTS = "sensor_msgs/msg/JointState"
 
 
-def test_the_start_up_table():
-    table = StartTable(
+def start_table() -> StartTable:
+    return StartTable(
         source="robot.pbtxt",
         mode="MODE_TELEOPERATE",
         robot="arm",
@@ -50,11 +62,16 @@ def test_the_start_up_table():
             Diagnostic("code", Severity.WARNING, "nobody listens", position=Position("robot.pbtxt", 3, 5)),
             Diagnostic("code", Severity.NOTE, "the plugin is missing"),
         ),
+        visible="on this machine",
     )
-    assert "\n".join(start_lines(table)) == (
+
+
+def test_the_start_up_table():
+    assert "\n".join(start_lines(start_table())) == (
         """\
 robot.pbtxt · MODE_TELEOPERATE · arm
 transport: zenoh (the embedded default), domain 0
+ROS 2 tools: on this machine
 
 NODE       PROCESS  BACKEND  TOPIC                     TYPE                            RATE
 /leader        101  python   out /leader/joint_states  sensor_msgs/msg/JointState    100 Hz
@@ -70,6 +87,47 @@ all 3 nodes ready after 0.42 s; stop with Ctrl-C"""
     )
 
 
+def test_a_narrow_terminal_gets_short_types_first_and_then_fewer_columns():
+    lines = start_lines(start_table(), Screen(66))
+    assert lines[4:8] == [
+        "NODE       PROCESS  TOPIC                     TYPE            RATE",
+        "/leader        101  out /leader/joint_states  JointState    100 Hz",
+        "/follower    12345  out /x                    JointState  33.33 Hz",
+        "                    in  /leader/joint_states  JointState",
+    ]
+    for width in (80, 50, 40):
+        assert max(map(len, start_lines(start_table(), Screen(width)))) <= width
+    assert any("…joint_states" in line for line in start_lines(start_table(), Screen(40)))
+
+
+def test_columns_group_drop_shorten_and_wrap_in_this_order():
+    rows = [
+        ("NODE", "A", "B", "TEXT"),
+        ("/first", "1", Cell.of("low", "31"), "some words"),
+        ("/first", "2", "b", "others"),
+        ("/second", "3", "b", ""),
+    ]
+    assert columns(rows, screen=Screen(30), group=0, flexible=3)[1] == "/first   1  low  some words"
+    assert columns(rows, screen=Screen(22), group=0, drop=(1,), flexible=3) == [
+        "  A  B    TEXT",
+        "/first",
+        "  1  low  some words",
+        "  2  b    others",
+        "/second",
+        "  3  b",
+    ]
+    assert columns(rows, screen=Screen(15, colour=True), drop=(0, 1), flexible=3)[1] == (
+        "\x1b[31mlow\x1b[0m  some words"
+    )
+    assert columns(rows, screen=Screen(10), drop=(0, 1, 2), flexible=3) == [
+        "TEXT",
+        "some words",
+        "others",
+        "",
+    ]
+    assert shorten("out /follower/joint_states", 16) == "out /…int_states"
+
+
 def test_the_live_status_shows_rates_and_what_is_not_ready():
     status = RunStatus(
         "robot.pbtxt",
@@ -82,9 +140,64 @@ def test_the_live_status_shows_rates_and_what_is_not_ready():
             NodeStatus("/camera", "restarting", 2, 3),
         ),
     )
-    assert status_line(status) == (
+    assert status_lines(status) == [
         "running 12 s | /arm joint_states 100.0 Hz goal 50.0 Hz | /camera restarting"
+    ]
+    assert status_lines(status, Screen(40)) == [
+        "running 12 s",
+        "  /arm joint_states 100.0 Hz goal 50.0…",
+        "  /camera restarting",
+    ]
+
+
+def test_a_rate_below_nine_tenths_of_its_target_is_marked():
+    node = NodeStatus(
+        "/camera",
+        "ready",
+        1,
+        0,
+        published_hz={"/a": 26.9, "/b": 27.1, "/diagnostics": 1.0},
+        target_hz={"/a": 30.0, "/b": 30.0},
     )
+    status = RunStatus("r", "m", "running", 4.0, 1, (node,))
+    assert status_lines(status) == ["running 4 s | /camera a 26.9 of 30 Hz! b 27.1 Hz"]
+    assert "\x1b[31ma 26.9 of 30 Hz!\x1b[0m" in status_lines(status, Screen(80, colour=True))[0]
+
+    def report(ticks: int) -> list[str]:
+        timer = TimerReport(
+            name="t",
+            period_s=0.1,
+            achieved_hz=8.9,
+            jitter_p50_s=0.0,
+            jitter_p99_s=0.0,
+            jitter_p999_s=0.0,
+            ticks=ticks,
+            overruns=0,
+        )
+        node = NodeReport(full_name="/camera", state="stopped", timers=(timer,))
+        return report_lines(RunReport(exit_code=0, reason="done", nodes=(node,)))
+
+    assert "8.90 Hz!" in report(40)[3]
+    assert report(40)[4] == "! below 90% of the target rate"
+    assert "8.90 Hz " in report(2)[3], "a run that is too short says nothing about a rate"
+
+
+def test_the_start_says_who_sees_it():
+    zenoh = visible_to(TransportSpec(domain_id=7))
+    assert zenoh == (
+        "on this machine, with RMW_IMPLEMENTATION=rmw_zenoh_cpp ROS_DOMAIN_ID=7; for other machines, set "
+        "transport.listen_endpoints"
+    )
+    assert "connected to tls/0.0.0.0:7447" in visible_to(
+        TransportSpec(listen_endpoints=("tls/0.0.0.0:7447",))
+    )
+    near = visible_to(TransportSpec(kind="dds"))
+    assert near.startswith("on this machine, with ROS_DOMAIN_ID=0 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; ")
+    assert near.endswith("start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET")
+    assert visible_to(TransportSpec(kind="dds", discovery_range="SUBNET")) == (
+        "in the local network, with ROS_DOMAIN_ID=0"
+    )
+    assert "hides the run" in visible_to(TransportSpec(kind="dds", discovery_range="OFF"))
 
 
 def test_what_a_node_tells_people_comes_first_in_the_status_line():
@@ -92,7 +205,7 @@ def test_what_a_node_tells_people_comes_first_in_the_status_line():
         NodeStatus("/arm", "ready", 1, 0, published_hz={"/arm/joint_states": 50.0}),
         NodeStatus("/keyboard", "ready", 2, 0, shown="driving ON: pan +"),
     )
-    line = status_line(RunStatus("r", "m", "running", 4.0, 1, nodes))
+    (line,) = status_lines(RunStatus("r", "m", "running", 4.0, 1, nodes))
     assert line == "running 4 s | /keyboard [driving ON: pan +] | /arm joint_states 50.0 Hz"
 
 
@@ -137,16 +250,15 @@ def test_the_report_shows_cadence_failures_and_the_reason():
     )
     assert "\n".join(report_lines(report)) == (
         """
-NODE  CADENCE OF       SET  ACHIEVED  JITTER p50      p99    p99.9  OVERRUNS  COUNT
-/arm  timer control  100 Hz  99.99 Hz     0.10 ms  1.50 ms  2.00 ms         4   1000
-""".replace("CADENCE OF       SET", "CADENCE OF        SET")
-        + """\
-/arm  out /x          50 Hz  50.50 Hz     1.00 ms  0.00 ms  0.00 ms                9
-/arm  in /y                  30.00 Hz                                              8
-/arm: started again 2 times
+jitter percentiles in ms
+NODE  TIMER OR TOPIC  TARGET  ACHIEVED   P50   P99  P99.9  OVERRUNS  COUNT
+/arm  timer control   100 Hz  99.99 Hz  0.10  1.50   2.00         4   1000
+/arm  out /x           50 Hz  50.50 Hz  1.00  0.00   0.00                9
+/arm  in /y                   30.00 Hz                                   8
+/arm: restarted 2 times
 /camera: failed: it is\\x1b[31m gone
-/hand: started again once
-/hand: in fault: joint_1 is too hot
+/hand: restarted once
+/hand: fault: joint_1 is too hot
 ended with 1: stopped by SIGINT (stopped in 0.12 s)"""
     )
 

@@ -69,6 +69,24 @@ def test_in_a_terminal_the_status_stays_below_the_log_and_levels_have_colours(mo
     assert "broken\x1b[0m\r\nrunning 1 s | /a\r\x1b[K" in text
 
 
+def test_a_status_of_several_lines_is_replaced_as_a_whole(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "20")
+    monkeypatch.setenv("LINES", "4")
+    master, slave = pty.openpty()
+    nodes = tuple(NodeStatus(f"/node_{number}", "ready", 1, 0) for number in range(9))
+    with open(slave, "w") as stream:
+        terminal = Terminal(logging.INFO, stream, stream)
+        for _ in range(2):
+            terminal(RunStatus("r", "m", "running", 1.0, 1, nodes))
+        terminal(REPORT)
+        shown = b""
+        while b"ended with" not in shown:
+            shown += os.read(master, 65536)
+    os.close(master)
+    lines = "running 1 s\r\n  /node_0\r\n  /node_1"  # as many as the terminal shows
+    assert shown.decode().startswith(f"\r\x1b[K{lines}\r\x1b[2A\x1b[J{lines}\r\x1b[2A\x1b[Jended with 0")
+
+
 def test_a_reader_that_has_gone_is_no_failure():
     reading, writing = os.pipe()
     os.close(reading)

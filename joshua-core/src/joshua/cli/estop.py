@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -180,18 +181,20 @@ _BY = {"driver": "its driver", "guardian": "its guardian", "command": "this comm
 
 def lines(reports: Sequence[EstopReport]) -> list[str]:
     """One line for each actuator: whether its torque is off, and how that is known."""
-    from joshua.supervisor.tables import clean, columns
+    from joshua.supervisor.tables import Screen, columns
 
     if not reports:
         return ["  it has no actuators"]
     rows = [("  ACTUATOR", "TORQUE", "")]
     rows += [(f"  {report.node}", _torque(report), _how(report)) for report in reports]
-    return [clean(line) for line in columns(rows)]
+    return columns(rows, screen=Screen.of(sys.stdout), flexible=2)
 
 
 def _torque(report: EstopReport) -> str:
+    from joshua.supervisor.tables import RED, Cell
+
     if not report.complete:
-        return "UNKNOWN"
+        return Cell.of("UNKNOWN", RED)
     return "off" if report.verified else "off (not read back)"
 
 

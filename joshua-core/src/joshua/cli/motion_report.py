@@ -1,25 +1,57 @@
-"""What MODE_TEST measured, beside the log: a table of each node's samples, and a picture of them."""
+"""The results of MODE_TEST: the pass/fail table, and files of each node's samples beside the log."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from joshua.plan import JointTrace, NodeReport, RunReport
+from joshua.modes.test import RAN
+from joshua.plan import CheckResult, JointTrace, NodeReport, RunReport
+from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Cell, Screen, columns
 
-HINT = "no picture of the test: pip install 'joshua-core[plots]' lets the next one draw"
+HINT = "no picture of the test, which requires the extra plots: pip install 'joshua-core[plots]'"
 COLUMNS = ("joint", "time_s", "goal_rad", "position_rad", "effort", "temperature_c")
-BLUE, ORANGE, RED, GREEN = "#1f62be", "#e26e14", "#c4262e", "#22824c"
+BLUE, ORANGE, DARK_RED, DARK_GREEN = "#1f62be", "#e26e14", "#c4262e", "#22824c"
 MOST_JOINTS = 8  # side by side
 
 
+def verdict_lines(
+    rows: Sequence[tuple[str, CheckResult]], report: RunReport, screen: Screen = PLAIN
+) -> list[str]:
+    """The table: result, node, check and measured values; then whether the test passed."""
+    results = [_result(check, report) for _, check in rows]
+    table = [
+        (result, name, check.check, check.measured)
+        for result, (name, check) in zip(results, rows, strict=True)
+    ]
+    lines = columns(table, screen=screen, group=1, flexible=3, header=False) if table else []
+    failed = results.count(FAIL)
+    if report.interrupted:
+        return [*lines, screen.paint(f"test not finished: {report.reason} before its time was over", YELLOW)]
+    if rows and not failed:
+        return [*lines, screen.paint(f"test passed: {len(rows)} checks", GREEN)]
+    problem = f"{failed} of {len(rows)} checks" if rows else "no checks"
+    return [*lines, screen.paint(f"test failed: {problem}", RED)]
+
+
+PASS, FAIL, UNKNOWN = Cell.of("PASS", GREEN), Cell.of("FAIL", RED), Cell.of("----", YELLOW)
+
+
+def _result(check: CheckResult, report: RunReport) -> Cell:
+    """A node that was stopped with the run has not failed; whether it would have is unknown."""
+    if check.passed:
+        return PASS
+    stopped = report.interrupted and (check.check, check.measured) == (RAN, report.reason)
+    return UNKNOWN if stopped else FAIL
+
+
 def write_reports(report: RunReport) -> Iterator[str]:
-    """Writes the files of each node that has traces; yields a line on each. Raises OSError."""
+    """Write the files of each node that has traces; yields a line on each. Raises OSError."""
     log = Path(report.log)
     moved = [node for node in report.nodes if report.log and node.traces]
     draw = _drawing() if moved else None
@@ -55,7 +87,7 @@ def write_table(node: NodeReport, path: Path) -> None:
 
 
 def _drawing() -> Callable[[NodeReport, Path], None] | None:
-    """What draws a node, with the extra ``plots``; its import takes a second, so a test is over by now."""
+    """What draws a node, with the extra ``plots``; its import takes a second, so it comes after the test."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -83,10 +115,10 @@ def _draw_joint(axes: Any, trace: JointTrace) -> None:
     axes[0].plot(time_s, goal, ORANGE, label="goal")
     axes[0].plot(time_s, position, BLUE, label="position")
     axes[0].legend(loc="upper right")
-    axes[1].plot(time_s, error, RED)
-    axes[2].plot(time_s, trace.effort, GREEN)
+    axes[1].plot(time_s, error, DARK_RED)
+    axes[2].plot(time_s, trace.effort, DARK_GREEN)
     if trace.temperature_c:
-        axes[3].plot(*zip(*trace.temperature_c, strict=True), color=RED, marker=".")
+        axes[3].plot(*zip(*trace.temperature_c, strict=True), color=DARK_RED, marker=".")
     axes[3].set_xlabel("time, s")
     for panel, label, least in zip(
         axes, ("rad", "error, rad", "load", "temperature, °C"), (0.05, 0.02, 0.02, 4.0), strict=True

@@ -119,10 +119,12 @@ def conclude(plan: Plan, report: RunReport) -> int:
     """Name the exit code of a run; MODE_TEST prints its table, and a failed check is a failed run."""
     if not report.judged:
         return report.exit_code
-    from joshua.modes.test import passed, verdict, verdict_text
+    from joshua.cli.motion_report import verdict_lines
+    from joshua.modes.test import passed, verdict
+    from joshua.supervisor.tables import Screen
 
     rows = verdict(plan, report)
-    sys.stdout.write(verdict_text(rows, report))
+    sys.stdout.writelines(f"{line}\n" for line in verdict_lines(rows, report, Screen.of(sys.stdout)))
     draw(report)
     return report.exit_code or (ExitCode.OK if passed(rows) else ExitCode.FAILED)
 

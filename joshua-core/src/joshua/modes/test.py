@@ -65,34 +65,6 @@ def passed(rows: list[tuple[str, CheckResult]]) -> bool:
     return bool(rows) and all(check.passed for _, check in rows)
 
 
-def verdict_text(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
-    """The table: result, node, check and what was measured; then whether the test passed."""
-    node_width = max((len(name) for name, _ in rows), default=0)
-    check_width = max((len(check.check) for _, check in rows), default=0)
-    lines = []
-    for name, check in rows:
-        result = _result(check, report)
-        lines.append(f"{result}  {name:<{node_width}}  {check.check:<{check_width}}  {check.measured}")
-    return "\n".join([*(line.rstrip() for line in lines), _summary(rows, report)]) + "\n"
-
-
-def _result(check: CheckResult, report: RunReport) -> str:
-    """A node that was stopped with the run has not failed; nobody knows whether it would have."""
-    if check.passed:
-        return "PASS"
-    stopped = report.interrupted and (check.check, check.measured) == (RAN, report.reason)
-    return "----" if stopped else "FAIL"
-
-
-def _summary(rows: list[tuple[str, CheckResult]], report: RunReport) -> str:
-    if report.interrupted:
-        return f"test not finished: {report.reason} before its time was over"
-    failed = sum(not check.passed for _, check in rows)
-    if not rows:
-        return "test failed: no checks"
-    return f"test failed: {failed} of {len(rows)} checks" if failed else f"test passed: {len(rows)} checks"
-
-
 def _duration_s(config: pb.Config) -> float:
     if config.test.HasField("duration_s"):
         return float(config.test.duration_s)

@@ -36,6 +36,7 @@ class StartTable:
 
     Attributes:
         transport: which one runs and why; ready_s: from the start to the last ready report.
+        visible: which ROS 2 tools see the run, and which setting lets more see it.
         notes: what holds for the whole run; findings: of the configuration.
     """
 
@@ -47,6 +48,7 @@ class StartTable:
     nodes: tuple[NodeRow, ...]
     notes: tuple[str, ...] = ()
     findings: tuple[Diagnostic, ...] = ()
+    visible: str = ""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class NodeStatus:
             ``killed``; reason: of a failure or a fault.
         doing: step of the lifecycle, and what it waits for; shown: what the node tells people of itself.
         progress: of work that has not ended.
-        published_hz, received_hz: rates by topic over the last seconds.
+        published_hz, received_hz: rates by topic over the last seconds; target_hz: of publishers.
     """
 
     full_name: str
@@ -89,6 +91,7 @@ class NodeStatus:
     shown: str = ""
     published_hz: dict[str, float] = field(default_factory=dict)
     received_hz: dict[str, float] = field(default_factory=dict)
+    target_hz: dict[str, float] = field(default_factory=dict)
     progress: tuple[Progress, ...] = ()
 
 

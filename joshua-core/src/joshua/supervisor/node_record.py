@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from joshua.ipc.messages import Topics
-from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TopicSpec
+from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TopicSpec, TransportSpec
 from joshua.plan.events import NodeRow, NodeStatus, Progress, RunStatus, StartTable
 
 #: Running totals that the live rates are computed from: five, half a second apart.
@@ -123,6 +123,7 @@ class NodeRecord:
             shown=self.shown,
             published_hz=published,
             received_hz=received,
+            target_hz={topic.name: topic.rate_hz for topic in self.spec.publishers if topic.rate_hz},
             progress=tuple(item for item in self.progress.values() if item.current != item.total),
         )
 
@@ -185,7 +186,26 @@ def start_table(
         nodes=tuple(record.row() for record in records),
         notes=tuple(notes),
         findings=plan.findings,
+        visible=visible_to(transport),
     )
+
+
+def visible_to(transport: TransportSpec) -> str:
+    """Which ROS 2 tools see a run, and which setting lets more see it."""
+    domain = f"ROS_DOMAIN_ID={transport.domain_id}"
+    if transport.kind == "zenoh":
+        tools = f"with RMW_IMPLEMENTATION=rmw_zenoh_cpp {domain}"
+        if all("localhost" in item or "127.0.0.1" in item for item in transport.listen_endpoints):
+            return f"on this machine, {tools}; for other machines, set transport.listen_endpoints"
+        return f"{tools}, connected to {', '.join(transport.listen_endpoints)}"
+    if transport.discovery_range == "OFF":
+        return "none; ROS_AUTOMATIC_DISCOVERY_RANGE=OFF hides the run, set LOCALHOST or SUBNET"
+    if transport.discovery_range == "LOCALHOST":
+        return (
+            f"on this machine, with {domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; for those with their "
+            "defaults and for other machines, start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
+        )
+    return f"in the local network, with {domain}"
 
 
 def run_status(plan: Plan, records: Sequence[NodeRecord], phase: str, elapsed_s: float) -> RunStatus:

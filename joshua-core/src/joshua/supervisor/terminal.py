@@ -1,4 +1,4 @@
-"""A run in the terminal: start-up table, log lines, live status, cadence report."""
+"""A run in the terminal: start-up table, log lines, live status, end-of-run table."""
 
 from __future__ import annotations
 
@@ -8,28 +8,25 @@ import sys
 import time
 from typing import TextIO
 
-from joshua.config.diagnostics import wants_color
 from joshua.plan import RunReport
 from joshua.plan.events import Event, LogEntry, RunStatus, StartTable
 from joshua.supervisor.log_files import BackgroundWriter
-from joshua.supervisor.tables import log_line, report_lines, start_lines, status_line
+from joshua.supervisor.tables import Screen, log_line, report_lines, start_lines, status_lines
 
-#: Distance of two status lines where the output is no terminal.
+#: Time between two status lines if the output is not a terminal.
 PLAIN_STATUS_PERIOD_S = 10.0
 
-#: How long the last lines may take to leave.
+#: How long the last lines may take to be written.
 CLOSE_TIMEOUT_S = 2.0
 
-_CLEAR = "\r\x1b[K"
-_COLOURS = {"WARNING": "\x1b[33m", "ERROR": "\x1b[31m", "CRITICAL": "\x1b[31;1m", "DEBUG": "\x1b[2m"}
-_RESET = "\x1b[0m"
+_STYLES = {"WARNING": "33", "ERROR": "31", "CRITICAL": "31;1", "DEBUG": "2"}
 
 
 class Terminal:
-    """Shows a run as text; a terminal that stands still holds up nobody.
+    """Show a run as text; a terminal that blocks delays nothing else.
 
     Args:
-        log_level: least level of the log lines shown, as in ``logging``.
+        log_level: lowest level of the log lines shown, as in ``logging``.
         output: table, status and report; errors: log lines.
     """
 
@@ -38,13 +35,12 @@ class Terminal:
         self._output = output or sys.stdout
         self._errors = errors or sys.stderr
         self._live = self._output.isatty() and os.environ.get("TERM") != "dumb"
-        self._colour = wants_color(self._errors)
-        self._status = ""
+        self._status: list[str] = []
         self._plain_due_s = 0.0
         self._writer = BackgroundWriter[tuple[TextIO, str]](self._write, "terminal")
 
     def __call__(self, event: Event) -> None:
-        """Shows an event; those that the log says in words are shown by that."""
+        """Show an event; the log shows all others in words."""
         if isinstance(event, StartTable):
             self._on_table(event)
         elif isinstance(event, RunStatus):
@@ -56,42 +52,46 @@ class Terminal:
 
     def _on_table(self, table: StartTable) -> None:
         self._plain_due_s = time.monotonic() + PLAIN_STATUS_PERIOD_S
-        self._put(self._output, "\n".join(start_lines(table)) + "\n")
+        self._put(self._output, "\n".join(start_lines(table, Screen.of(self._output))) + "\n")
 
     def _on_status(self, status: RunStatus) -> None:
-        """Renews the status line; prints one now and then where the output is no terminal."""
-        line = status_line(status)
+        """Update the status in place; without a terminal, print one now and then."""
         if self._live:
-            width = shutil.get_terminal_size().columns
-            self._status = line[: width - 1]
-            self._writer.put((self._output, f"{_CLEAR}{self._status}"))
+            clear = self._clear() or "\r\x1b[K"
+            rows = shutil.get_terminal_size().lines
+            self._status = status_lines(status, Screen.of(self._output))[: max(rows - 1, 1)]
+            self._writer.put((self._output, clear + "\n".join(self._status)))
         elif status.phase == "running" and time.monotonic() >= self._plain_due_s:
             self._plain_due_s = time.monotonic() + PLAIN_STATUS_PERIOD_S
-            self._writer.put((self._output, line + "\n"))
+            self._writer.put((self._output, "\n".join(status_lines(status)) + "\n"))
 
     def _on_log(self, entry: LogEntry) -> None:
-        """Shows a log line of sufficient level."""
+        """Show a log line of sufficient level."""
         if entry.level < self._log_level:
             return
-        line = log_line(entry)
-        if self._colour and entry.level_name in _COLOURS:
-            line = f"{_COLOURS[entry.level_name]}{line}{_RESET}"
+        line = Screen.of(self._errors).paint(log_line(entry), _STYLES.get(entry.level_name, ""))
         self._put(self._errors, line + "\n")
 
     def _on_finish(self, report: RunReport) -> None:
-        """Shows the cadence report and writes what waits."""
-        status, self._status = self._status, ""
-        if status:
-            self._writer.put((self._output, _CLEAR))
-        self._put(self._output, "\n".join(report_lines(report)) + "\n")
+        """Show the end-of-run table and write what waits."""
+        clear, self._status = self._clear(), []
+        if clear:
+            self._writer.put((self._output, clear))
+        self._put(self._output, "\n".join(report_lines(report, Screen.of(self._output))) + "\n")
         self._writer.close(CLOSE_TIMEOUT_S)
 
+    def _clear(self) -> str:
+        """What removes the status from the terminal; "" if none stands there."""
+        if not self._status:
+            return ""
+        above = len(self._status) - 1
+        return f"\r\x1b[{above}A\x1b[J" if above else "\r\x1b[K"
+
     def _put(self, stream: TextIO, text: str) -> None:
-        """Writes lines above the status line."""
-        if self._live and self._status:
-            text = f"{_CLEAR}{text}"
-            self._writer.put((stream, text))
-            self._writer.put((self._output, self._status))
+        """Write lines above the status."""
+        if self._status:
+            self._writer.put((stream, self._clear() + text))
+            self._writer.put((self._output, "\n".join(self._status)))
         else:
             self._writer.put((stream, text))
 
@@ -101,4 +101,4 @@ class Terminal:
                 stream.write(text)
                 stream.flush()
             except (OSError, ValueError):
-                continue  # nobody reads any more; the run goes on
+                continue  # the reader has closed it; the run goes on

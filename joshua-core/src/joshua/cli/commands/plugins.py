@@ -108,7 +108,7 @@ def subject(spec: PluginSpec) -> str:
 def listing(rows: Sequence[PluginRow]) -> str:
     """Prints plugins for people: one block of lines for each, reasons before what it provides."""
     from joshua.cli.table import commands_by_distribution
-    from joshua.supervisor.tables import clean, columns
+    from joshua.supervisor.tables import Screen, columns
 
     commands = commands_by_distribution()
     cells = [("NAME", "VERSION", "STATUS", "PROVIDES")]
@@ -117,7 +117,7 @@ def listing(rows: Sequence[PluginRow]) -> str:
         details += [f"command joshua {name}" for name in commands.pop(row.distribution, ())]
         cells.append((row.distribution, row.version, row.status.value, details[0] if details else "nothing"))
         cells += [("", "", "", detail) for detail in details[1:]]
-    return "\n".join(clean(line) for line in columns(cells)) + "\n"
+    return "\n".join(columns(cells, screen=Screen.of(sys.stdout), drop=(1,), flexible=3)) + "\n"
 
 
 def _spec_lines(specs: Iterable[PluginSpec]) -> list[str]:

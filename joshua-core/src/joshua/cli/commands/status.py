@@ -17,8 +17,8 @@ from joshua.cli.running import running_systems
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.ipc.client import RunningSystem
-    from joshua.plan.events import Event
+    from joshua.ipc.client import RunInfo, RunningSystem
+    from joshua.plan.events import Event, RunStatus
 
     Item = tuple[RunningSystem, Event | Exception | None]
 
@@ -48,18 +48,18 @@ def run(args: argparse.Namespace) -> int:
         systems = []
     if args.watch and systems:
         return watch(systems, as_json=as_json)
-    answers: list[dict[str, Any]] = []
+    answers: list[tuple[RunInfo, RunStatus]] = []
     failed = False
     for system in systems:
         try:
-            answers.append(_answer(system, system.status().as_dict()))
+            answers.append((system.info, system.status()))
         except CallError as error:
             sys.stderr.write(f"{error}\n")
             failed = True
     if as_json:
-        sys.stdout.write(json.dumps(answers, indent=2) + "\n")
+        sys.stdout.write(json.dumps([_record(*item) for item in answers], indent=2) + "\n")
         return ExitCode.FAILED if failed else ExitCode.OK
-    sys.stdout.writelines(f"{line}\n" for line in _lines(answers))
+    sys.stdout.writelines(f"{line}\n" for item in answers for line in _lines(*item))
     if not systems:
         sys.stdout.write("no system is running\n")
     folders = [LatchFolder(latch_folder(base)) for base in base_directories(os.environ)]
@@ -75,7 +75,7 @@ def watch(systems: list[RunningSystem], *, as_json: bool) -> int:
     events: queue.SimpleQueue[Item] = queue.SimpleQueue()
     for system in systems:
         threading.Thread(target=_follow, args=(system, events), daemon=True).start()
-    screen = _Screen()
+    screen = _Watched()
     left, failed = len(systems), False
     try:
         while left:
@@ -106,56 +106,56 @@ def _follow(system: RunningSystem, events: queue.SimpleQueue[Item]) -> None:
     events.put((system, None))
 
 
-class _Screen:
+class _Watched:
     """The status of every system, updated in place on a terminal; line by line elsewhere."""
 
     def __init__(self) -> None:
-        self._answers: dict[str, dict[str, Any]] = {}
+        self._answers: dict[str, tuple[RunInfo, RunStatus]] = {}
         self._happened: list[str] = []
 
     def show(self, system: RunningSystem, event: Event) -> None:
         from joshua.plan.events import Gap, RunEvent, RunStatus
-        from joshua.supervisor.tables import clean, status_line
+        from joshua.supervisor.tables import clean, status_lines
 
+        lines: list[str] = []
         if isinstance(event, RunStatus):
-            self._answers[system.info.run] = _answer(system, event.as_dict())
-            line = status_line(event)
+            self._answers[system.info.run] = (system.info, event)
+            lines = status_lines(event)
         elif isinstance(event, RunEvent):
             stamp = time.strftime("%H:%M:%S", time.localtime(event.time_ns // 1_000_000_000))
-            line = clean(f"{stamp} {event.node or system.info.source} {event.kind}: {event.text}")
-            self._happened = [*self._happened[-9:], line]
+            lines = [clean(f"{stamp} {event.node or system.info.source} {event.kind}: {event.text}")]
         elif isinstance(event, Gap):
-            line = f"{event.dropped} events were dropped because this command reads too slowly"
-            self._happened = [*self._happened[-9:], line]
+            lines = [f"{event.dropped} events were dropped because this command reads too slowly"]
         else:
             return
+        if not isinstance(event, RunStatus):
+            self._happened = [*self._happened[-9:], *lines]
         if sys.stdout.isatty():
-            text = "\x1b[K\n".join([*_lines(list(self._answers.values())), "", *self._happened])
+            table = [line for item in self._answers.values() for line in _lines(*item)]
+            text = "\x1b[K\n".join([*table, "", *self._happened])
             sys.stdout.write(f"\x1b[H{text}\x1b[K\n\x1b[J")
         else:
-            sys.stdout.write(f"{line}\n")
+            sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
-def _answer(system: RunningSystem, status: dict[str, Any]) -> dict[str, Any]:
-    info = system.info
-    return {"run": info.run, "since": info.since, "domain_id": info.domain_id, **status}
+def _record(info: RunInfo, status: RunStatus) -> dict[str, Any]:
+    """One system for programs."""
+    return {"run": info.run, "since": info.since, "domain_id": info.domain_id, **status.as_dict()}
 
 
-def _lines(answers: list[dict[str, Any]]) -> list[str]:
-    from joshua.plan.events import Progress
-    from joshua.supervisor.tables import clean, columns, progress_text
+def _lines(info: RunInfo, status: RunStatus) -> list[str]:
+    """One system for people: a line for each node and for each thing it reports."""
+    from joshua.supervisor.tables import Cell, Screen, columns, node_cells, state_cell
 
-    lines = []
-    for answer in answers:
-        lines.append(
-            f"{answer['source']}  {answer['mode']}  {answer['phase']} since {answer['since']}  "
-            f"process {answer['process_id']}  domain {answer['domain_id']}"
-        )
-        rows = [("  NODE", "STATE", "PROCESS", "RESTARTS", "RATES")]
-        for node in answer["nodes"]:
-            rates = [f"{topic} {rate:.1f} Hz" for topic, rate in node["published_hz"].items()]
-            cells = (node["state"], str(node["process_id"]), str(node["restarts"]))
-            progress = [progress_text(Progress(**item)) for item in node.get("progress", ())]
-            rows.append((f"  {node['full_name']}", *cells, node["reason"] or ", ".join([*progress, *rates])))
-        lines += columns(rows, right=frozenset({2, 3}))
-    return [clean(line) for line in lines]
+    screen = Screen.of(sys.stdout)
+    lines = screen.wrap(
+        f"{status.source}  {status.mode}  {status.phase} since {info.since}  "
+        f"process {status.process_id}  domain {info.domain_id}"
+    )
+    rows: list[tuple[str, ...]] = [("  NODE", "STATE", "PROCESS", "RESTARTS", "RATES")]
+    for node in status.nodes:
+        told = node_cells(node)[1:] if node.state == "ready" else [Cell(node.reason or node.doing)]
+        first, *rest = told or [Cell("")]
+        cells = (f"  {node.full_name}", state_cell(node), str(node.process_id), str(node.restarts))
+        rows += [(*cells, first), *(("", "", "", "", cell) for cell in rest)]
+    return lines + columns(rows, screen=screen, right=(2, 3), drop=(3, 2), flexible=4)
