@@ -14,7 +14,7 @@ from joshua.plan import (
     TimerReport,
     TopicReport,
     TopicSpec,
-    TransportSpec,
+    TransportSettings,
 )
 from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
 from joshua.supervisor.node_record import visible_to
@@ -183,21 +183,21 @@ def test_a_rate_below_nine_tenths_of_its_target_is_marked():
 
 
 def test_the_start_says_who_sees_it():
-    zenoh = visible_to(TransportSpec(domain_id=7))
+    zenoh = visible_to(TransportSettings(domain_id=7))
     assert zenoh == (
         "on this machine, with RMW_IMPLEMENTATION=rmw_zenoh_cpp ROS_DOMAIN_ID=7; for other machines, set "
         "transport.listen_endpoints"
     )
     assert "connected to tls/0.0.0.0:7447" in visible_to(
-        TransportSpec(listen_endpoints=("tls/0.0.0.0:7447",))
+        TransportSettings(listen_endpoints=("tls/0.0.0.0:7447",))
     )
-    near = visible_to(TransportSpec(kind="dds"))
+    near = visible_to(TransportSettings(kind="dds"))
     assert near.startswith("on this machine, with ROS_DOMAIN_ID=0 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; ")
     assert near.endswith("start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET")
-    assert visible_to(TransportSpec(kind="dds", discovery_range="SUBNET")) == (
+    assert visible_to(TransportSettings(kind="dds", discovery_range="SUBNET")) == (
         "in the local network, with ROS_DOMAIN_ID=0"
     )
-    assert "hides the run" in visible_to(TransportSpec(kind="dds", discovery_range="OFF"))
+    assert "hides the run" in visible_to(TransportSettings(kind="dds", discovery_range="OFF"))
 
 
 def test_what_a_node_tells_people_comes_first_in_the_status_line():

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from joshua.ipc.messages import Topics
-from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TopicSpec, TransportSpec
+from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TopicSpec, TransportSettings
 from joshua.plan.events import NodeRow, NodeStatus, Progress, RunStatus, StartTable
 
 #: Running totals that the live rates are computed from: five, half a second apart.
@@ -190,7 +190,7 @@ def start_table(
     )
 
 
-def visible_to(transport: TransportSpec) -> str:
+def visible_to(transport: TransportSettings) -> str:
     """Which ROS 2 tools see a run, and which setting lets more see it."""
     domain = f"ROS_DOMAIN_ID={transport.domain_id}"
     if transport.kind == "zenoh":

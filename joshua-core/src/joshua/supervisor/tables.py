@@ -187,7 +187,7 @@ def start_lines(table: StartTable, screen: Screen = PLAIN) -> list[str]:
         lines += screen.wrap(note, "note: ", DIM)
     count = len(table.nodes)
     who = "1 node" if count == 1 else f"all {count} nodes"
-    return [*lines, f"{who} ready after {table.ready_s:.2f} s; stop with Ctrl-C"]
+    return [*lines, *screen.wrap(f"{who} ready after {table.ready_s:.2f} s; stop with Ctrl-C")]
 
 
 def _node_rows(node: NodeRow, short_types: int) -> list[tuple[str, ...]]:
