@@ -63,7 +63,7 @@ def test_a_plan_shows_emulated_endpoints_and_starts_nothing(capsys: pytest.Captu
     pytest.importorskip("joshua_emulator")
     code, shown = joshua(capsys, "plan", "--emulate")
     assert code == 0, shown
-    assert shown.count("setting   port = emulated") == 2
+    assert shown.count("port = emulated") == 2
     assert "/dev/tty" not in shown
     assert "http://emulated" in shown
 

@@ -2,9 +2,10 @@
 
 Nothing is imported before it is used, so a plugin's description that takes its specs from here stays light.
 What fewer plugins need stands in modules of this package: ``calibration``, ``clocks``, ``emulation``,
-``modes``, ``motions``, ``nodes``, ``schema``, ``simulation`` and ``transports``. The other public modules are
-``joshua.features`` (what is seen and done), ``joshua.messages`` (ROS 2 messages), ``joshua.testing`` (the
-conformance kit) and ``joshua.tools`` (load, check, plan, and the client of a running system).
+``modes``, ``motions``, ``nodes``, ``schema``, ``simulation``, ``specs`` and ``transports``. The other public
+modules are ``joshua.features`` (what is seen and done), ``joshua.messages`` (ROS 2 messages),
+``joshua.testing`` (the conformance kit) and ``joshua.tools`` (load, check, plan, and the client of a running
+system).
 """
 
 from __future__ import annotations
@@ -51,6 +52,9 @@ if TYPE_CHECKING:
     from joshua.plugins.settings import FieldErrors as FieldErrors
     from joshua.plugins.settings import FromField as FromField
     from joshua.plugins.specs import ActuatorSpec as ActuatorSpec
+    from joshua.plugins.specs import EmulatorSpec as EmulatorSpec
+    from joshua.plugins.specs import Environment as Environment
+    from joshua.plugins.specs import EnvironmentSpec as EnvironmentSpec
     from joshua.plugins.specs import EpisodeWriterSpec as EpisodeWriterSpec
     from joshua.plugins.specs import ModelSpec as ModelSpec
     from joshua.plugins.specs import ModeOffer as ModeOffer
@@ -111,6 +115,9 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
             "EpisodeWriterSpec",
             "TrainerSpec",
             "SimulatorSpec",
+            "EmulatorSpec",
+            "Environment",
+            "EnvironmentSpec",
             "ModeOffer",
             "TransportSpec",
         ),

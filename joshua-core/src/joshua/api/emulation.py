@@ -7,4 +7,3 @@ from joshua.plugins.emulator import EmulationError as EmulationError
 from joshua.plugins.emulator import FaultRefusedError as FaultRefusedError
 from joshua.plugins.emulator import PhysicsCamera as PhysicsCamera
 from joshua.plugins.emulator import PhysicsLink as PhysicsLink
-from joshua.plugins.specs import EmulatorSpec as EmulatorSpec

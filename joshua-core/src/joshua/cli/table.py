@@ -13,7 +13,7 @@ from dataclasses import dataclass
 ENTRY_POINT_GROUP = "joshua.commands"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Command:
     """One row of the command table; the module is imported only when the command is used."""
 
@@ -44,7 +44,7 @@ COMMANDS = tuple(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PluginCommand:
     """A command of a plugin: its name, its module, and the distribution that brings it."""
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _ROBOT_ID = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LoadedConfig:
     """A configuration as its files give it; with errors in them it holds what could be read.
 

@@ -18,7 +18,7 @@ def _no_topics(graph: RobotGraph, config: pb.Config) -> Iterable[ServiceTopic]:
     return ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ServiceSpec:
     """A service that a mode runs beside the devices.
 
@@ -65,7 +65,7 @@ class ServiceSpec:
         return replace(self, required=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModeSpec:
     """One operation mode.
 

@@ -20,7 +20,7 @@ COMMAND_TYPES = (types.JOINT_STATE, types.JOINT_TRAJECTORY)
 _Item = TypeVar("_Item")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class NodeEntry:
     """One node block of a file.
 
@@ -72,7 +72,7 @@ class NodeEntry:
         return self.is_actuator and bool(self.owner.action_type == pb.ACTION_LEADER)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Endpoint:
     """One publisher or subscription of a node block.
 
@@ -115,7 +115,7 @@ class Pairing(NamedTuple):
     kind: Literal["leader", "model", "override", "data"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ServiceTopic:
     """A topic that a service publishes or subscribes to.
 
@@ -132,7 +132,7 @@ class ServiceTopic:
     qos: QosProfile | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class GraphService:
     """A service that the mode runs beside the devices: its name, the block that asks for it, its topics."""
 
@@ -141,7 +141,7 @@ class GraphService:
     topics: tuple[ServiceTopic, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RobotGraph:
     """The nodes, endpoints and services of one configuration.
 

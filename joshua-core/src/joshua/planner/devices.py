@@ -13,7 +13,7 @@ from joshua.schema import config_pb2 as pb
 from joshua.schema.rules import block_rule
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Wanted:
     """One node that the mode starts: its entry in the file, and what its implementation is asked by.
 

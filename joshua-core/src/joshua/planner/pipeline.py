@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from joshua.plugins import Registry
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PipelineResult:
     """What is known about a configuration.
 
@@ -35,7 +35,7 @@ class PipelineResult:
         return [item for item in self.diagnostics if item.severity is Severity.ERROR]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Checked:
     """A configuration whose text has been read and checked, on its way to a plan.
 

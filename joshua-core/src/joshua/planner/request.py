@@ -18,7 +18,7 @@ class Purpose(Enum):
     """The nodes are going to be started, which turns missing files and plugins into errors."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Request:
     """What the user asked for.
 

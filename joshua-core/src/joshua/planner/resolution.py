@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from joshua.planner.draft import Draft
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Resolved:
     """One wanted node with its implementation.
 

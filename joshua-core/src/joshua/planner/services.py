@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from joshua.planner.draft import Draft
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ResolvedService:
     """A service of the mode with the plugin spec that runs it.
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from joshua.schema.calibration_pb2 import ArmCalibration
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class DataStoreContext:
     """The data set that a simulator replays or makes.
 
@@ -27,7 +27,7 @@ class DataStoreContext:
     format: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BlockContext:
     """What the rest of the file says to a block.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from joshua.api import PluginSpec, hookimpl
-from joshua.api.emulation import EmulatorSpec
+from joshua.api.specs import EmulatorSpec
 
 
 @hookimpl

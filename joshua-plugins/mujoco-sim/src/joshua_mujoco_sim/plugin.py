@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from joshua.api import ActuatorSpec, PluginSpec, SensorSpec, SimulatorSpec, hookimpl
-from joshua.api.simulation import Environment, EnvironmentSpec
+from joshua.api.specs import Environment, EnvironmentSpec
 
 #: As data: naming them imports neither Gymnasium nor MuJoCo.
 ENVIRONMENTS = (
