@@ -41,7 +41,7 @@ def test_devices_that_nothing_emulates(tmp_path: Path, status: PluginStatus | No
     path = tmp_path / "robot.pbtxt"
     path.write_text(FILE)
     loaded = load(str(path))
-    row = PluginRow("emulator", "joshua-emulator", "1", status) if status else None
+    row = PluginRow("emulator", "joshua-emulator", "1", status=status) if status else None
     (finding,) = without_emulator(loaded, Registry((row,) if row else ()))
     assert finding.message.startswith("left, right: no plugin in use emulates sts3215_config, and --emulate")
     assert finding.remedy.startswith(remedy)
