@@ -282,7 +282,7 @@ def test_a_missing_transport_names_its_plugin(tmp_path):
     examination = examine(Request(path, blocked_plugins=blocked))
     (finding,) = [item for item in examination.diagnostics if item.code == "extra-missing"]
     assert finding.severity is Severity.NOTE
-    assert "TRANSPORT_DDS needs the plugin joshua-dds, which is blocked" in finding.message
+    assert "TRANSPORT_DDS requires the plugin joshua-dds, which is blocked" in finding.message
     assert "or choose TRANSPORT_ZENOH" in finding.remedy
     launch = examine(Request(path, purpose=Purpose.LAUNCH, blocked_plugins=blocked))
     assert ("extra-missing", Severity.ERROR) in codes(launch)

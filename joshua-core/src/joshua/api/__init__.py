@@ -52,9 +52,6 @@ if TYPE_CHECKING:
     from joshua.plugins.settings import FieldErrors as FieldErrors
     from joshua.plugins.settings import FromField as FromField
     from joshua.plugins.specs import ActuatorSpec as ActuatorSpec
-    from joshua.plugins.specs import EmulatorSpec as EmulatorSpec
-    from joshua.plugins.specs import Environment as Environment
-    from joshua.plugins.specs import EnvironmentSpec as EnvironmentSpec
     from joshua.plugins.specs import EpisodeWriterSpec as EpisodeWriterSpec
     from joshua.plugins.specs import ModelSpec as ModelSpec
     from joshua.plugins.specs import ModeOffer as ModeOffer
@@ -115,9 +112,6 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
             "EpisodeWriterSpec",
             "TrainerSpec",
             "SimulatorSpec",
-            "EmulatorSpec",
-            "Environment",
-            "EnvironmentSpec",
             "ModeOffer",
             "TransportSpec",
         ),

@@ -21,13 +21,13 @@ def clone() -> Path | None:
     return root if (root / "run").is_file() and (root / "joshua-plugins").is_dir() else None
 
 
-def install(distribution: str, extra: str = "") -> str:
-    """The command that installs a distribution, with one of the core's extras, or why there is none."""
+def install(distribution: str) -> str:
+    """The command that installs a distribution, or why there is none."""
     root = clone()
     if root is None or not distribution.startswith(PREFIX):
-        return f"pip install {distribution}" if not extra else f"pip install '{distribution}[{extra}]'"
+        return f"pip install {distribution}"
     if distribution == CORE:
-        return f"pip install -e {_shown(root / (f'{CORE}[{extra}]' if extra else CORE))}"
+        return f"pip install {target(CORE)}"
     name = distribution.removeprefix(PREFIX)
     if _folder(root, distribution).is_dir():
         return f"{_shown(root / 'run')} --with {name}"
