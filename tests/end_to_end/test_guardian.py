@@ -43,19 +43,19 @@ def test_a_killed_driver_is_replaced_by_its_guardian(tmp_path: Path, joshua_doma
     with running(tmp_path, joshua_domain_id, RELEASE) as rig:
         os.kill(rig.driver, signal.SIGKILL)
         rig.wait(lambda: rig.energised() == {False})
-        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without letting go"))
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without a safe stop"))
         output = rig.stop()
-        assert "guardian: the driver ended without letting go; 1 released" in output
+        assert "guardian: the driver ended without a safe stop; 1 released" in output
         assert rig.energised() == {False}
 
 
 def test_a_killed_driver_leaves_a_held_arm_held(tmp_path: Path, joshua_domain_id: int) -> None:
     with running(tmp_path, joshua_domain_id, HOLD) as rig:
         os.kill(rig.driver, signal.SIGKILL)
-        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without letting go"))
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without a safe stop"))
         assert rig.energised() == {True}
         output = rig.stop()
-        assert "guardian: the driver ended without letting go; 1 held" in output
+        assert "guardian: the driver ended without a safe stop; 1 held" in output
 
 
 def test_a_driver_that_runs_again_stays_without_torque(tmp_path: Path, joshua_domain_id: int) -> None:
@@ -82,7 +82,7 @@ def test_a_hung_driver_is_killed(tmp_path: Path, joshua_domain_id: int) -> None:
         assert rig.gone(rig.driver)
         rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("the driver hung"))
         output = rig.stop()
-        assert "guardian: the driver hung: no sign of life for 0.2 s; 1 released" in output, output
+        assert "guardian: the driver hung: no heartbeat for 0.2 s; 1 released" in output, output
 
 
 def test_a_killed_supervisor_leaves_a_safe_arm(tmp_path: Path, joshua_domain_id: int) -> None:

@@ -109,7 +109,7 @@ def test_a_result_of_another_type_is_no_safe_state(order: Any) -> None:
     report = GuardianLink(order("a_device_action:untyped")).execute()
     assert not report["complete"]
     assert "untyped.run returned dict, not a SafeStopResult" in report["detail"]
-    with pytest.raises(GuardianError, match="a_device_action:function is no SafeStopRequest"):
+    with pytest.raises(GuardianError, match="a_device_action:function is not a SafeStopRequest"):
         GuardianLink(order("a_device_action:function"))
 
 
@@ -143,7 +143,7 @@ def test_a_report_reaches_the_log_of_a_run_without_supervisor(order: Any, tmp_pa
             break
         waiting.wait(0.05)
     entry = json.loads(log.read_text())
-    assert entry["text"] == "guardian: the driver ended without letting go; 1 released"
+    assert entry["text"] == "guardian: the driver ended without a safe stop; 1 released"
     assert entry["node"] == "/arm"
 
 
@@ -227,7 +227,7 @@ def test_a_guardian_that_does_not_listen_guards_nobody(order: Any) -> None:
     link = GuardianLink(order())
     link.armed()
     os.kill(link.process_id, signal.SIGSTOP)
-    with pytest.raises(GuardianError, match="has not listened for some seconds"):  # noqa: PT012
+    with pytest.raises(GuardianError, match="has not read for some seconds"):  # noqa: PT012
         for _ in range(600):
             link.beat()
     os.kill(link.process_id, signal.SIGKILL)
@@ -256,5 +256,5 @@ def test_only_time_in_which_a_guardian_could_look_counts_before_the_first_beat(
         reads = iter([([theirs], [], [])])
         looks = SimpleNamespace(select=lambda *words: next(reads, None) or select_(*words))
         monkeypatch.setattr(main, "select", looks)
-        hung = "the driver hung while it switched the device on or off"
+        hung = "the driver hung while it switched torque on or off"
         assert guardian._watch() == ("" if len(steps) == 1 else hung)

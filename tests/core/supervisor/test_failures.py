@@ -207,7 +207,7 @@ def test_a_node_that_hangs_is_named_with_the_place_and_brought_into_its_safe_sta
 
     name = f"/{behaviour.lower()}"
     failed = next(event for event in robot.ui.events if event.kind == "failed")
-    assert "it hung: its loop has not turned for" in failed.text
+    assert "it hung: its loop has not run for" in failed.text
     assert "in act (" in failed.text
     assert "runtime_behaviours.py" in failed.text
     assert f"{behaviour.lower()} deactivate" in robot.noted()
@@ -234,7 +234,7 @@ def test_a_reader_thread_that_hangs_is_named(robot):
     )
 
     assert report.exit_code == 1
-    assert "its thread 'reader' has shown no sign of life" in report.reason
+    assert "its thread 'reader' has not run" in report.reason
 
 
 def test_a_node_that_does_not_get_ready_is_named_with_what_it_waits_for(robot):
@@ -349,7 +349,7 @@ def test_a_missing_interpreter_is_named(robot):
     report = robot.run(robot.node("Quiet", interpreter="/nowhere/bin/python"))
 
     assert report.exit_code == 3
-    assert "/nowhere/bin/python is missing or cannot be run; correct Node.python" in report.reason
+    assert "/nowhere/bin/python is missing or cannot be run. Correct Node.python" in report.reason
 
 
 def test_another_protocol_version_in_an_environment_is_named(robot, monkeypatch):
@@ -358,7 +358,7 @@ def test_another_protocol_version_in_an_environment_is_named(robot, monkeypatch)
     report = robot.run(robot.node("Quiet"))
 
     assert report.exit_code == 3
-    assert "speaks another protocol" in report.reason
+    assert "uses another protocol" in report.reason
 
 
 def test_a_port_that_no_router_can_use_is_an_error_that_says_what_to_do(robot):

@@ -36,7 +36,7 @@ def test_an_actuator_hangs_after_a_fifth_of_a_second():
     watched = Watched()
     watched.watch.hear(beat())
     assert watched.hung_until(100.15) is None
-    assert watched.hung_until(100.25) == ("/arm", "its loop has not turned for 0.25 s (limit 0.2 s)")
+    assert watched.hung_until(100.25) == ("/arm", "its loop has not run for 0.25 s (limit 0.2 s)")
 
 
 def test_a_heartbeat_ends_a_silence():
@@ -68,7 +68,7 @@ def test_a_reader_thread_has_a_limit_of_its_own():
     watched.watch.hear(beat(ThreadAge(name="reader", age_s=5.2, limit_s=5.0)))
     assert watched.watch.hung() == (
         "/arm",
-        "its thread 'reader' has shown no sign of life for 5.2 s (limit 5 s)",
+        "its thread 'reader' has not run for 5.2 s (limit 5 s)",
     )
 
 

@@ -190,7 +190,7 @@ def test_a_child_that_is_stopped_counts_as_hung_and_comes_back(robot, launch):
     run.process.send_signal(signal.SIGINT)
 
     assert run.end() == 0, run.text()
-    assert "it hangs: its loop has not turned for" in run.text()
+    assert "it hangs: its loop has not run for" in run.text()
     assert "SIGKILL after" in run.text()
 
 

@@ -62,7 +62,7 @@ def test_a_run_makes_its_place_anew_and_is_found_again(robot: Any) -> None:
     assert report.exit_code == 0, robot.ui.text()
     text = robot.ui.text()
     assert text.count(LOST) == 1
-    assert "the directory of this run was removed, and is made anew" in text
+    assert "the directory of this run was removed and has been created again" in text
     assert running_systems(base) == []
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 import time
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from joshua.ipc import messages as ipc
+from joshua.ipc.client import ask, running_systems
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
 
@@ -150,3 +154,30 @@ def test_what_a_node_could_not_read_does_not_reach_it() -> None:
     for payload in ({"text": "\ud800"}, {"deep": deep}):
         assert desk.refused(payload=payload)["error"].startswith("the call cannot be passed on: ")
     assert process.sent == []
+
+
+@pytest.mark.parametrize("announced_s", [0.0, 0.5], ids=["before the end", "after the end"])
+def test_why_a_guardian_killed_a_driver_is_the_reason_of_its_failure(robot: Any, announced_s: float) -> None:
+    def act_as_guardian(table: Any) -> None:
+        def act() -> None:
+            ((path, _),) = running_systems(robot.options().run_base)
+            announcement = {"request": "guardian", "node": "/quiet", "kills": "the driver hung"}
+            if not announced_s:
+                assert ask(path / "control.sock", announcement, 60.0) == {"written": True}
+            os.kill(table.nodes[0].process_id, signal.SIGKILL)
+            if announced_s:
+                while "was killed by SIGKILL" not in robot.ui.text():
+                    time.sleep(0.01)
+                assert ask(path / "control.sock", announcement, 60.0) == {"written": True}
+
+        threading.Thread(target=act).start()
+
+    robot.ui.on_ready = act_as_guardian
+    reason = "its guardian killed it: the driver hung"
+    robot.run_until(
+        lambda: any(node.reason == reason for status in robot.ui.statuses for node in status.nodes),
+        robot.node("Quiet", restart="never"),
+        robot.node("Quiet", "other"),
+    )
+    report = robot.ui.reports[-1]
+    assert report.nodes[0].reason == reason

@@ -1,7 +1,7 @@
-"""The e-stop: a latch that keeps the joints of a robot without torque, and reports of what was reached.
+"""The e-stop: a latch that keeps torque off, and reports of its effect.
 
-A latch is a file, which is the whole state. Drivers, guardians and commands look for it themselves, so that
-it works whichever process is dead, hung or not started yet. Light to import.
+The latch is a file, which is the whole state. Drivers, guardians and commands read it themselves: it works
+whichever process is dead, hung or not started. Light to import.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-#: Of the latches below the folder of all running systems, and of the reports below the directory of a run.
+#: Of the latches below the base directory, and of the reports below the directory of a run.
 FOLDER_NAME = "estop"
 
 _SUFFIX = ".json"
@@ -27,7 +27,7 @@ class Latch:
     """One e-stop.
 
     Attributes:
-        identifier: of this very e-stop; a second one of the same robot has another.
+        identifier: of this e-stop; another e-stop of the same robot has another.
         robot: ``general.id`` of the file; source: the file.
         domain_id, nodes: the actuators, by fully qualified name.
         since: local time; process_id: of the program that set it.
@@ -42,14 +42,14 @@ class Latch:
     process_id: int
 
     def covers(self, subject: Subject) -> bool:
-        """Whether an actuator belongs to the robot that was stopped."""
+        """Whether an actuator belongs to the stopped robot."""
         if self.robot and self.robot == subject.robot:
             return True
         return self.domain_id == subject.domain_id and subject.node in self.nodes
 
     @property
     def text(self) -> str:
-        """What stands in the way, and how to end it."""
+        """Text for a person, with the remedy."""
         return (
             f"the e-stop of {self.robot or self.source or 'this robot'} is latched since {self.since}: "
             "look at the robot, then joshua estop --release"
@@ -58,7 +58,7 @@ class Latch:
 
 @dataclass(frozen=True)
 class Subject:
-    """An actuator that asks whether it is stopped."""
+    """An actuator that may be stopped."""
 
     robot: str
     domain_id: int
@@ -77,14 +77,11 @@ class LatchFolder:
         self._known: dict[str, Latch] = {}
 
     def standing(self, subject: Subject) -> Latch | None:
-        """The newest latch that covers an actuator; costs some microseconds where there is none."""
-        for latch in self.all():
-            if latch.covers(subject):
-                return latch
-        return None
+        """The newest latch that covers an actuator. Takes microseconds if there is none."""
+        return next((latch for latch in self.all() if latch.covers(subject)), None)
 
     def all(self) -> list[Latch]:
-        """Every latch, newest first. One that cannot be read covers everything: whoever set it meant it."""
+        """Every latch, newest first. A latch that cannot be read covers every actuator."""
         try:
             names = [name for name in os.listdir(self.path) if name.endswith(_SUFFIX)]  # noqa: PTH208 (hot)
         except OSError:
@@ -95,7 +92,7 @@ class LatchFolder:
         return sorted(self._known.values(), key=lambda latch: latch.since, reverse=True)
 
     def set(self, robot: str, source: str, domain_id: int, nodes: Sequence[str]) -> Latch:
-        """Latches the actuators of one robot, in place of an older latch of the same. Raises OSError."""
+        """Latches the actuators of one robot and replaces its older latch. Raises OSError."""
         latch = Latch(
             identifier=secrets.token_hex(8),
             robot=robot,
@@ -113,7 +110,7 @@ class LatchFolder:
         return latch
 
     def clear(self, latch: Latch) -> None:
-        """Releases one latch; a second call does nothing. Raises OSError."""
+        """Releases one latch. Idempotent. Raises OSError."""
         (self.path / (latch.identifier + _SUFFIX)).unlink(missing_ok=True)
 
 
@@ -140,7 +137,7 @@ class _Unreadable(Latch):
 
 
 def write_whole(path: Path, values: Mapping[str, Any]) -> None:
-    """Writes a JSON file that a reader finds whole or not at all. Raises OSError."""
+    """Writes a JSON file atomically. Raises OSError."""
     temporary = path.with_suffix(f".{os.getpid()}-{secrets.token_hex(2)}")
     try:
         temporary.write_text(json.dumps(values))
@@ -153,14 +150,14 @@ def write_whole(path: Path, values: Mapping[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class EstopReport:
-    """What an e-stop has reached at one actuator.
+    """Effect of an e-stop at one actuator.
 
     Attributes:
         latch: identifier of the e-stop.
         by: ``driver``, ``guardian`` or ``command``.
-        complete: whether nothing speaks against the torque being off.
-        verified: whether the device itself has said so; joints: what it has said of each.
-        detail: what stood in the way, "" where nothing did.
+        complete: whether the torque is off as far as known.
+        verified: whether the device confirmed it; joints: state of each.
+        detail: what prevented it, "" for nothing.
     """
 
     latch: str
@@ -173,21 +170,21 @@ class EstopReport:
 
 
 class EstopFiles:
-    """The folder of one run.
+    """Reports and orders of one run. Writing does its best: a full disk must not prevent a stop.
 
     Args:
-        path: of the folder; "" for a run without directory, of which nothing is written.
+        path: of the folder; "" for a run without directory, which writes nothing.
     """
 
     def __init__(self, path: str) -> None:
         self._path = Path(path) if path else None
 
     def report(self, report: EstopReport) -> None:
-        """Leaves a report, in place of an older one of the same actuator; does its best."""
+        """Writes a report in place of an older one of the same actuator."""
         self._write(report.node, "report", asdict(report))
 
     def read_report(self, node: str, latch: str) -> EstopReport | None:
-        """The report of an actuator about one e-stop; None where there is none yet."""
+        """Report of an actuator about one e-stop, None if there is none yet."""
         values = self._read(node, "report")
         with contextlib.suppress(TypeError):
             report = EstopReport(**values)
@@ -195,11 +192,11 @@ class EstopFiles:
         return None
 
     def leave_order(self, node: str, implementation: str, request: Mapping[str, Any]) -> None:
-        """Leaves what releases an actuator without its driver; does its best."""
+        """Writes the action that takes the torque off without the driver."""
         self._write(node, "order", {"implementation": implementation, "request": request})
 
     def read_order(self, node: str) -> tuple[str, dict[str, Any]] | None:
-        """Import string of the action and its request; None where the driver has left none."""
+        """Import string of the action and its request, None if the driver wrote none."""
         values = self._read(node, "order")
         if isinstance(values.get("implementation"), str) and isinstance(values.get("request"), dict):
             return values["implementation"], values["request"]
@@ -207,7 +204,7 @@ class EstopFiles:
 
     def _write(self, node: str, kind: str, values: Mapping[str, Any]) -> None:
         if self._path is not None:
-            with contextlib.suppress(OSError):  # a full disk must not keep anything from stopping
+            with contextlib.suppress(OSError):
                 self._path.mkdir(mode=0o700, exist_ok=True)
                 write_whole(self._file(node, kind), values)
 

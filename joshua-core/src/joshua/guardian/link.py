@@ -1,4 +1,4 @@
-"""The driver's side: starts the guardian, shows signs of life, hands over or says that all is done."""
+"""The driver's side: starts the guardian, sends heartbeats, hands over or dismisses it."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from joshua.guardian.order import (
     GuardianOrder,
 )
 
-#: An interpreter must start and import the action within this time, also on a busy small board.
+#: Time for an interpreter to start and import the action, also on a busy small board.
 START_TIMEOUT_S = 15.0
 
-#: Room for some seconds of beats: a guardian that has not listened for so long does not guard.
+#: Room for some seconds of heartbeats. A guardian that has not read for so long does not guard.
 SEND_BUFFER_BYTES = 32768
 
-#: Time beyond the order's own in which a report must come, which an action that is given up has overdrawn.
+#: Time beyond the order's timeout for a report: a killed action has used it up.
 REPORT_MARGIN_S = OVERTIME_S + 2.0
 
 
 class GuardianError(Exception):
-    """The guardian does not start, or is gone; the message says why."""
+    """The guardian does not start or is gone. The message says why."""
 
 
 class GuardianLink:
-    """A guardian that runs. Closing the link without ``done`` makes it act.
+    """A running guardian. If the link closes without ``done``, the guardian acts.
 
     Args:
         order: what it guards.
 
     Raises:
-        GuardianError: it did not start; nothing may be energised then.
+        GuardianError: it did not start. Torque must stay off then.
     """
 
     def __init__(self, order: GuardianOrder) -> None:
@@ -53,7 +53,7 @@ class GuardianLink:
         for entry in sys.path:
             program += ["--path", entry]
         try:
-            # A session of its own, so that neither a terminal nor a group's signal reaches it.
+            # A session of its own: no signal of a terminal or a process group reaches it.
             self._process = subprocess.Popen(
                 program,
                 stdin=subprocess.DEVNULL,
@@ -64,34 +64,34 @@ class GuardianLink:
             )
         except OSError as error:
             self._socket.close()
-            raise GuardianError(f"the system refuses to start its process: {error}") from error
+            raise GuardianError(f"its process cannot be started: {error}") from error
         finally:
             theirs.close()
         self._await_ready(order)
 
     @property
     def process_id(self) -> int:
-        """Of the guardian."""
+        """Process id of the guardian."""
         return self._process.pid
 
     def armed(self) -> None:
-        """From now on the guardian acts when this process ends or falls silent. Raises GuardianError."""
+        """Lets the guardian act when this process ends or hangs. Raises GuardianError."""
         self._say(ARMED)
 
     def beat(self) -> None:
-        """Shows a sign of life; never blocks. Raises GuardianError if nobody guards any more."""
+        """Sends a heartbeat without blocking. Raises GuardianError if the guardian is gone."""
         self._say(BEAT)
 
     def stopping(self) -> None:
-        """Says that the driver now applies the safe state itself. Raises GuardianError."""
+        """Announces that the driver applies the safe state itself. Raises GuardianError."""
         self._say(STOPPING)
 
     def release_only(self) -> None:
-        """Says that the joints must lose their torque, whatever their safe state is. Raises GuardianError."""
+        """Makes torque off the safe state. Raises GuardianError."""
         self._say(RELEASE_ONLY)
 
     def done(self) -> None:
-        """Ends the guardian: the safe state stands. A second call does nothing."""
+        """Ends the guardian: the safe state is reached. Idempotent."""
         if self._socket.fileno() < 0:
             return
         with contextlib.suppress(GuardianError):
@@ -99,10 +99,10 @@ class GuardianLink:
         self._end()
 
     def execute(self) -> dict[str, Any]:
-        """Lets the guardian apply the safe state; the device must be closed. Returns its report.
+        """Lets the guardian apply the safe state and returns its report. The device must be closed.
 
         Raises:
-            GuardianError: no report came in time.
+            GuardianError: no report in time.
         """
         self._say(EXECUTE)
         self._socket.settimeout(self._order.timeout_s + REPORT_MARGIN_S)
@@ -137,7 +137,7 @@ class GuardianLink:
             self._socket.send(word)
         except BlockingIOError as error:
             raise GuardianError(
-                f"its process {self._process.pid} has not listened for some seconds: it hangs or was stopped"
+                f"its process {self._process.pid} has not read for some seconds: it hangs or was stopped"
             ) from error
         except OSError as error:
             raise GuardianError(f"its process {self._process.pid} has ended: {error}") from error
@@ -149,5 +149,5 @@ class GuardianLink:
         try:
             self._process.wait(timeout=REPORT_MARGIN_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()  # told to end, and holding nothing: it must not stay
+            self._process.kill()  # told to end, and with nothing left to do
             self._process.wait()

@@ -1,4 +1,4 @@
-"""The guardian process: waits beside a driver, and takes over when the driver dies or hangs."""
+"""The guardian process: runs beside a driver and takes over when the driver dies or hangs."""
 
 from __future__ import annotations
 
@@ -33,10 +33,30 @@ from joshua.guardian.order import (
 from joshua.guardian.safe_stop import SafeStopRequest, perform
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
 from joshua.ipc.client import ask
+from joshua.ipc.run_bases import socket_address
 
 Action = Callable[[dict[str, Any]], dict[str, Any]]
 
 _POLL_S = 0.02
+
+#: Time to wait for the end of a killed process, which a device call may delay in the kernel.
+END_TIMEOUT_S = 1.0
+
+_END_POLL_S = 0.002
+
+SUPERVISOR_TIMEOUT_S = 0.5
+
+#: Signals that end other programs. The guardian ends when its work is done.
+IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGPIPE", "SIGUSR1", "SIGUSR2", "SIGTSTP", "SIGALRM")
+
+#: Time from ARMED to the first heartbeat: torque on takes several exchanges with the device.
+FIRST_BEAT_S = 2.0
+
+#: Time for the driver to obey a latched e-stop, and again to confirm that it has.
+ESTOP_PATIENCE_S = 0.3
+
+#: Longest pause of the guardian's loop, which checks for an e-stop and for a hang.
+LOOK_S = 0.06
 
 
 def run_bounded(
@@ -45,11 +65,11 @@ def run_bounded(
     """Runs an action in a fork of this process, which must have no threads.
 
     Args:
-        limit_s: after this time the action is ended.
-        abort: asked all the time; once it says so, the action is ended too.
+        limit_s: time after which the action is killed.
+        abort: polled; the action is killed when it returns true.
 
     Returns:
-        The report of the action, one with ``complete`` false where it failed, or None where it was aborted.
+        The report of the action, one with ``complete`` false if it failed, or None if it was aborted.
     """
     reader, writer = os.pipe()
     child = os.fork()
@@ -63,27 +83,26 @@ def run_bounded(
             if select.select([reader], [], [], _POLL_S)[0]:
                 part = os.read(reader, 65536)
                 if not part:
-                    break
+                    return dict(json.loads(data))
                 data += part
             elif time.monotonic() > deadline_s:
                 return _failed(f"the safe-stop action did not return within {limit_s:g} s")
             elif abort():
                 return None
-        return dict(json.loads(data))
     except ValueError:
         return _failed("the safe-stop action ended its process without a report")
     finally:
         os.close(reader)
-        os.kill(child, signal.SIGKILL)  # not waited for yet, so the number is still its own
+        os.kill(child, signal.SIGKILL)  # not reaped yet, so the number is still its own
         os.waitpid(child, 0)
 
 
 def _act(action: Action, request: dict[str, Any], writer: int) -> None:
-    """What the fork does; never returns."""
+    """Body of the fork. Never returns."""
     try:
         try:
             report = dict(action(request))
-        except Exception as error:  # noqa: BLE001 (a plugin's code; the report must go out)
+        except Exception as error:  # noqa: BLE001 (a plugin's code; the report must be sent)
             report = _failed(f"the safe-stop action failed: {error!r}")
         data = json.dumps(report).encode()
         while data:
@@ -96,17 +115,11 @@ def _failed(detail: str) -> dict[str, Any]:
     return {"complete": False, "detail": detail}
 
 
-#: The end of a killed process is waited for so long; a device call may hold it in the kernel.
-END_TIMEOUT_S = 1.0
-
-_END_POLL_S = 0.002
-
-
 class DriverProcess:
-    """A process that is this one's parent when it is made.
+    """The parent process at the time of construction.
 
-    A process descriptor never names another process, unlike a number that was given away again; where
-    the system has none, the parent's number is compared before each use.
+    A process descriptor never refers to another process, unlike a number that is assigned again. On a system
+    without descriptors, the parent's number is compared before each use.
     """
 
     def __init__(self, process_id: int) -> None:
@@ -118,13 +131,13 @@ class DriverProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process has not ended yet."""
+        """Whether the process has not ended."""
         if self._descriptor >= 0:
             return not select.select([self._descriptor], [], [], 0)[0]
         return os.getppid() == self.process_id
 
     def kill(self) -> bool:
-        """Kills the process if it lives and waits for its end; returns whether it has ended."""
+        """Kills the process, waits for its end and returns whether it has ended."""
         deadline_s = time.monotonic() + END_TIMEOUT_S
         if self.alive:
             with contextlib.suppress(ProcessLookupError):
@@ -137,51 +150,11 @@ class DriverProcess:
         return not self.alive
 
 
-SUPERVISOR_TIMEOUT_S = 0.5
-
-
-def report_to_run(order: GuardianOrder, level: int, text: str, report: dict[str, Any]) -> None:
-    """Has the supervisor write the report into the log; writes it there itself where nobody answers."""
-    message = {"request": "guardian", "node": order.node, "level": level, "text": text}
-    if order.control_socket:
-        with contextlib.suppress(OSError, ValueError):
-            if ask(Path(order.control_socket), message, SUPERVISOR_TIMEOUT_S).get("written"):
-                return
-    if order.log:
-        entry = {
-            "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "level": logging.getLevelName(level).lower(),
-            "node": order.node,
-            "text": text,
-            "stream": "guardian",
-            "report": report,
-        }
-        with contextlib.suppress(OSError):  # a full disk must not keep the guardian from ending
-            descriptor = os.open(order.log, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
-            try:
-                os.write(descriptor, json.dumps(entry).encode() + b"\n")
-            finally:
-                os.close(descriptor)
-
-
-#: Signals that end other programs; the guardian ends when its work is done.
-IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGPIPE", "SIGUSR1", "SIGUSR2", "SIGTSTP", "SIGALRM")
-
-#: Energising takes several exchanges with the device before the first beat.
-FIRST_BEAT_S = 2.0
-
-#: While an e-stop is latched, the driver has this long to let go by itself, and again to say that it has.
-ESTOP_PATIENCE_S = 0.3
-
-#: Pause of the guardian's loop, after which it looks for an e-stop and judges the driver's silence.
-LOOK_S = 0.06
-
-
 class Guardian:
     """One guardian.
 
     Args:
-        sock: link to the driver; its end is the driver's end.
+        sock: link to the driver, which the kernel closes when the driver ends.
         order: what to guard; action: brings the device into its safe state.
     """
 
@@ -195,7 +168,7 @@ class Guardian:
         self._release_only = False
 
     def run(self) -> int:
-        """Guards until there is nothing left to do; returns the exit code."""
+        """Guards until there is nothing left to do and returns the exit code."""
         self._socket.sendall(READY)
         reason = self._watch()
         if not reason:
@@ -205,8 +178,9 @@ class Guardian:
             try:
                 self._socket.sendall(json.dumps(report).encode() + b"\n")
             except OSError:
-                self._report(report)  # the driver was not allowed to wait for it
+                self._report(report)  # the driver was killed while it waited
         else:
+            self._announce(reason)
             ended = self._driver.kill()
             report = self._act(reason)
             if not ended:
@@ -216,9 +190,9 @@ class Guardian:
         return 0 if report.get("complete") else 1
 
     def _watch(self) -> str:
-        """Listens; returns why the safe state is called for, "" where it is not."""
+        """Watches the driver and returns why the safe state is needed, "" if it is not."""
         order = self._order
-        clock = AwakeClock(time.monotonic, WATCHER_LOOK_S)  # which stands still with the machine
+        clock = AwakeClock(time.monotonic, WATCHER_LOOK_S)  # stops while the machine is suspended
         loop = partial(thread_time, order.process_id, order.thread_id)
         silence = SilenceJudge(order.hang_limit_s, clock, loop)
         armed = beating = False
@@ -237,7 +211,7 @@ class Guardian:
                 if EXECUTE in words:
                     return "requested"
                 if not words:
-                    return "the driver ended without letting go" if armed else ""
+                    return "the driver ended without a safe stop" if armed else ""
                 if ARMED in words:
                     armed, give_up_s = True, now_s + FIRST_BEAT_S
                 if BEAT in words:
@@ -247,13 +221,13 @@ class Guardian:
                     beating, give_up_s = False, now_s + order.timeout_s
                     estop_s += ESTOP_PATIENCE_S
             if armed and now_s > estop_s:
-                return "the e-stop is latched, and the driver has not let go"
+                return "the e-stop is latched, and the driver has not taken the torque off"
             if ready:
                 continue
             if beating and silence.hung():
-                return f"the driver hung: no sign of life for {order.hang_limit_s:g} s"
+                return f"the driver hung: no heartbeat for {order.hang_limit_s:g} s"
             if not beating and now_s > give_up_s:
-                return "the driver hung while it switched the device on or off"
+                return "the driver hung while it switched torque on or off"
 
     def _receive(self) -> bytes:
         try:
@@ -273,49 +247,66 @@ class Guardian:
             request = order.release_request or order.request
             report = run_bounded(self._action, request, limit_s, lambda: False) or {}
         if latch is not None:
-            self._report_estop(latch, report)
+            complete = bool(report.get("complete"))
+            joints = {str(joint): str(state) for joint, state in dict(report.get("joints", {})).items()}
+            detail = str(report.get("detail", ""))
+            EstopFiles(order.estop_files).report(
+                EstopReport(latch.identifier, order.node, "guardian", complete, complete, joints, detail)
+            )
         return {"reason": reason, "action_s": round(time.monotonic() - began_s, 4), **report}
 
     def _latch(self) -> Latch | None:
         return None if self._latches is None else self._latches.standing(self._subject)
 
-    def _report_estop(self, latch: Latch, report: dict[str, Any]) -> None:
-        complete = bool(report.get("complete"))
-        EstopFiles(self._order.estop_files).report(
-            EstopReport(
-                latch.identifier,
-                self._order.node,
-                "guardian",
-                complete,
-                complete,
-                {str(joint): str(state) for joint, state in dict(report.get("joints", {})).items()},
-                str(report.get("detail", "")),
-            )
-        )
+    def _announce(self, reason: str) -> None:
+        """Tells the supervisor why the driver is killed, without waiting for an answer."""
+        message = {"request": "guardian", "node": self._order.node, "kills": reason}
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.setblocking(False)
+            with socket_address(Path(self._order.control_socket)) as address:
+                connection.connect(address)
+            connection.send(json.dumps(message).encode() + b"\n")
 
     def _report(self, report: dict[str, Any]) -> None:
+        """Reports to the supervisor, or into the log of the run if there is no supervisor."""
+        order = self._order
         level = logging.WARNING if report.get("complete") else logging.CRITICAL
         states = ", ".join(f"{joint} {state}" for joint, state in dict(report.get("joints", {})).items())
-        text = f"guardian: {report['reason']}; " + (states or "no joint has confirmed its safe state")
+        text = f"guardian: {report['reason']}; " + (states or "no joint confirmed its safe state")
         if report.get("detail"):
             text += f"; {report['detail']}"
-        report_to_run(self._order, level, text, report)
+        if order.control_socket:
+            message = {"request": "guardian", "node": order.node, "level": level, "text": text}
+            with contextlib.suppress(OSError, ValueError):
+                if ask(Path(order.control_socket), message, SUPERVISOR_TIMEOUT_S).get("written"):
+                    return
+        if order.log:
+            entry = {
+                "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+                "level": logging.getLevelName(level).lower(),
+                "node": order.node,
+                "text": text,
+                "stream": "guardian",
+                "report": report,
+            }
+            with contextlib.suppress(OSError), open(order.log, "ab", buffering=0) as log:  # noqa: PTH123
+                log.write(json.dumps(entry).encode() + b"\n")
 
 
 def load_action(import_string: str) -> Action:
-    """Imports what an order names. Raises ImportError, AttributeError, TypeError."""
+    """Imports the action of an order. Raises ImportError, AttributeError, TypeError."""
     module, _, attribute = import_string.partition(":")
     target: Any = importlib.import_module(module)
     for name in attribute.split("."):
         target = getattr(target, name)
     if not (isinstance(target, type) and issubclass(target, SafeStopRequest)):
-        raise TypeError(f"{import_string} is no SafeStopRequest: see joshua plugins --check")
+        raise TypeError(f"{import_string} is not a SafeStopRequest. Run joshua plugins --check")
     return partial(perform, target)
 
 
 def main() -> int:
-    """Runs the guardian of one driver, which starts this program itself."""
-    parser = argparse.ArgumentParser(description="Started by a driver; of no use by hand.")
+    """Runs the guardian of the driver that started this program."""
+    parser = argparse.ArgumentParser(description="Started by a driver; not for use by hand.")
     parser.add_argument("--descriptor", type=int, required=True, help="inherited socket of the driver")
     parser.add_argument("--path", action="append", default=[], help="entry of the module search path")
     arguments = parser.parse_args()
@@ -328,7 +319,7 @@ def main() -> int:
     while not line.endswith(b"\n"):
         part = sock.recv(1)
         if not part:
-            return 0  # the driver ended before it had said anything
+            return 0  # the driver ended before it sent its order
         line += part
     order = GuardianOrder.from_line(bytes(line))
     return Guardian(sock, order, load_action(order.implementation)).run()

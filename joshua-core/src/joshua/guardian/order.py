@@ -1,4 +1,4 @@
-"""What a driver tells its guardian, once, before it energises a joint."""
+"""The order of a driver to its guardian, sent once before torque is enabled, and the words after it."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-#: Distance of two signs of life.
+#: Interval of the heartbeats.
 BEAT_S = 0.05
 
-#: Silence that counts as a hang.
+#: Default time without a heartbeat that counts as a hang.
 HANG_LIMIT_S = 0.2
 
-#: An action that has not returned this long after the order's time is given up.
+#: An action that has not returned this long after the order's timeout is killed.
 OVERTIME_S = 1.5
 
 # Words of the driver, one byte each.
-ARMED = b"A"  # from now on the joints may be energised
+ARMED = b"A"  # joints may have torque from here on
 BEAT = b"B"
-STOPPING = b"S"  # the driver applies the safe state itself and needs a moment without beats
-RELEASE_ONLY = b"R"  # whatever the safe state is: from now on it is no torque
-EXECUTE = b"X"  # the driver has closed the device: apply the safe state now
-DONE = b"D"  # the safe state stands: nothing is left to guard
+STOPPING = b"S"  # the driver applies the safe state itself, without heartbeats for a moment
+RELEASE_ONLY = b"R"  # the safe state is torque off, whatever was ordered
+EXECUTE = b"X"  # the driver has closed the device: apply the safe state
+DONE = b"D"  # the safe state is reached: nothing is left to guard
 
-#: What the guardian says when it is ready to take over.
+#: Sent by the guardian when it can take over.
 READY = b"ready\n"
 
 
@@ -33,17 +33,16 @@ class GuardianOrder:
 
     Attributes:
         node: fully qualified name.
-        implementation: import string of the ``SafeStopRequest`` of the device.
-        request: its plain values.
-        timeout_s: by when the safe state is to stand.
+        implementation: import string of the device's ``SafeStopRequest``.
+        request: its plain values; release_request: for torque off, used after a protection trip and during an
+            e-stop (empty: ``request``).
+        timeout_s: for reaching the safe state.
         process_id, thread_id: of the driver and of its control loop.
-        hang_limit_s: silence that counts as a hang.
-        log: file of the run that a report is appended to; "" for none.
-        control_socket: of the run, whose supervisor hears of a report first; "" for none.
-        release_request: the one where no torque is called for, whatever the safe state is: after a
-            trip of a protection, and while an e-stop is latched; empty takes ``request``.
+        hang_limit_s: time without a heartbeat that counts as a hang.
+        log: file of the run for reports, "" for none.
+        control_socket: of the run, whose supervisor gets the report first; "" for none.
         robot, domain_id: whose e-stop counts.
-        latch_folder: where e-stops are latched; "" for nowhere.
+        latch_folder: of the e-stops, "" for none.
         estop_files: folder of the run for reports about an e-stop.
     """
 
@@ -68,5 +67,5 @@ class GuardianOrder:
 
     @classmethod
     def from_line(cls, line: bytes) -> GuardianOrder:
-        """Reads what ``to_line`` wrote. Raises ValueError, TypeError."""
+        """Reads the result of ``to_line``. Raises ValueError, TypeError."""
         return cls(**json.loads(line))

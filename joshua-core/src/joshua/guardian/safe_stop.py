@@ -1,6 +1,6 @@
-"""The contract of a safe stop: what brings a device into its safe state without its driver.
+"""The contract of a safe stop, which brings a device into its safe state without its driver.
 
-A guardian imports this with the plugin's own module, so it stays light: no numpy, no pydantic.
+A guardian imports this with the plugin's module, so it stays light: no numpy, no pydantic.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-#: What the device has confirmed of a joint's torque.
+#: Torque of a joint, as confirmed by the device.
 TorqueState = Literal["held", "released", "was off", "not verified"]
 
 
 @dataclass(frozen=True)
 class SafeStopResult:
-    """What was reached, as read back from the device.
+    """Result of a safe stop, as read back from the device.
 
     Attributes:
-        joints: state of each joint by its name, or by what names its motor to a person.
-        action: that was carried out; detail: what stood in the way, "" where nothing did.
+        joints: state of each joint by its name, or by the name of its motor.
+        action: that was carried out; detail: what prevented the safe state, "" for nothing.
         duration_s: from the call to the verification.
     """
 
@@ -36,25 +36,25 @@ class SafeStopResult:
 
     @property
     def complete(self) -> bool:
-        """Whether every joint has confirmed its safe state."""
+        """Whether every joint confirmed its safe state."""
         return all(state != "not verified" for state in self.joints.values())
 
     def to_values(self) -> dict[str, Any]:
-        """Plain values for the report of a guardian."""
+        """Values for the report of a guardian."""
         return {**asdict(self), "complete": self.complete}
 
 
 @dataclass(frozen=True)
 class SafeStopRequest:
-    """What is to be done to a device; a plugin derives its own, with what it needs to reach that device.
+    """Request of a safe stop. A plugin derives a class with the fields that it needs to reach its device.
 
-    ``ActuatorSpec.safe_stop`` names the class, and ``Actuator.safe_stop_request`` makes an object of it. Its
-    fields go through JSON into the process that runs it.
+    ``ActuatorSpec.safe_stop`` names the class and ``Actuator.safe_stop_request`` creates the object. Its
+    fields are sent as JSON to the process that runs it.
 
     Attributes:
-        action: ``HOLD`` (stay where they are; joints without torque stay so), ``RELEASE``, or
+        action: ``HOLD`` (joints with torque hold, the others stay off), ``RELEASE``, or
             ``PARK_THEN_RELEASE``.
-        timeout_s: by when the result must stand.
+        timeout_s: for the result.
     """
 
     action: str
@@ -65,22 +65,22 @@ class SafeStopRequest:
             raise ValueError(f"unknown safe-stop action {self.action!r}; allowed: {', '.join(ACTIONS)}")
 
     def run(self) -> SafeStopResult:
-        """Takes the device, applies the safe state and verifies it; bounded by ``timeout_s``."""
-        raise NotImplementedError(f"{type(self).__name__} does nothing: override run")
+        """Opens the device, applies the safe state and verifies it within ``timeout_s``."""
+        raise NotImplementedError(f"{type(self).__name__} does not override run")
 
     def to_values(self) -> dict[str, Any]:
-        """Plain values, as JSON has them."""
+        """Values as in JSON."""
         values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         return values
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Self:
-        """Reads what ``to_values`` wrote. Raises ValueError and TypeError."""
+        """Reads the result of ``to_values``. Raises ValueError and TypeError."""
         return cls(**values)
 
 
 def perform(kind: type[SafeStopRequest], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Runs a request of plain values and returns its result as such. Raises what the plugin raises.
+    """Runs a request and returns its result, both as plain values. Raises what the plugin raises.
 
     Raises:
         TypeError: ``run`` returned anything but a SafeStopResult.

@@ -1,4 +1,4 @@
-"""The one judge of silence, on a clock that counts only time in which somebody could have been heard."""
+"""Detection of hangs, on a clock that leaves out time in which the watcher itself could not run."""
 
 from __future__ import annotations
 
@@ -10,28 +10,27 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-#: What one look at a clock counts at most, where it is looked at several times in each such time.
+#: Most that one look at a clock counts, for a clock that is read several times in that time.
 LONGEST_LOOK_S = 0.25
 
-#: The same for those who watch a control loop; they look every 0.06 s or more often.
+#: The same for watchers of a control loop, which look at least every 0.06 s.
 WATCHER_LOOK_S = 0.09
 
-#: Silence of a loop beyond this multiple of its limit is a hang even while the loop waits for a processor.
+#: A loop without heartbeat for this multiple of its limit hangs, even while it waits for a processor.
 PATIENCE_FACTOR = 5.0
 
-#: How often the witness of a process looks; a look that comes this much late says that it was held up.
+#: Interval at which the witness of a process looks.
 WITNESS_PERIOD_S = 0.02
 
 
 class AwakeClock:
-    """Seconds that pass only while somebody looks.
+    """A clock that advances at most ``longest_look_s`` per look.
 
-    A machine that gives this process no time for seconds has often given none to what it listens to, or to
-    what lies between both. Once it goes on, what was said meanwhile is still on its way: that silence was
-    nobody's. So a look counts the time since the look before, ``longest_look_s`` at most.
+    A machine that stalls this process for seconds has often stalled the watched one too, and its messages
+    arrive only afterwards. That time does not count.
 
     Args:
-        clock: seconds that never run backwards; longest_look_s: looks come several times in each.
+        clock: monotonic seconds; longest_look_s: looks come several times in each.
 
     Attributes:
         looked_s: the clock's time of the last look.
@@ -47,7 +46,7 @@ class AwakeClock:
         self._gaps: deque[tuple[float, float]] = deque(maxlen=10_000)
 
     def now_s(self) -> float:
-        """Looks; the seconds that have counted so far."""
+        """Looks and returns the seconds counted so far."""
         now_s = self._clock()
         counted_s = min(now_s - self.looked_s, self._longest_look_s)
         if counted_s < now_s - self.looked_s:
@@ -57,13 +56,13 @@ class AwakeClock:
         return self._awake_s
 
     def missed_s(self, start_s: float, end_s: float) -> float:
-        """How much between two times of the clock has not counted."""
+        """Time between two times of the clock that was not counted."""
         return sum(max(0.0, min(end, end_s) - max(start, start_s)) for start, end in tuple(self._gaps))
 
 
 @lru_cache(maxsize=1)
 def witness() -> AwakeClock:
-    """A clock of this process at which a thread of its own looks from the first call on."""
+    """A clock of this process with a thread that looks at it, started by the first call."""
     clock = AwakeClock(longest_look_s=2 * WITNESS_PERIOD_S)
 
     def look() -> None:
@@ -76,7 +75,7 @@ def witness() -> AwakeClock:
 
 
 class ThreadTime(NamedTuple):
-    """Nanoseconds that a thread ran and waited for a processor so far; whether it does either just now."""
+    """Nanoseconds that a thread ran and waited for a processor, and whether it does either now."""
 
     ran_ns: int
     waited_ns: int
@@ -84,7 +83,7 @@ class ThreadTime(NamedTuple):
 
 
 def thread_time(process_id: int, thread_id: int) -> ThreadTime | None:
-    """Reads the times of a thread; None where the system does not tell.
+    """Reads the times of a thread, None if the system has none.
 
     Source: Documentation/scheduler/sched-stats.rst, first two fields of ``schedstat``.
     """
@@ -98,13 +97,14 @@ def thread_time(process_id: int, thread_id: int) -> ThreadTime | None:
 
 
 class SilenceJudge:
-    """Judges whether a control loop in another process hangs, by its signs of life.
+    """Decides from heartbeats whether a control loop in another process hangs.
 
-    It hangs when it was silent for the limit, on a clock that stands still while the judge itself is held
-    up, less the time in which the loop wanted to run and got no processor.
+    It hangs if no heartbeat came for the limit, not counting time in which the watcher could not run or the
+    loop waited for a processor.
 
     Args:
-        limit_s: silence that counts as a hang; clock: what the judge looks at, every ``WATCHER_LOOK_S``.
+        limit_s: time without heartbeat that counts as a hang.
+        clock: of the watcher, which looks at least every ``WATCHER_LOOK_S``.
         loop: reads the times of the loop's thread.
     """
 
@@ -115,31 +115,31 @@ class SilenceJudge:
         self.heard()
 
     def heard(self) -> None:
-        """A sign of life came, or the watch begins."""
+        """A heartbeat came, or the watch begins."""
         self._heard_s = self._clock.now_s()
         self._heard_at_s = self._clock.looked_s
         self._then = self._loop()
 
     def left_s(self) -> float:
-        """How long silence may still last."""
+        """Time left until the limit."""
         return self.limit_s - (self._clock.now_s() - self._heard_s)
 
     def silence_s(self) -> float:
-        """Time since the last sign of life, whatever the reason of the silence."""
+        """Wall time since the last heartbeat."""
         return self._clock.looked_s - self._heard_at_s
 
     def hung(self) -> bool:
-        """Whether the silence counts as a hang."""
+        """Whether the loop hangs."""
         over_s = -self.left_s()
         if over_s < 0:
             return False
         return self.silence_s() >= self.limit_s * PATIENCE_FACTOR or over_s >= self._waited_s()
 
     def _waited_s(self) -> float:
-        """Part of the silence in which the loop wanted to run and could not."""
+        """Time since the last heartbeat in which the loop waited for a processor."""
         then, now = self._then, self._loop()
         if then is None or now is None:
             return 0.0
         if now.runnable and now.ran_ns == then.ran_ns:
-            return self.silence_s()  # it still waits, which the kernel adds up only afterwards
+            return self.silence_s()  # still waiting, which the kernel adds up only afterwards
         return (now.waited_ns - then.waited_ns) / 1e9

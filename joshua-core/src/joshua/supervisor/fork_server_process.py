@@ -1,4 +1,4 @@
-"""The fork server itself: single-threaded, loads heavy modules, forks children, reaps them."""
+"""The fork server: single-threaded, loads heavy modules, forks children and reaps them."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from typing import Any, NoReturn
 from joshua.ipc.frames import EndOfStreamError, FrameSocket
 from joshua.ipc.process_attributes import IGNORED_SIGNALS, set_parent_death_signal, set_title
 
-#: What a child runs.
+#: Program of a child.
 NODE_PROGRAM = "joshua.node.main"
 
-#: What children need; a module that is missing is left to the node that asks for it.
+#: Modules for children. A missing module is reported by the node that imports it.
 PRELOADED = (
     NODE_PROGRAM,
     "numpy",
@@ -37,19 +37,19 @@ PRELOADED = (
     "joshua.models.inference_node",
 )
 
-#: Message types whose codecs are made ready; the frequent ones have fast paths that need none.
+#: Message types whose codecs are compiled. The frequent types have fast paths.
 PRELOADED_TYPES = ("rcl_interfaces/msg/Log", "diagnostic_msgs/msg/DiagnosticArray")
 
-#: Math libraries start threads when they are loaded, and a process with threads cannot fork safely.
+#: Math libraries start threads when loaded, and a process with threads cannot fork safely.
 LOAD_SETTINGS = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
-    # The models of the core want no plugins of pydantic, and looking for them takes long.
+    # The core uses no plugins of pydantic, and discovery is slow.
     "PYDANTIC_DISABLE_PLUGINS": "__all__",
 }
 
-#: How long children may take to end by themselves when the supervisor is gone.
+#: Time for children to end by themselves when the supervisor is gone.
 ORPHAN_GRACE_S = 0.7
 
 #: The control socket of every child.
@@ -70,7 +70,7 @@ class Server:
         self._wake_sender.setblocking(False)
 
     def run(self) -> int:
-        """Serves until the end; returns the exit code."""
+        """Serves until the end and returns the exit code."""
         signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
         signal.set_wakeup_fd(self._wake_sender.fileno(), warn_on_full_buffer=False)
         with selectors.DefaultSelector() as selector:
@@ -85,13 +85,13 @@ class Server:
         return 0
 
     def close(self) -> None:
-        """Closes the sockets; a second call does nothing."""
+        """Closes the sockets. Idempotent."""
         signal.set_wakeup_fd(-1)
         for item in (self._frames, self._wake_receiver, self._wake_sender):
             item.close()
 
     def report(self, **event: Any) -> None:
-        """Tells the supervisor."""
+        """Sends an event to the supervisor."""
         self._frames.send(json.dumps(event).encode())
 
     def _serve_requests(self) -> None:
@@ -105,7 +105,7 @@ class Server:
 
     def _start_child(self, request: dict[str, Any], descriptors: list[int]) -> None:
         server_id = os.getpid()
-        # A signal for the child waits until the child can answer it; ignored here, it would be lost.
+        # A signal for the child stays pending until the child handles it. Ignored here, it would be lost.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         try:
             process_id = os.fork()
@@ -125,7 +125,7 @@ class Server:
         try:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            # Asked to stop by the kernel when the server dies; a server that died before shows here.
+            # The kernel stops it when the server dies. The check covers a server that died before.
             set_parent_death_signal(signal.SIGTERM)
             if os.getppid() != server_id:
                 os._exit(1)
@@ -157,7 +157,7 @@ class Server:
             self.report(event="exited", process_id=process_id, status=status)
 
     def _end_children(self) -> None:
-        """Lets children that noticed the end of the supervisor finish, then kills what is left."""
+        """Waits for children to end with the supervisor, then kills the others."""
         deadline_s = time.monotonic() + ORPHAN_GRACE_S
         while self._children:
             with contextlib.suppress(EndOfStreamError):
@@ -169,12 +169,12 @@ class Server:
 
 
 def serve(sock: socket.socket, parent_id: int, *, preload: bool) -> int:
-    """Runs the server in this process; returns its exit code."""
+    """Runs the server in this process and returns its exit code."""
     set_title("joshua-fork")
     for number in IGNORED_SIGNALS:
         signal.signal(number, signal.SIG_IGN)  # the supervisor decides what they mean
     signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED_SIGNALS)
-    # While modules load the socket is not watched, and there are no children to take care of yet.
+    # While modules load the socket is not watched, and there are no children yet.
     set_parent_death_signal(signal.SIGKILL)
     if os.getppid() != parent_id:
         return 1
@@ -191,7 +191,7 @@ def serve(sock: socket.socket, parent_id: int, *, preload: bool) -> int:
 
 
 def load_modules() -> list[str]:
-    """Imports what children need; returns the modules that are missing."""
+    """Imports the modules for children and returns the missing ones."""
     kept = {name: os.environ.get(name) for name in LOAD_SETTINGS}
     os.environ.update(LOAD_SETTINGS)
     gc.disable()
@@ -213,7 +213,7 @@ def load_modules() -> list[str]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-    # Children share these objects; a collection in a child would copy every page that it walks.
+    # Children share these objects: a collection in a child would copy every page that it visits.
     gc.freeze()
     return missing
 
@@ -226,7 +226,7 @@ def _threads() -> int:
 
 
 def _redirect(descriptors: list[int]) -> None:
-    """Gives the child its standard streams and control socket, and closes everything else."""
+    """Sets up the child's standard streams and control socket, and closes all other descriptors."""
     # Copies beyond the numbers that are about to be overwritten.
     control, output, error = (fcntl.fcntl(item, fcntl.F_DUPFD, _FIRST_FREE) for item in descriptors)
     null = os.open(os.devnull, os.O_RDONLY)
@@ -243,9 +243,9 @@ def _execute(arguments: list[str], environment: dict[str, str]) -> NoReturn:
 
 
 def _run_node_process() -> None:
-    # Named, not imported: the supervisor's room knows the node's only as a program.
+    # By name: this room must not import the node's.
     program = importlib.import_module(NODE_PROGRAM)
-    # The streams of the server may be those of a test runner; lines leave when they are complete.
+    # Line-buffered; the server's own streams may be those of a test runner.
     sys.stdout = open(1, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
     sys.stderr = open(2, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
     if "numpy.random" in sys.modules:
@@ -260,7 +260,7 @@ def _run_node_process() -> None:
 
 
 def _show_crash() -> None:
-    """Writes the traceback past ``sys.stderr``, which may be an object of the process that was forked."""
+    """Writes the traceback to descriptor 2: ``sys.stderr`` may belong to the forked process."""
     with contextlib.suppress(OSError):
         os.write(2, traceback.format_exc().encode("utf-8", "backslashreplace"))
 
@@ -269,7 +269,7 @@ def main() -> None:
     """Runs the server in a fresh interpreter."""
     import argparse  # the forked server has no use for it
 
-    parser = argparse.ArgumentParser(description="Started by the Node Generator; of no use by hand.")
+    parser = argparse.ArgumentParser(description="Started by the supervisor; not for use by hand.")
     parser.add_argument("--descriptor", type=int, required=True, help="inherited socket of the supervisor")
     parser.add_argument("--parent", type=int, required=True, help="process id of the supervisor")
     parser.add_argument("--no-preload", action="store_true", help="import no heavy modules")

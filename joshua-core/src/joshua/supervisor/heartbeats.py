@@ -1,4 +1,4 @@
-"""The signs of life of the nodes of one process, and of their threads."""
+"""Heartbeats of the nodes of one process and of their threads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, Th
 from joshua.ipc.messages import Heartbeat
 from joshua.plan import NodeKind, NodeSpec
 
-#: Silence of a node's loop that counts as a hang, after its activation. A model may think for long.
+#: Time without a heartbeat that counts as a hang, after activation. A model may compute for seconds.
 HANG_AFTER_S: dict[NodeKind, float] = {
     NodeKind.ACTUATOR: 0.2,
     NodeKind.SENSOR: 2.0,
@@ -18,12 +18,12 @@ HANG_AFTER_S: dict[NodeKind, float] = {
     NodeKind.MODEL: 20.0,
 }
 
-#: Distance of two looks at the heartbeats.
+#: Interval of the checks.
 CHECK_PERIOD_S = 0.05
 
 
 def hang_limit_s(spec: NodeSpec) -> float:
-    """Limit of a node: ``hang_after_s`` of its facts, else the one of its kind."""
+    """Limit of a node: ``hang_after_s`` of its facts, or that of its kind."""
     limit_s = spec.facts.hang_after_s
     return limit_s if limit_s > 0 else HANG_AFTER_S[spec.kind]
 
@@ -36,11 +36,11 @@ class _Pulse:
 
 
 class HeartbeatWatch:
-    """Watches the nodes of one process, each from its activation on.
+    """Watches the nodes of one process, each after its activation.
 
     Args:
         loop: returns the times of a thread of the process, 0 for its main thread.
-        clock: seconds that never run backwards.
+        clock: monotonic seconds.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class HeartbeatWatch:
         return bool(self._pulses)
 
     def begin(self, spec: NodeSpec) -> None:
-        """Watches a node from now on."""
+        """Starts to watch a node."""
         name = spec.full_name
 
         def loop() -> ThreadTime | None:
@@ -66,11 +66,11 @@ class HeartbeatWatch:
         self._pulses[name] = _Pulse(SilenceJudge(hang_limit_s(spec), self._clock, loop))
 
     def drop(self, node: str) -> None:
-        """Watches a node no more."""
+        """Stops watching a node."""
         self._pulses.pop(node, None)
 
     def hear(self, beat: Heartbeat) -> None:
-        """Takes a heartbeat."""
+        """Notes a heartbeat."""
         pulse = self._pulses.get(beat.node)
         if pulse is not None:
             pulse.thread_id = beat.thread_id
@@ -78,21 +78,17 @@ class HeartbeatWatch:
             pulse.judge.heard()
 
     def end(self) -> None:
-        """Watches nothing any more."""
+        """Stops watching."""
         self._pulses.clear()
 
     def hung(self) -> tuple[str, str] | None:
-        """Returns (node, what shows that it hangs), or None; ask every ``CHECK_PERIOD_S``."""
+        """Returns (node, evidence) of a hang, or None. Call every ``CHECK_PERIOD_S``."""
         for node, pulse in self._pulses.items():
             judge = pulse.judge
             if judge.hung():
-                text = f"its loop has not turned for {judge.silence_s():.2f} s (limit {judge.limit_s:g} s)"
+                text = f"its loop has not run for {judge.silence_s():.2f} s (limit {judge.limit_s:g} s)"
                 return node, text
             for name, (age_s, limit_s) in pulse.threads.items():
                 if age_s > limit_s:
-                    return (
-                        node,
-                        f"its thread {name!r} has shown no sign of life for {age_s:.1f} s "
-                        f"(limit {limit_s:g} s)",
-                    )
+                    return node, f"its thread {name!r} has not run for {age_s:.1f} s (limit {limit_s:g} s)"
         return None

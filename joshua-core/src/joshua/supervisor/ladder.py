@@ -1,4 +1,4 @@
-"""The stop ladder: stop request, SIGTERM, SIGKILL, with logged times."""
+"""The stop ladder: stop request, SIGTERM, SIGKILL."""
 
 from __future__ import annotations
 
@@ -19,26 +19,22 @@ class Rung(Enum):
 
 @dataclass(frozen=True)
 class LadderTimes:
-    """How long each rung may take.
-
-    Attributes:
-        request_s: from the stop request to SIGTERM; terminate_s: from SIGTERM to SIGKILL.
-    """
+    """Time of each rung: from the stop request to SIGTERM, and from SIGTERM to SIGKILL."""
 
     request_s: float = 3.0
     terminate_s: float = 1.0
 
 
-#: For a process that has hung: it is asked, but not waited for.
+#: For a hung process: it gets the request, and little time.
 HANG_TIMES = LadderTimes(request_s=0.3, terminate_s=0.2)
 
 
 class StopLadder:
-    """Climbs the rungs for one process until it is told that the process has ended.
+    """Climbs the rungs for one process until that has ended.
 
     Args:
         reactor: for the times.
-        times: how long each rung may take.
+        times: of the rungs.
         act: performs a rung; gets the rung and the seconds since the first one.
     """
 
@@ -52,37 +48,34 @@ class StopLadder:
 
     @property
     def begun(self) -> bool:
-        """Whether the first rung has been taken."""
+        """Whether the first rung was taken."""
         return self.rung is not None
 
     def begin(self, times: LadderTimes | None = None) -> None:
-        """Takes the first rung; a second call does nothing."""
-        if self.begun:
-            return
-        self._times = times or self._times
-        self._began_s = self._reactor.now_s()
-        self._take(Rung.REQUEST, self._times.request_s, self._terminate)
+        """Takes the first rung. Idempotent."""
+        if not self.begun:
+            self._times = times or self._times
+            self._began_s = self._reactor.now_s()
+            self._take(Rung.REQUEST)
 
     def kill(self) -> None:
         """Jumps to the last rung."""
-        if self.rung is Rung.KILL:
-            return
         if not self.begun:
             self._began_s = self._reactor.now_s()
-        self._take(Rung.KILL, None, None)
+        if self.rung is not Rung.KILL:
+            self._take(Rung.KILL)
 
     def ended(self) -> None:
-        """The process has ended: no further rung."""
+        """Takes no further rung, because the process has ended."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
-    def _terminate(self) -> None:
-        self._take(Rung.TERMINATE, self._times.terminate_s, self.kill)
-
-    def _take(self, rung: Rung, patience_s: float | None, then: Callable[[], None] | None) -> None:
+    def _take(self, rung: Rung) -> None:
         self.ended()
         self.rung = rung
-        if patience_s is not None and then is not None:
-            self._timer = self._reactor.call_later(patience_s, then)
+        if rung is Rung.REQUEST:
+            self._timer = self._reactor.call_later(self._times.request_s, lambda: self._take(Rung.TERMINATE))
+        elif rung is Rung.TERMINATE:
+            self._timer = self._reactor.call_later(self._times.terminate_s, self.kill)
         self._act(rung, self._reactor.now_s() - self._began_s)

@@ -1,4 +1,4 @@
-"""The log of a run: JSON lines, rotated by size, written on a thread that a slow disk may hold up."""
+"""The log of a run: JSON lines, rotated by size, written on a thread that a slow disk may block."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from joshua.ipc.run_bases import state_home
 
 _T = TypeVar("_T")
 
-#: Lines that may wait; beyond that the newest are dropped and counted.
+#: Pending lines beyond which the newest are dropped and counted.
 MAX_WAITING = 5000
 
 
 class BackgroundWriter(Generic[_T]):
-    """Hands lines, of whatever type, to a function on one thread, in order.
+    """Passes lines of any type to a function on one thread, in order.
 
     Args:
-        write: called with each batch of lines; what it raises ends the writer.
+        write: called with each batch of lines. An exception ends the writer.
         name: of the thread.
+
+    Attributes:
+        dropped: lines that found the queue full.
     """
 
     def __init__(self, write: Callable[[list[_T]], None], name: str) -> None:
@@ -33,20 +36,15 @@ class BackgroundWriter(Generic[_T]):
         self._lines: deque[_T] = deque()
         self._condition = threading.Condition()
         self._closing = False
-        self._dropped = 0
+        self.dropped = 0
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._started = False
 
-    @property
-    def dropped(self) -> int:
-        """Lines that found the queue full."""
-        return self._dropped
-
     def put(self, line: _T) -> None:
-        """Queues a line; never blocks."""
+        """Queues a line without blocking."""
         with self._condition:
             if self._closing or len(self._lines) >= MAX_WAITING:
-                self._dropped += 1
+                self.dropped += 1
                 return
             self._lines.append(line)
             if not self._started:
@@ -55,7 +53,7 @@ class BackgroundWriter(Generic[_T]):
             self._condition.notify()
 
     def close(self, timeout_s: float) -> bool:
-        """Writes what waits; returns whether that was done in time."""
+        """Writes pending lines and returns whether that was done in time."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -75,13 +73,13 @@ class BackgroundWriter(Generic[_T]):
             self._write(batch)
 
 
-#: A file that has grown to this size is renamed, and a new one begun.
+#: Size at which a file is rotated.
 MAX_FILE_BYTES = 10 * 1024 * 1024
 
-#: Renamed files that are kept of one run.
+#: Rotated files kept of one run.
 KEPT_ROTATIONS = 3
 
-#: What the log of a run is called: robot, date, time and process. Nothing else is ever removed.
+#: Names of the logs of runs: robot, date, time and process. No other file is ever removed.
 _NAME = re.compile(r".+-\d{8}-\d{6}-\d+\.jsonl")
 
 #: Runs whose logs are kept.
@@ -94,7 +92,7 @@ CLOSE_TIMEOUT_S = 1.0
 
 
 def log_directory(environment: Mapping[str, str]) -> Path:
-    """Where logs go: ``JOSHUA_LOG_DIR``, else ``log`` among what this user's programs keep."""
+    """Folder of the logs: ``JOSHUA_LOG_DIR``, or ``log`` in the state folder."""
     if environment.get("JOSHUA_LOG_DIR"):
         return Path(environment["JOSHUA_LOG_DIR"])
     return state_home(environment) / "log"
@@ -104,8 +102,8 @@ class LogFile:
     """One run's log file.
 
     Args:
-        path: the file; its folder is made when the first line is written.
-        warn: called once, on the writer's thread, when the file cannot be written.
+        path: the file. Its folder is created with the first line.
+        warn: called once, on the writer's thread, if the file cannot be written.
         max_file_bytes: size at which the file is rotated.
     """
 
@@ -121,11 +119,11 @@ class LogFile:
         self._writer = BackgroundWriter[str](self._write, "log-file")
 
     def put(self, line: str) -> None:
-        """Queues one line without its line end; never blocks."""
+        """Queues one line, without its line end, without blocking."""
         self._writer.put(line)
 
     def close(self) -> None:
-        """Writes what waits and closes the file; gives up after a second."""
+        """Writes pending lines and closes the file. Gives up after a second."""
         if self._writer.close(CLOSE_TIMEOUT_S) and self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
@@ -182,18 +180,18 @@ class LogFile:
         if not self._warned:
             self._warned = True
             self._warn(
-                f"the log file {self.path} cannot be written: {error.strerror or error}; the run goes on "
+                f"the log file {self.path} cannot be written: {error.strerror or error}. The run goes on "
                 "without it. Free space there, or set JOSHUA_LOG_DIR to another folder"
             )
 
 
 def new_log(folder: Path, robot: str) -> Path:
-    """The log of a run that starts now."""
+    """Path of the log of a new run."""
     return folder / f"{robot or 'robot'}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jsonl"
 
 
 def remove_old_logs(folder: Path, keep: int = KEPT_RUNS) -> None:
-    """Removes the logs of all but the newest runs; whatever cannot be removed stays."""
+    """Removes the logs of all but the newest runs, as far as possible."""
     try:
         ours = [path for path in folder.glob("*.jsonl") if _NAME.fullmatch(path.name)]
         logs = sorted(ours, key=lambda path: path.stat().st_mtime, reverse=True)

@@ -16,6 +16,7 @@ from enum import Enum
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
+from joshua.ipc.messages import printable
 from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSettings, installing
 from joshua.plan.events import LogEntry
 from joshua.supervisor.child import Child, ChildEvent, Output
@@ -27,7 +28,7 @@ from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.node_record import NodeRecord
 from joshua.supervisor.options import SupervisorOptions, ladder_times, ready_timeout_s
 from joshua.supervisor.reactor import Reactor, ReactorTimer
-from joshua.supervisor.restart import RestartPolicy, strictest
+from joshua.supervisor.restart import RestartPolicy
 
 
 class Change(Enum):
@@ -43,16 +44,16 @@ _FRAME = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<function
 
 
 class StackDump:
-    """Takes lines of standard error and picks out the stacks of ``faulthandler``."""
+    """Finds the stacks of ``faulthandler`` in standard error."""
 
     def __init__(self) -> None:
         self.place = ""
         self._current = False
 
     def take(self, line: str) -> bool:
-        """Takes a line; returns whether it belongs to the stacks.
+        """Takes a line and returns whether it belongs to the stacks.
 
-        ``place`` becomes the innermost frame of the thread that the signal met, usually the main thread.
+        ``place`` becomes the innermost frame of the thread that got the signal, usually the main thread.
         """
         frame = _FRAME.match(line)
         if frame is not None:
@@ -63,8 +64,11 @@ class StackDump:
         return self._current or line.startswith("Thread 0x") or not line
 
 
-#: How long a hung process may take to write the stacks of its threads.
+#: Time for a hung process to write the stacks of its threads.
 DUMP_TIMEOUT_S = 0.3
+
+#: Begin of the reason of a process that was killed.
+KILLED = "its process was killed by SIGKILL"
 
 EXIT_NODE_FAILED = 1
 EXIT_NOT_INSTALLED = 3
@@ -93,7 +97,7 @@ class ManagedProcess:
     ) -> None:
         self.specs = specs
         self.records = {spec.full_name: NodeRecord(spec) for spec in specs}
-        self.policy = RestartPolicy(strictest([spec.restart for spec in specs]), options.restart)
+        self.policy = RestartPolicy([spec.restart for spec in specs], options.restart)
         self.watch = HeartbeatWatch(self._loop_time)
         self.restart_timer: ReactorTimer | None = None
         self.stop_reason = ""
@@ -118,7 +122,7 @@ class ManagedProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether a process exists or is being started."""
+        """Whether the process exists or is starting."""
         return self._child is not None and not self._child.ended
 
     @property
@@ -132,7 +136,7 @@ class ManagedProcess:
         return all(record.state == "ready" for record in self.records.values())
 
     def spawn(self) -> None:
-        """Asks for the process; ``start`` tells it what to run."""
+        """Starts the process. ``start`` sends it the nodes to run."""
         self.restart_timer = None
         self._urgent, self._dump = False, None
         for record in self.records.values():
@@ -141,14 +145,14 @@ class ManagedProcess:
         title = self.specs[0].process_group or self.specs[0].name
         interpreter = self.specs[0].interpreter
         if interpreter and not os.access(interpreter, os.X_OK):
-            text = f"its interpreter {interpreter} is missing or cannot be run; correct Node.python"
+            text = f"its interpreter {interpreter} is missing or cannot be run. Correct Node.python"
             self._fail_all(text, EXIT_NOT_INSTALLED)
             self._reactor.call_later(0, lambda: self._on_change(self, Change.ENDED))
             return
         self._child = Child(self._reactor, self._launcher, title, interpreter, self._on_child)
 
     def start(self) -> None:
-        """Tells the process which nodes to run."""
+        """Sends the nodes to run."""
         specs = tuple(spec.model_copy(update={"facts": self._facts(spec)}) for spec in self.specs)
         message = ipc.Start(
             nodes=specs,
@@ -160,12 +164,12 @@ class ManagedProcess:
         self._set_deadline()
 
     def _facts(self, spec: NodeSpec) -> NodeFacts:
-        """The facts of the plan with those of the run."""
+        """Facts of the plan and of the run."""
         facts = replace(spec.facts, restarted=self._restarted)
         return replace(facts, run=self.run) if isinstance(facts, ActuatorFacts) else facts
 
     def activate(self) -> None:
-        """Lets the nodes move and publish."""
+        """Activates the nodes."""
         self.send(ipc.Activate())
         self._set_deadline()
 
@@ -175,7 +179,7 @@ class ManagedProcess:
             self._child.send(message)
 
     def stop(self, reason: str) -> None:
-        """Begins the stop ladder; a process that waits for its restart just stays down."""
+        """Begins the stop ladder. A process that waits for its restart stays down."""
         self.stop_reason = self.stop_reason or reason
         if self.restart_timer is not None:
             self.restart_timer.cancel()
@@ -187,7 +191,7 @@ class ManagedProcess:
             self._ladder.begin()
 
     def kill(self) -> None:
-        """Kills the process at once, on the user's word."""
+        """Kills the process at once, on a user's request."""
         if self.alive:
             self._kill_reason = "killed by the second signal"
             self._ladder.kill()
@@ -199,6 +203,13 @@ class ManagedProcess:
             record.state = "restarting"
             record.restarts += 1
         self.restart_timer = self._reactor.call_later(delay_s, self._restart)
+
+    def killed_by_guardian(self, node: str, why: str) -> None:
+        """Notes why a guardian kills the process of a node; its end may have been reported already."""
+        if record := self.records.get(node):
+            record.kill_reason = f"its guardian killed it: {printable(why)}"
+            if not self.alive and record.reason.startswith(KILLED):
+                record.reason = record.kill_reason
 
     def revive(self) -> None:
         """Starts a process that stays down, because a person has checked its device."""
@@ -298,7 +309,9 @@ class ManagedProcess:
             elif asked and record.state in ("starting", "stopping") and status == 0:
                 record.state = "stopped"  # asked before it had started
             else:
-                record.fail(refusal or self._why(status), self._exit_code_of_end(refusal))
+                record.fail(
+                    refusal or record.kill_reason or self._why(status), self._exit_code_of_end(refusal)
+                )
                 self._logbook.write(logging.ERROR, record.reason, record.spec.full_name)
         self._on_change(self, Change.ENDED)
 
@@ -307,7 +320,7 @@ class ManagedProcess:
     def _on_hello(self, message: ipc.Hello) -> None:
         if message.protocol != ipc.PROTOCOL_VERSION:
             text = (
-                f"its environment has joshua-core {message.version}, which speaks another protocol "
+                f"its environment has joshua-core {message.version}, which uses another protocol "
                 f"({message.protocol}, expected {ipc.PROTOCOL_VERSION}): install the same version there"
             )
             self._fail_all(text, EXIT_NOT_INSTALLED)
@@ -329,7 +342,7 @@ class ManagedProcess:
                 self._cancel_deadline()
                 if not resumed:
                     self._on_change(self, Change.READY)
-        elif step == "activate" and record.state == "ready":  # it resumes, which may take its time
+        elif step == "activate" and record.state == "ready":  # it resumes
             record.state = "resuming"
             self.watch.drop(name)
             self._set_deadline()
@@ -338,11 +351,11 @@ class ManagedProcess:
             if record.state != "failed":
                 record.state = "stopping"
             if not self._ladder.begun:
-                # It stops by itself, after a failure: from here on it has the ladder's times.
+                # It stops by itself after a failure, within the ladder's times.
                 self._ladder.begin()
 
     def _end_hang(self) -> None:
-        """Stops a hung process, once it has said where it hangs or should have."""
+        """Stops a hung process after its stack dump or the timeout of that."""
         if self._dump is not None and self.alive:
             self._ladder.begin(HANG_TIMES)
 
@@ -353,7 +366,7 @@ class ManagedProcess:
     def _on_failure(self, record: NodeRecord, failure: ipc.Failure) -> None:
         record.fail(failure.text, failure.exit_code)
         name = record.spec.full_name
-        # A hang is known already; what follows is how it was ended.
+        # A hang is known already. What follows is its end.
         level = logging.ERROR if self._dump is None else logging.DEBUG
         self._logbook.write(level, f"failed in step {failure.step}: {failure.text}", name)
         if failure.traceback:

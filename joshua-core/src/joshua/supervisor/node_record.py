@@ -1,4 +1,4 @@
-"""What the supervisor knows of a node, and what a run shows of itself from that."""
+"""State of each node in the supervisor, and the tables made from it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from joshua.ipc.messages import Topics
-from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TopicSpec, TransportSettings
+from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TransportSettings
 from joshua.plan.events import NodeRow, NodeStatus, Progress, RunStatus, StartTable
 
-#: Running totals that the live rates are computed from: five, half a second apart.
+#: Totals for the live rates: five, half a second apart.
 RATE_WINDOW = 5
 
-#: What a step of the lifecycle is called in messages.
+#: Lifecycle steps in messages.
 STEP_NAMES = {
     "": "starting its process",
     "import": "importing its code",
@@ -31,14 +31,14 @@ STEP_NAMES = {
 
 @dataclass
 class NodeRecord:
-    """One node's state, over all processes that have run it.
+    """One node's state, over all its processes.
 
     Attributes:
-        state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node says it waits for;
-            shown: what it shows in the status line; progress: of its work, by name.
-        fault: why its device does nothing although the node runs; "" for none.
-        reason: why it failed; exit_code: that the failure calls for.
-        report: its own last report; None if it ended without one.
+        state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node waits for;
+            shown: its text in the status line; progress: of its work, by name.
+        fault: why its device is stopped although the node runs, "" for none.
+        reason: why it failed; exit_code: of such a failure; kill_reason: why its guardian killed it.
+        report: its own last report, None if it ended without one.
     """
 
     spec: NodeSpec
@@ -51,6 +51,7 @@ class NodeRecord:
     process_id: int = 0
     restarts: int = 0
     reason: str = ""
+    kill_reason: str = ""
     exit_code: int = 0
     warnings: list[str] = field(default_factory=list)
     report: NodeReport | None = None
@@ -59,14 +60,14 @@ class NodeRecord:
 
     @property
     def doing(self) -> str:
-        """What the node does now, for messages."""
+        """Current activity, for messages."""
         text = STEP_NAMES.get(self.step, self.step)
         return f"{text}, waiting for {self.waiting}" if self.waiting else text
 
     def begin(self) -> None:
-        """A process for the node starts."""
+        """Resets the state for a new process."""
         self.state, self.step, self.waiting, self.process_id = "starting", "", "", 0
-        self.fault = self.shown = ""
+        self.fault = self.shown = self.kill_reason = ""
         self.report = None
         self.progress.clear()
         self.warnings.clear()
@@ -74,7 +75,7 @@ class NodeRecord:
         self.first_totals = None
 
     def fail(self, reason: str, exit_code: int) -> None:
-        """Notes a failure; the first one of a process counts."""
+        """Notes a failure. The first one of a process counts."""
         if self.state != "failed":
             self.state, self.reason, self.exit_code = "failed", reason, exit_code
 
@@ -86,7 +87,7 @@ class NodeRecord:
             setattr(self, kind, text)
 
     def count(self, totals: Topics) -> None:
-        """Takes running totals."""
+        """Takes message totals."""
         self.first_totals = self.first_totals or totals
         self.totals.append(totals)
 
@@ -105,14 +106,8 @@ class NodeRecord:
         )
 
     def status(self) -> NodeStatus:
-        """The node just now."""
-        published: dict[str, float] = {}
-        received: dict[str, float] = {}
-        if len(self.totals) > 1:
-            first, last = self.totals[0], self.totals[-1]
-            length_s = (last.stamp_ns - first.stamp_ns) / 1e9
-            published = _rates(first.published, last.published, length_s)
-            received = _rates(first.received, last.received, length_s)
+        """Current status."""
+        published, received = _rates(self.totals[0], self.totals[-1]) if self.totals else ({}, {})
         return NodeStatus(
             full_name=self.spec.full_name,
             state="fault" if self.state == "ready" and self.fault else self.state,
@@ -128,7 +123,7 @@ class NodeRecord:
         )
 
     def final_report(self) -> NodeReport:
-        """The node's share of the run report; the supervisor's own figures where it left none."""
+        """Final report of the node, from the supervisor's figures if it left none."""
         report = self.report or NodeReport(
             full_name=self.spec.full_name,
             state=self.state,
@@ -142,40 +137,40 @@ class NodeRecord:
     def _topics_from_totals(self) -> tuple[TopicReport, ...]:
         if not self.totals or self.first_totals is None:
             return ()
-        first, last = self.first_totals, self.totals[-1]
-        length_s = (last.stamp_ns - first.stamp_ns) / 1e9
-        published = _rates(first.published, last.published, length_s)
-        received = _rates(first.received, last.received, length_s)
-        spec = self.spec
-        return (
-            *(_topic(item, True, last.published, published) for item in spec.publishers),
-            *(_topic(item, False, last.received, received) for item in spec.subscriptions),
+        last, rates = self.totals[-1], _rates(self.first_totals, self.totals[-1])
+        return tuple(
+            TopicReport(
+                name=topic.name,
+                type_name=topic.type_name,
+                is_publisher=counts is last.published,
+                count=counts.get(topic.name, 0),
+                rate_hz=rate_hz.get(topic.name, 0.0),
+                configured_hz=topic.rate_hz,
+            )
+            for topics, counts, rate_hz in (
+                (self.spec.publishers, last.published, rates[0]),
+                (self.spec.subscriptions, last.received, rates[1]),
+            )
+            for topic in topics
         )
 
 
-def _rates(first: dict[str, int], last: dict[str, int], length_s: float) -> dict[str, float]:
+def _rates(first: Topics, last: Topics) -> tuple[dict[str, float], dict[str, float]]:
+    """Rates of published and received topics between two totals."""
+    length_s = (last.stamp_ns - first.stamp_ns) / 1e9
     if length_s <= 0:
-        return {}
-    return {name: (count - first.get(name, 0)) / length_s for name, count in last.items()}
-
-
-def _topic(
-    topic: TopicSpec, is_publisher: bool, counts: dict[str, int], rates: dict[str, float]
-) -> TopicReport:
-    return TopicReport(
-        name=topic.name,
-        type_name=topic.type_name,
-        is_publisher=is_publisher,
-        count=counts.get(topic.name, 0),
-        rate_hz=rates.get(topic.name, 0.0),
-        configured_hz=topic.rate_hz,
+        return {}, {}
+    published, received = (
+        {name: (count - before.get(name, 0)) / length_s for name, count in after.items()}
+        for before, after in ((first.published, last.published), (first.received, last.received))
     )
+    return published, received
 
 
 def start_table(
     plan: Plan, records: Sequence[NodeRecord], ready_s: float, notes: Sequence[str]
 ) -> StartTable:
-    """The start-up table; ``ready_s`` counts from the start to the last ready report."""
+    """The start-up table. ``ready_s`` is the time from the start to the last ready report."""
     transport = plan.transport
     return StartTable(
         source=plan.source,
@@ -209,7 +204,7 @@ def visible_to(transport: TransportSettings) -> str:
 
 
 def run_status(plan: Plan, records: Sequence[NodeRecord], phase: str, elapsed_s: float) -> RunStatus:
-    """The live status."""
+    """The live status of the run."""
     return RunStatus(
         source=plan.source,
         mode=plan.mode,

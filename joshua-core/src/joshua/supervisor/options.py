@@ -12,7 +12,7 @@ from joshua.supervisor.ladder import LadderTimes
 from joshua.supervisor.log_files import log_directory
 from joshua.supervisor.restart import RestartLimits
 
-#: Time that a node may take for one half of its start (to configured, to active), by kind.
+#: Timeout of each half of a node's start (to configured, to active), by kind.
 READY_TIMEOUT_S: dict[NodeKind, float] = {
     NodeKind.ACTUATOR: 20.0,
     NodeKind.SENSOR: 20.0,
@@ -23,17 +23,17 @@ READY_TIMEOUT_S: dict[NodeKind, float] = {
 
 @dataclass(frozen=True)
 class SupervisorOptions:
-    """How a run is supervised.
+    """Settings of a run.
 
     Attributes:
-        log_level: least level that nodes report, as in ``logging``.
-        duration_s: length of the run from its readiness; None takes the plan's.
-        heartbeat_s: distance of two heartbeats.
-        status_period_s: distance of two live status reports.
+        log_level: minimum level that nodes report, as in ``logging``.
+        duration_s: length of the run after its start-up; None takes the plan's.
+        heartbeat_s: interval of the heartbeats.
+        status_period_s: interval of the live status.
         ladder: times of the stop ladder; ``stop_timeout_s`` of a node's facts overrides the first.
-        restart: numbers of the restart policy.
+        restart: limits of the restart policy.
         run_base: folder of the run directories; log_directory: folder of the log files.
-        began_s: monotonic time from which the start-up is counted; None takes the call of ``run``.
+        began_s: monotonic start of the start-up time; None takes the call of ``run``.
         handle_signals: whether SIGINT, SIGTERM and SIGHUP stop the run (main thread only).
     """
 
@@ -50,11 +50,11 @@ class SupervisorOptions:
 
 
 def ready_timeout_s(spec: NodeSpec) -> float:
-    """Time for the start of a node: ``ready_timeout_s`` of its facts, else the one of its kind."""
+    """Start timeout of a node: ``ready_timeout_s`` of its facts, or that of its kind."""
     return spec.facts.ready_timeout_s or READY_TIMEOUT_S[spec.kind]
 
 
 def ladder_times(specs: tuple[NodeSpec, ...], default: LadderTimes) -> LadderTimes:
-    """Ladder of a process: a node that parks first, for example, asks for more time."""
+    """Ladder of a process. A node that parks first, for example, takes more time."""
     wanted = [spec.facts.stop_timeout_s for spec in specs]
     return LadderTimes(max([default.request_s, *wanted]), default.terminate_s)

@@ -1,4 +1,4 @@
-"""Whether and when a failed node starts again: back-off with a limit."""
+"""Whether and when a failed process starts again: exponential back-off with a limit."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RestartLimits:
-    """Numbers of the restart policy.
+    """Limits of the restart policy.
 
     Attributes:
-        first_delay_s: before the first restart; each further one waits ``factor`` times as long, up to
+        first_delay_s: before the first restart. Each further delay is ``factor`` times as long, up to
             ``max_delay_s``.
         failures: this many within ``window_s`` end the attempts.
     """
@@ -22,55 +22,36 @@ class RestartLimits:
     window_s: float = 120.0
 
 
-@dataclass(frozen=True)
-class RestartDecision:
-    """What to do after a failure.
-
-    Attributes:
-        delay_s: wait before the restart; None means that there is none.
-        reason: why there is none.
-    """
-
-    delay_s: float | None
-    reason: str = ""
-
-
 class RestartPolicy:
     """Decides after each failure of one process.
 
     Args:
-        policy: ``on-failure``, ``never`` or ``stop-run``, as in ``NodeSpec.restart``.
-        limits: the numbers.
+        policies: of its nodes, ``on-failure``, ``never`` or ``stop-run``; the strictest one counts.
+        limits: of ``on-failure``.
     """
 
-    def __init__(self, policy: str, limits: RestartLimits) -> None:
-        self.policy = policy
+    def __init__(self, policies: list[str], limits: RestartLimits) -> None:
+        self.policy = min(policies, key=["stop-run", "never", "on-failure"].index)
         self._limits = limits
         self._failures_s: list[float] = []
 
     @property
     def stops_run(self) -> bool:
-        """Whether a failure ends the whole run."""
+        """Whether a failure stops the whole run."""
         return self.policy == "stop-run"
 
     def forget(self) -> None:
-        """Counts anew: somebody has looked at the device."""
+        """Resets the count of failures."""
         self._failures_s = []
 
-    def failed(self, now_s: float) -> RestartDecision:
-        """Counts a failure and decides."""
+    def failed(self, now_s: float) -> float | str:
+        """Counts a failure and returns the delay of the restart, or why there is none."""
         if self.policy != "on-failure":
-            return RestartDecision(None, f"its restart policy is {self.policy!r}")
+            return f"its restart policy is {self.policy!r}"
         limits = self._limits
         self._failures_s = [time_s for time_s in self._failures_s if now_s - time_s < limits.window_s]
         self._failures_s.append(now_s)
         count = len(self._failures_s)
         if count >= limits.failures:
-            return RestartDecision(None, f"it failed {count} times within {limits.window_s:g} s")
-        delay_s = limits.first_delay_s * limits.factor ** (count - 1)
-        return RestartDecision(min(delay_s, limits.max_delay_s))
-
-
-def strictest(policies: list[str]) -> str:
-    """The policy of a process whose nodes have different ones: the one that tolerates least."""
-    return min(policies, key=["stop-run", "never", "on-failure"].index)
+            return f"it failed {count} times within {limits.window_s:g} s"
+        return float(min(limits.first_delay_s * limits.factor ** (count - 1), limits.max_delay_s))

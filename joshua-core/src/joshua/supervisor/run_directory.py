@@ -1,4 +1,4 @@
-"""The directory of one running system: lock, control socket, pointer to the log; and who holds which node."""
+"""The directory of a running system (lock, control socket, link to the log) and the locks of its nodes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import os
 import secrets
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -23,11 +23,11 @@ PHYSICS_FOLDER = "physics"
 
 
 class NodesInUseError(Exception):
-    """Another run holds nodes of this one; the message names it."""
+    """Another run holds nodes of this one. The message names it."""
 
 
 class RunDirectory:
-    """One running system's directory; made by ``create``, removed by ``close``."""
+    """One running system's directory, made by ``create`` and removed by ``close``."""
 
     def __init__(self, path: Path, info: RunInfo, descriptors: list[int]) -> None:
         self.path = path
@@ -45,11 +45,11 @@ class RunDirectory:
         robot: str = "",
         actuators: Sequence[str] = (),
     ) -> RunDirectory:
-        """Takes the nodes and makes the directory; removes those of runs that were killed.
+        """Locks the nodes and creates the directory. Removes the directories of killed runs.
 
         Raises:
             NodesInUseError: another run holds a node of the same name in the same domain.
-            RunDirectoryError: the base cannot be made or is not this user's own.
+            RunDirectoryError: the base cannot be created or does not belong to this user.
         """
         since = time.strftime("%Y-%m-%d %H:%M:%S")
         run, process_id = secrets.token_hex(4), os.getpid()
@@ -57,27 +57,27 @@ class RunDirectory:
         return cls(base / "runs" / run, info, _make(base, info))
 
     def restore(self) -> bool:
-        """Makes the directory anew where somebody has removed it; returns whether that was needed.
+        """Creates the directory again if it was removed, and returns whether it was.
 
-        The system does so at the last log-out of a user, and with files below /tmp that have become old.
+        The system removes it at a user's last log-out, or as an old file below /tmp.
 
         Raises:
-            NodesInUseError: another run has taken the nodes meanwhile.
-            RunDirectoryError: it cannot be made now.
+            NodesInUseError: another run has locked the nodes meanwhile.
+            RunDirectoryError: it cannot be created.
         """
         if all(os.path.exists(self.path / name) for name in (INFO_NAME, LOCK_NAME)):  # noqa: PTH110 (raises nothing)
             return False
-        self._let_go()
+        self._unlock()
         self._descriptors = _make(self.path.parents[1], self.info)
         return True
 
     @property
     def socket_path(self) -> Path:
-        """The control socket, for ``joshua status`` and others."""
+        """Path of the control socket."""
         return self.path / SOCKET_NAME
 
     def facts(self, log: Path) -> RunFacts:
-        """What the actuators of the run are told of it."""
+        """Facts of the run for its actuators."""
         return RunFacts(
             log=str(log.absolute()),
             socket=str(self.socket_path),
@@ -88,156 +88,132 @@ class RunDirectory:
         )
 
     def point_to_log(self, log: Path) -> None:
-        """Lets ``log.jsonl`` in this directory point to the log file."""
+        """Links ``log.jsonl`` in this directory to the log file."""
         with contextlib.suppress(OSError):  # only a convenience
             (self.path / LOG_NAME).symlink_to(log.absolute())
 
     def close(self) -> None:
-        """Removes the directory and lets the nodes go; a second call does nothing."""
+        """Removes the directory and unlocks the nodes. Idempotent."""
         shutil.rmtree(self.path, ignore_errors=True)
-        self._let_go()
+        self._unlock()
 
-    def _let_go(self) -> None:
+    def _unlock(self) -> None:
         while self._descriptors:
             os.close(self._descriptors.pop())
 
 
 def _make(base: Path, info: RunInfo) -> list[int]:
-    """Makes the directory of a run; returns the locks that it holds."""
+    """Creates the directory of a run and returns the descriptors of its locks."""
     runs = private(private(base) / "runs")
-    locks = private(base / "nodes")
-    descriptors: list[int] = []
-    try:
-        with _locked(base / LOCK_NAME):
-            remove_stale(runs)
-            remove_stale(base / PHYSICS_FOLDER)
-            _take_nodes(locks, info, descriptors)
-            _refuse_held([other / "nodes" for other in other_bases(base)], info)
-            path = runs / info.run
-            path.mkdir(mode=0o700)
-            descriptors.append(_lock(path / LOCK_NAME, wait=True))
-            (path / INFO_NAME).write_text(json.dumps(asdict(info)))
-    except (OSError, NodesInUseError) as error:
-        for descriptor in descriptors:
-            os.close(descriptor)
-        if isinstance(error, NodesInUseError):
-            raise
-        raise _unusable(base, error) from error
+    nodes = private(base / "nodes")
+    with contextlib.ExitStack() as undo, _unusable(base), _locked(base):
+        remove_stale(runs)
+        remove_stale(base / PHYSICS_FOLDER)
+        descriptors = _lock_nodes([nodes, *(other / "nodes" for other in other_bases(base))], info, undo)
+        path = runs / info.run
+        path.mkdir(mode=0o700)
+        descriptors.append(_lock(path / LOCK_NAME, undo, wait=True))
+        (path / INFO_NAME).write_text(json.dumps(asdict(info)))
+        undo.pop_all()
     return descriptors
 
 
 @contextlib.contextmanager
 def physics_folder(base: Path) -> Iterator[Path]:
-    """A folder for the socket between emulated devices and their simulation, which are there before the run.
+    """A folder for the socket between emulated devices and their simulation, which start before the run.
 
-    It goes at the end, and the next run at this base removes those of processes that were killed.
+    It is removed at the end. The next run at this base removes the folders of killed processes.
 
     Raises:
-        RunDirectoryError: the base cannot be made or is not this user's own.
+        RunDirectoryError: the base cannot be created or does not belong to this user.
     """
     folders = private(private(base) / PHYSICS_FOLDER)
     path = folders / secrets.token_hex(4)
-    try:
-        with _locked(base / LOCK_NAME):
+    with contextlib.ExitStack() as stack:
+        with _unusable(base), _locked(base):
             remove_stale(folders)
             path.mkdir(mode=0o700)
-            descriptor = _lock(path / LOCK_NAME, wait=True)
-    except OSError as error:
-        raise _unusable(base, error) from error
-    try:
+            _lock(path / LOCK_NAME, stack, wait=True)
+        stack.callback(shutil.rmtree, path, ignore_errors=True)
         yield path
-    finally:
-        shutil.rmtree(path, ignore_errors=True)
-        os.close(descriptor)
-
-
-def _unusable(base: Path, error: OSError) -> RunDirectoryError:
-    return RunDirectoryError(
-        f"{base}: {error.strerror or error}; free space, or set XDG_RUNTIME_DIR to another folder"
-    )
 
 
 def latch_folder(base: Path) -> Path:
-    """Where the e-stops of this user's robots are latched: beside the runs, because they outlive one."""
+    """Folder of the e-stop latches of this user's robots, beside the runs, because a latch outlives a run."""
     return base / latch.FOLDER_NAME
 
 
 def remove_stale(runs: Path) -> None:
-    """Removes the directories whose owner is gone: nobody holds the lock in them any more."""
+    """Removes the directories whose lock is free, because their owner is gone."""
     for path in runs.glob("*/"):
         if is_free(path / LOCK_NAME):
             shutil.rmtree(path, ignore_errors=True)
 
 
 @contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Keeps other processes from creating and cleaning at the same time; they hold it for milliseconds."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+def _unusable(base: Path) -> Iterator[None]:
+    """Turns OSError into RunDirectoryError."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
-    finally:
-        os.close(descriptor)
+    except OSError as error:
+        raise RunDirectoryError(
+            f"{base}: {error.strerror or error}. Free space, or set XDG_RUNTIME_DIR to another folder"
+        ) from error
 
 
-def _lock(path: Path, *, wait: bool = False) -> int:
-    """Locks a file for the life of this process; raises BlockingIOError if another holds it.
+@contextlib.contextmanager
+def _locked(base: Path) -> Iterator[None]:
+    """Keeps other processes from creating and cleaning at the same time, for milliseconds."""
+    with contextlib.ExitStack() as stack:
+        _lock(base / LOCK_NAME, stack, wait=True)
+        yield
+
+
+def _lock(path: Path, stack: contextlib.ExitStack, *, wait: bool = False) -> int:
+    """Locks a file until ``stack`` closes its descriptor, and returns that.
 
     Args:
-        wait: for those that only look whether it is held, which takes them microseconds.
+        wait: for a lock that is held only for microseconds, by a process that checks it.
+
+    Raises:
+        BlockingIOError: another process holds the lock.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        os.close(descriptor)
-        raise
+    stack.callback(os.close, descriptor)
+    fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     return descriptor
 
 
-def _take_nodes(locks: Path, info: RunInfo, descriptors: list[int]) -> None:
-    """Locks each node, and adds the descriptors that hold the locks. Raises NodesInUseError."""
+def _lock_nodes(folders: Sequence[Path], info: RunInfo, stack: contextlib.ExitStack) -> list[int]:
+    """Locks each node in the first folder and checks its locks in the others. Raises NodesInUseError."""
     held: dict[str, list[str]] = {}
-    for node in info.nodes:
-        path = locks / _lock_name(info, node)
-        try:
-            descriptor = _lock(path)
-        except BlockingIOError:
-            held.setdefault(_holder(path), []).append(node)
-            continue
-        descriptors.append(descriptor)
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, json.dumps(asdict(info)).encode())
-    if held:
-        raise _in_use(held)
-
-
-def _refuse_held(folders: Sequence[Path], info: RunInfo) -> None:
-    """Looks for the nodes among those of runs in other environments. Raises NodesInUseError."""
-    held: dict[str, list[str]] = {}
+    descriptors: list[int] = []
     for folder in folders:
         for node in info.nodes:
-            path = folder / _lock_name(info, node)
-            if path.exists() and not is_free(path):
+            path = folder / f"{info.domain_id}{node.replace('/', '.')}"
+            if folder is not folders[0]:
+                if path.exists() and not is_free(path):
+                    held.setdefault(_holder(path), []).append(node)
+                continue
+            try:
+                descriptor = _lock(path, stack)
+            except BlockingIOError:
                 held.setdefault(_holder(path), []).append(node)
+                continue
+            descriptors.append(descriptor)
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, json.dumps(asdict(info)).encode())
     if held:
-        raise _in_use(held)
-
-
-def _lock_name(info: RunInfo, node: str) -> str:
-    return f"{info.domain_id}{node.replace('/', '.')}"
-
-
-def _in_use(held: Mapping[str, Sequence[str]]) -> NodesInUseError:
-    lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
-    return NodesInUseError(
-        "another run has these nodes: " + "; ".join(lines) + ". Stop it with Ctrl-C or `joshua stop`, "
-        "or run this file in another ROS_DOMAIN_ID"
-    )
+        lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
+        raise NodesInUseError(
+            "another run has these nodes: " + "; ".join(lines) + ". Stop it with Ctrl-C or `joshua stop`, "
+            "or run this file in another ROS_DOMAIN_ID"
+        )
+    return descriptors
 
 
 def _holder(path: Path) -> str:
     info = read_info(path)
     if info is None:
-        return "a run that does not say more"
+        return "an unknown run"
     return f"process {info.process_id}, which runs {info.source} since {info.since}"

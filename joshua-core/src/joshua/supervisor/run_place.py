@@ -1,4 +1,4 @@
-"""Where a run is found by commands of other terminals: its directory and its control socket."""
+"""Where commands of other terminals find a run: its directory and control socket."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 
 
 class RunPlace:
-    """Keeps a run within reach: what somebody removes of its place is made anew.
+    """Keeps a run reachable: creates its directory and socket again if they are removed.
 
     Args:
         reactor: the supervisor's loop; logbook: of the run.
-        directory: of the run; this object closes it.
+        directory: of the run, closed by this object.
         handlers: of the requests on the control socket.
     """
 
@@ -33,7 +33,7 @@ class RunPlace:
         self._serve()
 
     def look(self) -> None:
-        """Makes the place anew if it is gone; costs two looks at the disk."""
+        """Creates the place again if it is gone. Takes two file checks."""
         try:
             if not self._directory.restore():
                 return
@@ -45,10 +45,12 @@ class RunPlace:
             return
         self._lost = False
         self._serve()
-        self._logbook.write(logging.WARNING, "the directory of this run was removed, and is made anew")
+        self._logbook.write(
+            logging.WARNING, "the directory of this run was removed and has been created again"
+        )
 
     def close(self) -> None:
-        """Removes the directory; a second call does nothing."""
+        """Removes the directory. Idempotent."""
         if self._server is not None:
             self._server.close()
         self._directory.close()

@@ -114,7 +114,11 @@ class RunRequests:
         return {"stopping": True}
 
     def _guardian(self, request: Request, _client: Connection) -> dict[str, Any]:
-        """Logs the report of a guardian."""
+        """Logs the report of a guardian, or notes why it kills a driver (``kills``)."""
+        if "kills" in request:
+            for process in self._processes:
+                process.killed_by_guardian(str(request.get("node", "")), str(request["kills"]))
+            return {"written": True}
         level = request.get("level")
         level = level if isinstance(level, int) else logging.ERROR
         self._logbook.write(level, str(request.get("text", "")), str(request.get("node", "")))

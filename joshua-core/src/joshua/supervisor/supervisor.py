@@ -36,7 +36,7 @@ from joshua.supervisor.terminal_guard import TerminalGuard
 
 
 def process_groups(nodes: Sequence[NodeSpec]) -> list[tuple[NodeSpec, ...]]:
-    """Splits nodes into processes, in start order; a group starts where its first node stands."""
+    """Splits nodes into processes, in start order. A group starts in place of its first node."""
     groups: dict[tuple[str, str], list[NodeSpec]] = {}
     for spec in nodes:
         key = ("group", spec.process_group) if spec.process_group else ("node", spec.full_name)
@@ -49,11 +49,10 @@ EXIT_FAILED = 1
 EXIT_HARDWARE = 4
 EXIT_INTERRUPTED = 130
 
-#: After a failure at the start the other nodes may go on for this long, so that one run shows every
-#: absent device and not only the first.
+#: Time that the other nodes go on after a failure at the start, so that one run reports every missing device.
 START_SETTLE_S = 0.5
 
-#: Defects of the supervisor's own after which it lets the fork server end the nodes.
+#: Exceptions in the supervisor itself after which it lets the fork server end the nodes.
 MAX_DEFECTS = 10
 
 
@@ -71,9 +70,9 @@ class Supervisor:
 
     Args:
         plan: what to run.
-        fork_server: started before any thread or transport existed; stays the caller's to close.
+        fork_server: started before any thread or transport existed. The caller closes it.
         options: settings.
-        ui: takes every event.
+        ui: receives every event.
     """
 
     def __init__(
@@ -104,7 +103,7 @@ class Supervisor:
         self._run = RunFacts()
 
     def run(self) -> RunReport:
-        """Runs the plan to its end; returns what the run was like. Call it once."""
+        """Runs the plan to its end and returns the report. Call it once."""
         self._began_s = self._options.began_s or time.monotonic()
         log = new_log(self._options.log_directory, self._plan.robot_id)
         self._logbook = Logbook(self._reactor, self._events, log)
@@ -130,7 +129,7 @@ class Supervisor:
                 closers.pop()()
 
     def _turn(self) -> None:
-        """Lets the loop turn once; a defect of this program stops the nodes in good order all the same."""
+        """Runs one turn of the loop. An exception in this program stops the nodes cleanly."""
         try:
             self._reactor.turn()
         except Exception as error:
@@ -181,7 +180,7 @@ class Supervisor:
         if not self._processes:
             self._stop("the plan has no nodes for this machine", EXIT_FAILED)
             return
-        # The processes come up while this one opens the router; they join it when they are told to start.
+        # The processes come up while this one opens the router. They join it when told to start.
         for process in self._processes:
             process.run = self._run
             process.spawn()
@@ -278,7 +277,7 @@ class Supervisor:
             self._restart_or_give_up(process)
 
     def _settle(self) -> None:
-        """After a failure at the start: stops once every other process has come to its end or its place."""
+        """After a failure at the start: stops the run once every other process has ended or is configured."""
         if self._phase is not Phase.STARTING or not any(self._failed(item) for item in self._processes):
             return
         if self._activated or all(item.configured or not item.alive for item in self._processes):
@@ -298,13 +297,13 @@ class Supervisor:
 
     def _restart_or_give_up(self, process: ManagedProcess) -> None:
         decision = process.policy.failed(self._reactor.now_s())
-        if decision.delay_s is not None:
-            text = f"starts again in {decision.delay_s:g} s"
-            process.restart_later(decision.delay_s)
+        if isinstance(decision, float):
+            text = f"starts again in {decision:g} s"
+            process.restart_later(decision)
             self._tell(process, "restarting", text)
             self._logbook.write(logging.WARNING, f"{process.names}: {text}")
             return
-        text = f"stays down: {decision.reason}"
+        text = f"stays down: {decision}"
         self._tell(process, "given-up", text)
         self._logbook.write(logging.ERROR, f"{process.names}: {text}")
         if not any(item.alive or item.restart_timer for item in self._processes):
@@ -315,7 +314,7 @@ class Supervisor:
 
     def _on_fork_server_lost(self, reason: str) -> None:
         self._logbook.write(logging.ERROR, f"the fork server has died: {reason}")
-        self._stop("the fork server has died, so that no node could start again", EXIT_FAILED)
+        self._stop("the fork server has died, so no node could be restarted", EXIT_FAILED)
 
     def _check(self) -> None:
         for process in self._processes:
@@ -336,7 +335,7 @@ class Supervisor:
         self._stop(f"stopped by {name}", code, interrupted=True)
 
     def stop_soon(self, reason: str) -> None:
-        """Ends the run on the user's word, after what is written now has left."""
+        """Stops the run on a user's request, after pending answers were sent."""
         self._reactor.call_later(0, lambda: self._stop(reason, EXIT_OK, interrupted=True))
 
     def _stop(self, reason: str, exit_code: int, *, interrupted: bool = False) -> None:
@@ -363,7 +362,7 @@ class Supervisor:
 
     def _report(self) -> RunReport:
         records = self._records()
-        # the reason of a failure stands until the node is active again
+        # The reason of a failure is kept until the node is active again.
         bad = any(record.fault or record.reason or record.state in ("failed", "killed") for record in records)
         if self._exit_code == EXIT_OK and bad:
             self._exit_code = EXIT_FAILED
@@ -389,7 +388,7 @@ class Supervisor:
         self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
 
     def status(self) -> RunStatus:
-        """The run just now."""
+        """Current status of the run."""
         elapsed_s = time.monotonic() - self._began_s
         return run_status(self._plan, self._records(), self._phase.value, elapsed_s)
 
@@ -408,7 +407,7 @@ class Supervisor:
         )
 
     def _tell(self, process: ManagedProcess, kind: str = "", text: str = "") -> None:
-        """Tells of each node of a process; without a kind what has become of it, and why."""
+        """Publishes an event of each node of a process, by default its state and reason."""
         for node, record in process.records.items():
             self._event(kind or record.state, node, text or record.reason)
 

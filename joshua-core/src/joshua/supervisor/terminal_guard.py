@@ -1,4 +1,4 @@
-"""Gives the terminal back as it was, when a node that read keys from it could not do so itself."""
+"""Restores the terminal if a node that read keys from it could not do so itself."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 
 from joshua.plan import NodeSpec, SensorFacts
 
-#: The terminal that a process and its children were started from.
 CONTROLLING_TERMINAL = "/dev/tty"
 
 #: Ends the reports of key releases (the kitty keyboard protocol) and of the window's focus.
@@ -19,10 +18,10 @@ RESET_REPORTS = b"\x1b[<u\x1b[?1004l"
 
 
 class TerminalGuard:
-    """Remembers the settings of the terminal when it is made; without a terminal it does nothing.
+    """Saves the settings of the terminal. Without a terminal it does nothing.
 
     Args:
-        nodes: of the run; where none of them reads the terminal, nothing is done at all.
+        nodes: of the run. If none of them reads the terminal, nothing is done.
     """
 
     def __init__(self, nodes: Iterable[NodeSpec]) -> None:
@@ -35,12 +34,12 @@ class TerminalGuard:
             self._attributes = termios.tcgetattr(self._descriptor)
 
     def ended(self, nodes: Iterable[NodeSpec]) -> None:
-        """The process of some nodes has ended: restores what a reader of the terminal has left."""
+        """Restores the terminal after the end of a process whose nodes read it."""
         if any(_reads_terminal(node) for node in nodes):
             self.restore()
 
     def restore(self) -> None:
-        """Puts the settings back if they are not as they were; what was typed meanwhile is dropped."""
+        """Restores changed settings and drops pending input."""
         if not self._attributes:
             return
         with contextlib.suppress(OSError, termios.error):
@@ -55,7 +54,7 @@ class TerminalGuard:
                 signal.pthread_sigmask(signal.SIG_SETMASK, former)
 
     def close(self) -> None:
-        """Restores and lets go of the terminal; a second call does nothing."""
+        """Restores and closes the terminal. Idempotent."""
         self.restore()
         self._attributes = []
         descriptor, self._descriptor = self._descriptor, -1
