@@ -13,7 +13,7 @@ from google.protobuf import text_format
 from joshua.config import LoadedConfig
 from joshua.planner.amend import NoSimulatorError, Simulated, real_devices, simulate
 from joshua.plugins import load_registry
-from joshua.plugins.sim_adapter import CoupledCamera, SimAdapterError
+from joshua.plugins.emulator import PhysicsCamera, SimAdapterError
 from joshua.schema import config_pb2 as pb
 from joshua.testing.domain import reserved_domain
 from joshua.textproto.positions import Positions
@@ -67,7 +67,7 @@ def test_emulated_cameras_keep_their_driver_and_see_the_scene() -> None:
     given = loaded("teleop_so_arm100_camera.pbtxt")
     found = simulate(given, load_registry(), emulated=True)
     assert found.names == ("follower_arm", "camera_top", "camera_wrist")
-    assert found.coupled["camera_wrist"] == CoupledCamera("wrist")
+    assert found.coupled["camera_wrist"] == PhysicsCamera("wrist")
     assert found.loaded.config.robot.perceptions == given.config.robot.perceptions
 
 

@@ -1,6 +1,7 @@
 """What a simulator puts in the place of devices."""
 
-from joshua.plugins.sim_adapter import CoupledArm as CoupledArm
-from joshua.plugins.sim_adapter import CoupledCamera as CoupledCamera
-from joshua.plugins.sim_adapter import RealDevice as RealDevice
-from joshua.plugins.sim_adapter import SimAdapterError as SimAdapterError
+from joshua.plugins.emulator import Coupling as Coupling
+from joshua.plugins.emulator import PhysicsCamera as PhysicsCamera
+from joshua.plugins.emulator import PhysicsLink as PhysicsLink
+from joshua.plugins.emulator import RealDevice as RealDevice
+from joshua.plugins.emulator import SimAdapterError as SimAdapterError

@@ -59,8 +59,6 @@ def _simulate(checked: Checked, stack: ExitStack) -> tuple[Checked, dict[str, Co
         The file, and by node name what moves the joints or draws the pictures of an emulated device.
     """
     from joshua.ipc.run_bases import RunDirectoryError, short_base_directory
-    from joshua.plugins.emulator import PhysicsCamera, PhysicsLink
-    from joshua.plugins.sim_adapter import CoupledCamera
     from joshua.supervisor.run_directory import physics_folder
 
     simulated = checked.simulated
@@ -75,12 +73,7 @@ def _simulate(checked: Checked, stack: ExitStack) -> tuple[Checked, dict[str, Co
         socket = stack.enter_context(physics_folder(base)) / "bus.sock"
     except RunDirectoryError as error:
         raise NotStartedError(str(error), ExitCode.FAILED) from error
-    links: dict[str, Coupling] = {
-        name: PhysicsCamera(socket, device.camera)
-        if isinstance(device, CoupledCamera)
-        else PhysicsLink(socket, device.actuators, device.start_rad)
-        for name, device in simulated.coupled.items()
-    }
+    links = {name: replace(device, socket=socket) for name, device in simulated.coupled.items()}
     return replace(checked, request=replace(checked.request, physics_socket=str(socket))), links
 
 

@@ -7,82 +7,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from joshua.plan.diagnostic import Diagnostic, Position, Related, Severity
+from joshua.plan.diagnostic import Diagnostic as Diagnostic
+from joshua.plan.diagnostic import Position as Position
+from joshua.plan.diagnostic import Related as Related
+from joshua.plan.diagnostic import Severity as Severity
 from joshua.plan.lazy import lazy_names
-from joshua.plan.qos import QosProfile
+from joshua.plan.qos import QosProfile as QosProfile
 
 if TYPE_CHECKING:
-    from joshua.plan.facts import (
-        ActuatorFacts,
-        ChosenEnvironment,
-        Commander,
-        ModelFacts,
-        NodeFacts,
-        OnStale,
-        RunFacts,
-        SafeStop,
-        SensorFacts,
-        ServiceFacts,
-    )
-    from joshua.plan.joints import JointRange
-    from joshua.plan.node_spec import NodeKind, NodeSpec, TopicSpec
-    from joshua.plan.plan import Plan, TlsSpec, TransportSettings
-    from joshua.plan.report import CheckResult, JointTrace, NodeReport, RunReport, TimerReport, TopicReport
-
-__all__ = [
-    "ActuatorFacts",
-    "CheckResult",
-    "ChosenEnvironment",
-    "Commander",
-    "Diagnostic",
-    "JointRange",
-    "JointTrace",
-    "ModelFacts",
-    "NodeFacts",
-    "NodeKind",
-    "NodeReport",
-    "NodeSpec",
-    "OnStale",
-    "Plan",
-    "Position",
-    "QosProfile",
-    "Related",
-    "RunFacts",
-    "RunReport",
-    "SafeStop",
-    "SensorFacts",
-    "ServiceFacts",
-    "Severity",
-    "TimerReport",
-    "TlsSpec",
-    "TopicReport",
-    "TopicSpec",
-    "TransportSettings",
-]
+    from joshua.plan.facts import *  # noqa: F403
+    from joshua.plan.joints import JointRange as JointRange
+    from joshua.plan.node_spec import *  # noqa: F403
+    from joshua.plan.plan import *  # noqa: F403
+    from joshua.plan.report import *  # noqa: F403
 
 _LATER = {
     "joshua.plan.joints": ("JointRange",),
     "joshua.plan.facts": (
-        "ActuatorFacts",
-        "ChosenEnvironment",
-        "Commander",
-        "ModelFacts",
-        "NodeFacts",
-        "OnStale",
-        "RunFacts",
-        "SafeStop",
-        "SensorFacts",
-        "ServiceFacts",
+        *("ActuatorFacts", "ModelFacts", "NodeFacts", "RunFacts", "SensorFacts", "ServiceFacts"),
+        *("ChosenEnvironment", "Commander", "OnStale", "SafeStop"),
     ),
     "joshua.plan.node_spec": ("NodeKind", "NodeSpec", "TopicSpec"),
     "joshua.plan.plan": ("Plan", "TlsSpec", "TransportSettings"),
     "joshua.plan.report": (
-        "CheckResult",
-        "JointTrace",
-        "NodeReport",
-        "RunReport",
-        "TimerReport",
-        "TopicReport",
+        *("CheckResult", "JointTrace", "NodeReport", "RunReport", "TimerReport", "TopicReport"),
     ),
 }
 

@@ -185,20 +185,9 @@ _NAMES: dict[type, str] = {
 
 #: What can be asked for in the stream of events.
 EVENT_NAMES = (
-    *(
-        "table",
-        "status",
-        "log",
-        "progress",
-        "report",
-        "gap",
-        "started",
-        "restarted",
-        "ready",
-        "fault",
-        "resumed",
-    ),
-    *("failed", "restarting", "given-up", "stopping", "stopped", "killed"),
+    *_NAMES.values(),
+    *("started", "restarted", "ready", "fault", "resumed", "failed"),
+    *("restarting", "given-up", "stopping", "stopped", "killed"),
 )
 
 
@@ -218,8 +207,7 @@ def event_of(record: dict[str, Any]) -> Event:
     """The event that a record stands for. Raises ValueError."""
     fields = {name: value for name, value in record.items() if name != "event"}
     made = next((kind for kind, name in _NAMES.items() if name == record.get("event")), RunEvent)
-    event: Event = _adapter(made).validate_python(fields)
-    return event
+    return _adapter(made).validate_python(fields)  # type: ignore[no-any-return]
 
 
 @cache

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from joshua.plan.qos import QosProfile
 from joshua.schema import config_pb2 as pb
@@ -100,19 +100,6 @@ class Endpoint:
     def is_command(self) -> bool:
         """Whether this is the subscription by which an actuator is commanded."""
         return not self.is_publisher and self.entry.is_actuator and self.block.data_type in COMMAND_TYPES
-
-
-class Pairing(NamedTuple):
-    """A publisher and the subscription that it reaches.
-
-    Attributes:
-        kind: ``leader`` (an arm that an arm follows), ``model``, ``override`` (a person takes over), or
-            ``data`` for every other.
-    """
-
-    publisher: Endpoint
-    subscription: Endpoint
-    kind: Literal["leader", "model", "override", "data"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -235,43 +222,20 @@ class RobotGraph:
         """Whether the topic of every publisher is known; else nothing can be called unpublished."""
         return all(item.is_named for item in self.endpoints if item.is_publisher)
 
-    @cached_property
-    def pairings(self) -> tuple[Pairing, ...]:
-        """Each publisher with each subscription of another node that it reaches, in the order of the file."""
-        readers = _grouped((item.topic, item) for item in self.endpoints if not item.is_publisher)
-        return tuple(
-            Pairing(source, item, _kind(source, item))
-            for source in self.endpoints
-            if source.is_publisher
-            for item in readers.get(source.topic, ())
-            if source.entry.path != item.entry.path
-        )
-
     def commanders(self, entry: NodeEntry) -> list[Endpoint]:
-        """The publishers of other nodes that a node hears, in the order of the file."""
-        mine = (pair.publisher for pair in self.pairings if pair.subscription.entry.path == entry.path)
-        return list({item.path: item for item in mine}.values())
+        """The publishers of other nodes on the topics that a node subscribes to, in the order of the file."""
+        topics = {item.topic for item in self._of(entry) if not item.is_publisher}
+        others = (item for item in self.endpoints if item.entry.path != entry.path)
+        return [item for item in others if item.is_publisher and item.topic in topics]
 
     def driven_by(self, entry: NodeEntry) -> list[NodeEntry]:
-        """The actuators that hear what a node publishes, once for each subscription, in file order."""
-        topics = {
-            item.topic for item in self.endpoints if item.is_publisher and item.entry.path == entry.path
-        }
-        return [
-            item.entry
-            for item in self.endpoints
-            if not item.is_publisher and item.topic in topics and item.entry.is_actuator
-        ]
+        """The actuators that subscribe to what a node publishes, once for each subscription."""
+        topics = {item.topic for item in self._of(entry) if item.is_publisher}
+        readers = (item for item in self.endpoints if not item.is_publisher and item.entry.is_actuator)
+        return [item.entry for item in readers if item.topic in topics]
 
-
-def _kind(source: Endpoint, item: Endpoint) -> Literal["leader", "model", "override", "data"]:
-    if not item.entry.is_actuator:
-        return "data"
-    if source.block.override:
-        return "override"
-    if source.entry.leads and source.block.data_type == types.JOINT_STATE:
-        return "leader"
-    return "model" if source.entry.is_model else "data"
+    def _of(self, entry: NodeEntry) -> list[Endpoint]:
+        return [item for item in self.endpoints if item.entry.path == entry.path]
 
 
 def _grouped(items: Iterable[tuple[str, _Item]]) -> dict[str, list[_Item]]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from enum import Enum
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 from typing_extensions import Self
 
 from joshua.plan.facts import Facts, NodeFacts
 from joshua.plan.qos import QosProfile
+from joshua.plan.report import Value
 
 FactsT = TypeVar("FactsT", bound=NodeFacts)
 
@@ -23,7 +24,7 @@ class NodeKind(str, Enum):
     SERVICE = "service"
 
 
-class TopicSpec(BaseModel):
+class TopicSpec(Value):
     """One endpoint of a node.
 
     Attributes:
@@ -33,15 +34,13 @@ class TopicSpec(BaseModel):
         rate_hz: configured rate of a publisher; 0 for a subscription.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     name: str
     type_name: str
     qos: QosProfile = QosProfile()
     rate_hz: float = 0.0
 
 
-class NodeSpec(BaseModel):
+class NodeSpec(Value):
     """Everything that a child process needs to run one node; carries no device handle and no code.
 
     Attributes:
@@ -62,8 +61,6 @@ class NodeSpec(BaseModel):
         host: machine that runs the node; "" for any.
         restart: ``on-failure``, ``never`` or ``stop-run``.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     namespace: str = "/"

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
-
 from joshua.plan.diagnostic import Diagnostic
 from joshua.plan.node_spec import NodeSpec
+from joshua.plan.report import Value
 
 
-class TlsSpec(BaseModel):
+class TlsSpec(Value):
     """Certificate files of the transport, absolute paths."""
-
-    model_config = ConfigDict(frozen=True)
 
     root_ca_file: str
     certificate_file: str
     private_key_file: str
 
 
-class TransportSettings(BaseModel):
+class TransportSettings(Value):
     """Which transport carries the topics, and where it may be reached.
 
     Attributes:
@@ -31,8 +28,6 @@ class TransportSettings(BaseModel):
         listen_endpoints, connect_endpoints: Zenoh router; network_interface, peers: DDS.
         discovery_range: value of ROS_AUTOMATIC_DISCOVERY_RANGE in force.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     kind: str = "zenoh"
     reason: str = "the embedded default"
@@ -48,18 +43,16 @@ class TransportSettings(BaseModel):
     discovery_range: Literal["OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"] = "LOCALHOST"
 
 
-class Plan(BaseModel):
+class Plan(Value):
     """What one run starts, in start order.
 
     Attributes:
         source: path of the configuration file; mode: ``MODE_…``; robot_id: ``general.id``.
         nodes: in start order; transport: how they talk.
-        duration_s: length after which the run ends in good order; None runs until stopped.
+        duration_s: length after which the run shuts down cleanly; None runs until stopped.
         verdict: the run ends with a pass/fail table of what each node measured.
         findings: warnings and notes that the start-up table shows.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     source: str
     mode: str

@@ -5,10 +5,14 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict
 
 
-class TimerReport(BaseModel):
-    """Cadence of one timer; jitter is the distance of a tick from its time on the monotonic clock."""
+class Value(BaseModel):
+    """A value of the plan or of a report: immutable, JSON."""
 
     model_config = ConfigDict(frozen=True)
+
+
+class TimerReport(Value):
+    """Cadence of one timer; jitter is the distance of a tick from its time on the monotonic clock."""
 
     name: str
     period_s: float
@@ -21,13 +25,11 @@ class TimerReport(BaseModel):
     jitter_max_s: float = 0.0
 
 
-class TopicReport(BaseModel):
+class TopicReport(Value):
     """Traffic of one endpoint; ``configured_hz`` is 0 for a subscription.
 
     Jitter is the distance of a publisher's intervals from its configured period; 0 where none is configured.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     type_name: str
@@ -40,17 +42,15 @@ class TopicReport(BaseModel):
     jitter_p999_s: float = 0.0
 
 
-class CheckResult(BaseModel):
+class CheckResult(Value):
     """One line of the pass/fail table of MODE_TEST: what was checked, how it went, what was measured."""
-
-    model_config = ConfigDict(frozen=True)
 
     check: str
     passed: bool
     measured: str = ""
 
 
-class JointTrace(BaseModel):
+class JointTrace(Value):
     """How one joint moved during a test; all series but the temperature's have one value for each time.
 
     Attributes:
@@ -60,8 +60,6 @@ class JointTrace(BaseModel):
         temperature_c: pairs of time and temperature, about one a second; empty where nobody measures it.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     joint: str
     time_s: tuple[float, ...]
     goal_rad: tuple[float | None, ...]
@@ -70,17 +68,15 @@ class JointTrace(BaseModel):
     temperature_c: tuple[tuple[float, float], ...] = ()
 
 
-class NodeReport(BaseModel):
+class NodeReport(Value):
     """One node's share of a run.
 
     Attributes:
         full_name: fully qualified node name.
-        state: ``ready`` while it runs, at the end ``stopped`` (in good order), ``failed`` or ``killed``.
+        state: ``ready`` while it runs, at the end ``stopped`` (cleanly), ``failed`` or ``killed``.
         reason: why it failed; "" where it did not.
         restarts: how often it was started again.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     full_name: str
     state: str
@@ -93,21 +89,19 @@ class NodeReport(BaseModel):
     traces: tuple[JointTrace, ...] = ()
 
 
-class RunReport(BaseModel):
+class RunReport(Value):
     """A whole run.
 
     Attributes:
         exit_code: of the contract (0, 1, 3, 4, 130).
         reason: why the run ended, one sentence.
-        interrupted: whether it was stopped from outside, by a signal or by ``joshua stop``, in good order.
+        interrupted: whether a signal or ``joshua stop`` ended it, and it shut down cleanly.
         judged: whether a table of checks follows, which may make an exit code of 0 another one.
         ready_s: from the start to the last ready report; None if that was not reached.
         first_message_s: from the start to the first message that a subscription received.
         stop_s: from the stop request to the last exit.
         log: path of the log file, beside which further results of the run may lie; "" for none.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     exit_code: int
     nodes: tuple[NodeReport, ...] = ()

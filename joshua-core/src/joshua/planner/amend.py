@@ -19,9 +19,15 @@ from joshua.planner.calibration_place import FileRefused, kept_calibrations
 from joshua.planner.devices import Wanted, joints_of, unpack, wanted_nodes
 from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, PluginStatus, Registry, SimulatorSpec
 from joshua.plugins.block_context import BlockContext
-from joshua.plugins.emulator import DeviceEmulator, EmulatedDevice
+from joshua.plugins.emulator import (
+    Coupling,
+    DeviceEmulator,
+    EmulatedDevice,
+    RealDevice,
+    SimAdapter,
+    SimAdapterError,
+)
 from joshua.plugins.hints import distribution_for, emulator_for
-from joshua.plugins.sim_adapter import CoupledArm, CoupledCamera, RealDevice, SimAdapter, SimAdapterError
 from joshua.plugins.targets import TargetError, load_target
 from joshua.schema import config_pb2 as pb
 from joshua.schema.rules import block_rule
@@ -46,7 +52,7 @@ class Simulated:
 
     loaded: LoadedConfig
     names: tuple[str, ...] = ()
-    coupled: Mapping[str, CoupledArm | CoupledCamera] = field(default_factory=dict)
+    coupled: Mapping[str, Coupling] = field(default_factory=dict)
     real: tuple[str, ...] = ()
 
 

@@ -111,7 +111,7 @@ def _amended(checked: Checked) -> Checked:
     """Do what ``--sim`` asks for, and find devices that nothing emulates; refusals become findings."""
     from joshua.planner import amend
     from joshua.planner.calibration_place import calibration_place
-    from joshua.plugins.sim_adapter import SimAdapterError
+    from joshua.plugins.emulator import SimAdapterError
 
     request, registry, loaded = checked.request, checked.registry, checked.loaded
     found = list(checked.diagnostics)

@@ -1,11 +1,12 @@
-"""The contract of emulators: a stand-in for one device that speaks the device's own protocol."""
+"""The contracts of ``--emulate`` and ``--sim``: what stands for one device, by its protocol or as physics."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from google.protobuf.message import Message
 
@@ -22,29 +23,25 @@ class FaultRefusedError(EmulationError):
 
 @dataclass(frozen=True)
 class PhysicsLink:
-    """Where the physics answers that moves the joints of an emulated actuator (``--emulate --sim``).
+    """The simulated arm that moves the joints of an emulated actuator (``--emulate --sim``).
 
     Attributes:
-        socket: path of a UNIX socket (SOCK_SEQPACKET), there once the simulation runs.
         actuators: of the model, in joint order; start_rad: where its joints are at first, about the middle
             of their ranges.
+        socket: path of the UNIX socket (SOCK_SEQPACKET) where the physics answers, once the simulation runs.
     """
 
-    socket: Path
     actuators: tuple[str, ...]
     start_rad: tuple[float, ...]
+    socket: Path = Path()
 
 
 @dataclass(frozen=True)
 class PhysicsCamera:
-    """Where the simulation draws what an emulated camera sees (``--emulate --sim``).
+    """The simulated camera, one of the model, that draws what an emulated one sees (``--emulate --sim``)."""
 
-    Attributes:
-        socket: as that of ``PhysicsLink``; camera: name of a camera of the model.
-    """
-
-    socket: Path
     camera: str
+    socket: Path = Path()
 
 
 #: What an emulated device is joined to.
@@ -118,3 +115,35 @@ class DeviceEmulator(ABC):
     @abstractmethod
     def close(self) -> None:
         """Ends the process; a second call does nothing."""
+
+
+class SimAdapterError(Exception):
+    """The simulation cannot stand for a device; the message says which, why and what to do."""
+
+
+@dataclass(frozen=True)
+class RealDevice:
+    """A device that the simulation is to stand for.
+
+    Attributes:
+        node_name: name of its node; role: its enum value, such as ``ACTION_LEADER``.
+        owner: the ``SingleAction`` or ``SinglePerception`` message; the simulator replaces its block.
+        block_name: member of the oneof that holds the block.
+        joints: names of an actuator's joints where a calibration gives them, else ``joint_<id>``; () for a
+            camera.
+        in_chain: its motors follow one another as on a servo bus, so that those of the model stand for them
+            in order, whatever they are called.
+    """
+
+    node_name: str
+    role: str
+    owner: Any
+    block_name: str
+    joints: tuple[str, ...] = ()
+    in_chain: bool = False
+
+
+#: What ``SimulatorSpec.sim_adapter`` names. It takes the configuration, which it changes, the devices to
+#: stand for and whether their buses are emulated, puts blocks of simulated devices in their place, and
+#: returns what each emulated device is coupled to by node name. Raises SimAdapterError.
+SimAdapter = Callable[[Any, Sequence[RealDevice], bool], dict[str, Coupling]]

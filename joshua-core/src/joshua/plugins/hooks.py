@@ -1,8 +1,4 @@
-"""The contract between the host and its plugins (pluggy hook specifications).
-
-A plugin is a distribution with an entry point in the group ``joshua.plugins``. The module behind it
-is light: it imports no driver and answers these hooks.
-"""
+"""The hooks of the entry points of the group ``joshua.plugins``, whose light modules import no driver."""
 
 from __future__ import annotations
 

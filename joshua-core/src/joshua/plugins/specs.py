@@ -144,7 +144,7 @@ class SimulatorSpec(PluginSpec):
     """A simulator: ``implementation`` is the behaviour of its node.
 
     Attributes:
-        sim_adapter: import string of its ``joshua.plugins.sim_adapter.SimAdapter``, with which ``--sim``
+        sim_adapter: import string of its ``joshua.plugins.emulator.SimAdapter``, with which ``--sim``
             puts simulated devices in place of the real ones.
         packaged_files: import string of a light function that takes a name, such as a ``model_path``, and
             returns the path of the file of that name which ships with the plugin, or None.

@@ -14,7 +14,7 @@ from joshua.api.schema import block_values
 from joshua.api.schema import config_pb2 as pb
 from joshua.api.schema import data_type_pb2 as types
 from joshua.api.schema import simulation_pb2 as sim
-from joshua.api.simulation import CoupledArm, CoupledCamera, RealDevice, SimAdapterError
+from joshua.api.simulation import Coupling, PhysicsCamera, PhysicsLink, RealDevice, SimAdapterError
 
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
 from joshua_mujoco_sim.physics import Physics
@@ -28,9 +28,7 @@ ARM = "so_arm100/so_arm100.xml"
 ARM_SPACING_M = 0.45
 
 
-def simulate(
-    config: Any, devices: Sequence[RealDevice], emulated: bool
-) -> dict[str, CoupledArm | CoupledCamera]:
+def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict[str, Coupling]:
     """Puts simulated devices in place of real ones.
 
     Args:
@@ -64,8 +62,8 @@ def simulate(
             chosen_by_arm[device.node_name] = chosen
         else:
             _replace_arm(device, chosen)
-    coupled: dict[str, CoupledArm | CoupledCamera] = {
-        name: CoupledArm(tuple(chosen), _start_rad(config.simulation, chosen))
+    coupled: dict[str, Coupling] = {
+        name: PhysicsLink(tuple(chosen), _start_rad(config.simulation, chosen))
         for name, chosen in chosen_by_arm.items()
     }
     known = [name for name in _facts(config.simulation)["cameras"] if "/" not in name]
@@ -74,7 +72,7 @@ def simulate(
             continue
         camera = _camera(device, known)
         if emulated:
-            coupled[device.node_name] = CoupledCamera(camera)
+            coupled[device.node_name] = PhysicsCamera(camera)
         else:
             _replace_camera(device, camera)
     return coupled
