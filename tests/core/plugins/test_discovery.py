@@ -55,8 +55,8 @@ def test_entries_of_the_group_are_read_and_no_others(tmp_path: Path, monkeypatch
     distribution(tmp_path, "Acme.Robots", text, version="2.0rc1")
     monkeypatch.syspath_prepend(str(tmp_path))
     assert found("acme-robots") == [
-        PluginRow("arm", "acme-robots", "2.0rc1", "acme.arm"),
-        PluginRow("gripper", "acme-robots", "2.0rc1", "acme.gripper:plugin"),
+        PluginRow("arm", "acme-robots", "2.0rc1", module="acme.arm"),
+        PluginRow("gripper", "acme-robots", "2.0rc1", module="acme.gripper:plugin"),
     ]
 
 
@@ -65,13 +65,13 @@ def test_the_first_on_the_module_path_counts(tmp_path: Path, monkeypatch: pytest
     distribution(tmp_path / "new", "acme", "[joshua.plugins]\nb = new\n", version="2.0")
     monkeypatch.syspath_prepend(str(tmp_path / "old"))
     monkeypatch.syspath_prepend(str(tmp_path / "new"))
-    assert found("acme") == [PluginRow("b", "acme", "2.0", "new")]
+    assert found("acme") == [PluginRow("b", "acme", "2.0", module="new")]
 
 
 def test_the_old_form_of_metadata_is_read_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     distribution(tmp_path, "acme_old", "[joshua.plugins]\na = old\n", version="3.1", form="egg-info")
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert found("acme-old") == [PluginRow("a", "acme-old", "3.1", "old")]
+    assert found("acme-old") == [PluginRow("a", "acme-old", "3.1", module="old")]
 
 
 def test_plugins_in_a_zip_file_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,7 +81,7 @@ def test_plugins_in_a_zip_file_are_found(tmp_path: Path, monkeypatch: pytest.Mon
         for path in info.iterdir():
             file.write(path, f"{info.name}/{path.name}")
     monkeypatch.syspath_prepend(str(archive))
-    assert found("acme-zipped") == [PluginRow("a", "acme-zipped", "1.0", "zipped")]
+    assert found("acme-zipped") == [PluginRow("a", "acme-zipped", "1.0", module="zipped")]
 
 
 def test_folders_that_are_not_there_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,8 +94,8 @@ def test_folders_that_are_not_there_do_not_matter(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.parametrize("name", ["acme-arm", "Acme_Arm", "ARM", "arm"])
 def test_a_plugin_is_blocked_by_either_name(name: str) -> None:
-    assert is_blocked(PluginRow("arm", "acme-arm", "1", "x"), ["other", name])
-    assert not is_blocked(PluginRow("arm", "acme-arm", "1", "x"), ["other"])
+    assert is_blocked(PluginRow("arm", "acme-arm", "1", module="x"), ["other", name])
+    assert not is_blocked(PluginRow("arm", "acme-arm", "1", module="x"), ["other"])
 
 
 def test_a_usual_environment_needs_no_importlib_metadata() -> None:

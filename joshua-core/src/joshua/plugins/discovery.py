@@ -43,10 +43,10 @@ class PluginRow:
     name: str
     distribution: str
     version: str
-    module: str = ""
     status: PluginStatus = PluginStatus.OK
     reasons: tuple[str, ...] = ()
     specs: tuple[PluginSpec, ...] = ()
+    module: str = ""
 
     @property
     def key(self) -> str:
@@ -111,7 +111,8 @@ def _of_distribution(folder: str) -> Iterator[PluginRow]:
             entry, equals, target = line.partition("=")
             if equals and entry.strip():
                 # What stands in brackets are extras, which no longer have an effect.
-                yield PluginRow(entry.strip(), normalise(name), version, target.partition("[")[0].strip())
+                module = target.partition("[")[0].strip()
+                yield PluginRow(entry.strip(), normalise(name), version, module=module)
 
 
 def _read(path: str) -> str:
@@ -128,4 +129,5 @@ def _from_metadata() -> Iterator[PluginRow]:
 
     for point in metadata.entry_points(group=ENTRY_POINT_GROUP):
         name, version = (point.dist.name, point.dist.version) if point.dist else ("(unknown)", "")
-        yield PluginRow(point.name, normalise(name), version, point.value.partition("[")[0].strip())
+        module = point.value.partition("[")[0].strip()
+        yield PluginRow(point.name, normalise(name), version, module=module)
