@@ -297,7 +297,7 @@ def test_its_transport_carries_the_topics_of_a_run(joshua: JoshuaProgram, tmp_pa
 def test_the_kind_of_a_plugin_and_its_name_belong_together(joshua: JoshuaProgram, tmp_path: Path) -> None:
     for text, said in (
         ("transport { kind: TRANSPORT_PLUGIN }", "TRANSPORT_PLUGIN requires plugin_kind"),
-        ('transport { plugin_kind: "post" }', "plugin_kind has no effect with TRANSPORT_AUTO"),
+        ('transport { plugin_kind: "post" }', "plugin_kind has no effect without kind: TRANSPORT_PLUGIN"),
     ):
         (tmp_path / "wrong.pbtxt").write_text(ROBOT + text, encoding="utf-8")
         done = joshua("--config", "wrong.pbtxt", "--validate-only")

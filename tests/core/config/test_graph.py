@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from google.protobuf import text_format
-from joshua.config.checks.qos import clashes
 from joshua.config.graph import build_graph, common_profile, resolve_topic
 from joshua.plan import QosProfile
+from joshua.plan.qos import qos_clashes as clashes
 from joshua.schema import config_pb2 as pb
 
 

@@ -96,3 +96,18 @@ def test_octets_are_unsigned(name):
     assert message.data == 200
     assert bytes(encode(message))[4] == 200
     assert decode(name, encode(message)).data == 200
+
+
+@pytest.mark.parametrize("name", ["jazzy", "humble"])
+def test_a_message_is_made_of_what_is_given_and_zeros_on_every_distribution(name):
+    select_distro(name)
+    state = message_class("sensor_msgs/msg/JointState")(name=["a"], position=[0.5])
+    back = decode("sensor_msgs/msg/JointState", encode(state))
+    assert (back.name, list(back.position), len(back.velocity), back.header.frame_id) == (["a"], [0.5], 0, "")
+    # a field that Jazzy added
+    ranged = message_class("sensor_msgs/msg/Range")(range=1.5, variance=0.25)
+    assert decode("sensor_msgs/msg/Range", encode(ranged)).range == 1.5
+    info = message_class("sensor_msgs/msg/CameraInfo")()
+    assert (len(info.k), info.roi.do_rectify) == (9, False)
+    info.k[0] = 1.0
+    assert message_class("sensor_msgs/msg/CameraInfo")().k[0] == 0.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from google.protobuf import text_format
-from joshua.plan import TlsSpec, TransportSettings
+from joshua.plan import QosProfile, TlsSpec, TransportSettings
 from joshua.plugins import PluginRow, PluginStatus, Registry, TransportSpec, load_registry
 from joshua.schema.transport_pb2 import TransportConfig
-from joshua.transport.choice import TransportChoiceError, choose_transport, why_missing
+from joshua.transport.choice import TransportChoiceError, choose_transport, partial_qos, why_missing
 
 RMW = "RMW_IMPLEMENTATION"
 SOURCED = {"AMENT_PREFIX_PATH": "/opt/ros/jazzy", "ROS_DISTRO": "jazzy"}
@@ -168,3 +168,15 @@ def test_ranges_without_effect_are_named():
 def test_an_unknown_range_is_refused_with_the_nearest():
     with pytest.raises(TransportChoiceError, match="allowed are LOCALHOST, OFF"):
         choose("", {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCAL"})
+
+
+def test_notes_of_the_start_up_table():
+    assert partial_qos("zenoh", QosProfile()) == ""
+    assert partial_qos("dds", QosProfile(deadline_s=1)) == ""
+    assert partial_qos("zenoh", QosProfile(deadline_s=1)) == (
+        "deadline acts between JOSHUA nodes only: ROS 2's Zenoh middleware does not apply it"
+    )
+    everything = QosProfile(lifespan_s=1, lease_duration_s=1, liveliness="MANUAL_BY_TOPIC")
+    assert partial_qos("zenoh", everything).startswith(
+        "lifespan, lease duration, manual liveliness act between"
+    )

@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 import pytest
 from joshua.messages import decode, encode, message_class
 from joshua.plan import QosProfile
-from joshua.transport.qos_rules import incompatibilities
+from joshua.plan.qos import qos_clashes
 
 UINT32 = "std_msgs/msg/UInt32"
 
@@ -50,7 +50,7 @@ def pair(spec, opener, eventually):
         )
 
     def fits(offer, wish):
-        return offer[0] == wish[0] and not incompatibilities(offer[1], wish[1])
+        return offer[0] == wish[0] and not qos_clashes(offer[1], wish[1])
 
     return connect
 

@@ -1,20 +1,13 @@
 """ROS 2 message classes and their CDR encoding, without a ROS 2 installation."""
 
-from joshua.messages.codec import decode, encode, preload
-from joshua.messages.errors import MessageError
-from joshua.messages.names import dds_type_name, ros_type_name
-from joshua.messages.typestore import distro, known_types, message_class, select_distro, type_hash
-
-__all__ = [
-    "MessageError",
-    "dds_type_name",
-    "decode",
-    "distro",
-    "encode",
-    "known_types",
-    "message_class",
-    "preload",
-    "ros_type_name",
-    "select_distro",
-    "type_hash",
-]
+from joshua.messages.codec import decode as decode
+from joshua.messages.codec import encode as encode
+from joshua.messages.codec import preload as preload
+from joshua.messages.typestore import MessageError as MessageError
+from joshua.messages.typestore import dds_type_name as dds_type_name
+from joshua.messages.typestore import distro as distro
+from joshua.messages.typestore import known_types as known_types
+from joshua.messages.typestore import message_class as message_class
+from joshua.messages.typestore import ros_type_name as ros_type_name
+from joshua.messages.typestore import select_distro as select_distro
+from joshua.messages.typestore import type_hash as type_hash

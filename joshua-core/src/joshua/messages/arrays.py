@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from joshua.messages.errors import MessageError
 from joshua.messages.fields import fields
 from joshua.messages.make import pixels, stamp_ns
+from joshua.messages.typestore import MessageError
 
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 import sys
 
-from joshua.messages.errors import MessageError
+from joshua.messages.typestore import MessageError
 
 HEADER_LE = b"\x00\x01\x00\x00"
 NATIVE_LE = sys.byteorder == "little"

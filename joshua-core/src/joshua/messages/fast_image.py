@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from joshua.messages.cdr import HEADER_LE, STAMP, check_end, get_string, pad, put_string, u32, u32_at
-from joshua.messages.errors import MessageError
+from joshua.messages.typestore import MessageError
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"

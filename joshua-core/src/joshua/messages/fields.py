@@ -7,13 +7,12 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
-from joshua.messages.errors import MessageError
-from joshua.messages.typestore import definitions, distro, message_class, require_type
+from joshua.messages.typestore import MessageError, definitions, distro, message_class, require_type
 
 PLACEHOLDER = "structure_needs_at_least_one_member"
 """The member that the wire form of a message without fields has."""
@@ -88,6 +87,24 @@ def _fields(full_name: str, _distro: str) -> tuple[Field, ...]:
     return tuple(result)
 
 
+def give_defaults(cls: Any, full_name: str) -> None:
+    """Let the constructor of a message class take fields in order or by name, and None for a zero.
+
+    Fields that only Jazzy has are accepted with Humble's definitions too, and left out.
+    """
+    known = fields(full_name)
+    later = definitions(humble=False).fielddefs.get(full_name, ((), ()))[1]
+    names = [field.name for field in known]
+    ignored = [name for name, _ in later if name not in {field.wire_name for field in known}]
+    lines = [f"def __init__(self, {', '.join(f'{name}=None' for name in [*names, *ignored])}):"]
+    lines += [
+        f" self.{name} = zeros[{index}]() if {name} is None else {name}" for index, name in enumerate(names)
+    ]
+    scope: dict[str, Any] = {"zeros": [partial(_zero, field) for field in known]}
+    exec("\n".join(lines), scope)  # noqa: S102 - as dataclasses do; the names are those of the definitions
+    cls.__init__ = scope["__init__"]
+
+
 def build(type_name: str, values: Any = None, path: str = "") -> Any:
     """Makes a message from plain values; what is left out takes the zero of its type.
 
@@ -119,9 +136,8 @@ def build(type_name: str, values: Any = None, path: str = "") -> Any:
     chosen = {by_name[name].name: value for name, value in values.items()}
     made = {
         field.name: _value(field, chosen[field.name], f"{path}.{field.wire_name}".lstrip("."))
-        if field.name in chosen
-        else _zero(field)
         for field in known
+        if field.name in chosen
     }
     return message_class(full)(**made)
 
@@ -178,9 +194,9 @@ def _zero(field: Field) -> Any:
     if field.shape != "one":
         if field.base in _DTYPES:
             return np.zeros(count, _DTYPES[field.base])
-        return [build(field.base) if field.is_message else "" for _ in range(count)]
+        return [message_class(field.base)() if field.is_message else "" for _ in range(count)]
     if field.is_message:
-        return build(field.base)
+        return message_class(field.base)()
     if field.base == "string":
         return ""
     return False if field.base == "bool" else 0.0 if field.base.startswith("float") else 0

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from joshua.messages.errors import MessageError
-from joshua.messages.typestore import message_class
+from joshua.messages.typestore import MessageError, message_class
 
 _NS_PER_S = 1_000_000_000
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "mono16": 2, "16UC1": 2, "32FC1": 4}

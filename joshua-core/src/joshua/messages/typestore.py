@@ -1,14 +1,12 @@
-"""The message definitions of the ROS 2 distribution in force, loaded on first use."""
+"""Type names, and the message definitions of the ROS 2 distribution in force, loaded on first use."""
 
 from __future__ import annotations
 
 import difflib
 import os
+import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
-
-from joshua.messages.errors import MessageError
-from joshua.messages.names import ros_type_name
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -16,7 +14,43 @@ if TYPE_CHECKING:
 HASH_UNSUPPORTED = "TypeHashNotSupported"
 """What Humble's middleware writes in place of a type hash."""
 
+_ROS = re.compile(r"^([a-z][a-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)$")
+_DDS = re.compile(r"^([a-z][a-z0-9_]*)::msg::dds_::([A-Z][A-Za-z0-9]*)_$")
 _selected = ""
+
+
+class MessageError(ValueError):
+    """A type is unknown, a message has a field that does not fit, or a payload is malformed."""
+
+
+def ros_type_name(name: str) -> str:
+    """Normalise ``pkg/msg/Type``, ``pkg/Type`` or ``pkg::msg::dds_::Type_`` to the first form.
+
+    Raises:
+        MessageError: the name has none of these forms.
+    """
+    match = _ROS.match(name) or _DDS.match(name)
+    if match is None:
+        raise MessageError(
+            f"{name!r} is not a message type name; write it as package/msg/Type, "
+            "such as sensor_msgs/msg/JointState"
+        )
+    return f"{match[1]}/msg/{match[2]}"
+
+
+def dds_type_name(name: str) -> str:
+    """Name of a type on the wire, such as ``std_msgs::msg::dds_::String_``.
+
+    Raises:
+        MessageError: the name is not a message type name.
+    """
+    package, _, base = ros_type_name(name).split("/")
+    return f"{package}::msg::dds_::{base}_"
+
+
+def shown_type_name(wire_name: str) -> str:
+    """The ROS 2 form of any DDS type name, for lists; services and actions included."""
+    return wire_name.replace("::dds_::", "/").replace("::", "/").removesuffix("_")
 
 
 def distro() -> str:
@@ -30,14 +64,14 @@ def distro() -> str:
 
 
 def select_distro(name: str) -> None:
-    """Sets the distribution of this process; messages made before belong to the former one."""
+    """Set the distribution of this process; messages made before belong to the former one."""
     global _selected
     _selected = name.strip().lower() or "jazzy"
 
 
 @lru_cache(maxsize=4)
 def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
-    """Loads definitions in which the fields of the types ``octets`` are uint8."""
+    """Load definitions in which the fields of the types ``octets`` are uint8."""
     # rosbags and numpy cost about 0.1 s, so that nothing imports them before a message is needed
     from rosbags.typesys import Stores, get_typestore
 
@@ -54,13 +88,12 @@ def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
     return store
 
 
-def definitions() -> Typestore:
-    """The definitions in force, as ROS 2 writes them.
+def definitions(humble: bool | None = None) -> Typestore:
+    """The definitions as ROS 2 writes them: those in force, or Humble's or Jazzy's.
 
-    Humble has its own; those of every later distribution agree with Jazzy's for all types of the
-    DataType enum.
+    Those of every later distribution agree with Jazzy's for all types of the DataType enum.
     """
-    return _load(distro() == "humble")
+    return _load(distro() == "humble" if humble is None else humble)
 
 
 def typestore() -> Typestore:
@@ -74,7 +107,7 @@ def known_types() -> list[str]:
 
 
 def require_type(name: str) -> str:
-    """Normalises a type name and checks that its definition is known.
+    """Normalise a type name and check that its definition is known.
 
     Raises:
         MessageError: the name is malformed or unknown; the nearest names stand in the message.
@@ -90,10 +123,21 @@ def require_type(name: str) -> str:
 def message_class(type_name: str) -> Any:
     """The class of a message type: a dataclass whose fields are those of the ROS 2 definition.
 
+    Its constructor takes them in order or by name; what is left out takes the zero of its type.
+
     Raises:
         MessageError: the type is unknown.
     """
-    return typestore().types[require_type(type_name)]
+    return _class(type_name, distro())
+
+
+@lru_cache(maxsize=512)
+def _class(type_name: str, _distro: str) -> Any:
+    from joshua.messages.fields import give_defaults
+
+    full = require_type(type_name)
+    give_defaults(typestore().types[full], full)
+    return typestore().types[full]
 
 
 @lru_cache(maxsize=512)

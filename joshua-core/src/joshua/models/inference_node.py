@@ -12,8 +12,8 @@ import numpy as np
 
 from joshua.features.feature_set import FeatureSet
 from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
-from joshua.messages.errors import MessageError
 from joshua.messages.make import joint_state
+from joshua.messages.typestore import MessageError
 from joshua.models.chunk_player import ChunkPlayer
 from joshua.models.model import FloatArray, JointSpace, Model, ModelError
 from joshua.models.observer import STALE_AFTER_S, Observer, UnfitMessageError

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from joshua.features.feature_set import FeatureSet
 from joshua.features.frame import Array, FeatureError, checked
 from joshua.messages.arrays import acquired_ns, array_of
-from joshua.messages.errors import MessageError
+from joshua.messages.typestore import MessageError
 from joshua.models.model import Observation
 
 NS_PER_S = 1_000_000_000

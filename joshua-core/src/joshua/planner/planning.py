@@ -96,12 +96,12 @@ def _check_terminal(draft: Draft, nodes: list[Resolved]) -> None:
 
 def _note_partial_qos(draft: Draft, nodes: list[NodeSpec], kind: str) -> None:
     """Say once which quality-of-service settings do not act everywhere, and on which topics."""
-    from joshua.transport.qos_rules import effective_qos_notes
+    from joshua.transport.choice import partial_qos
 
     topics: dict[str, list[str]] = {}
     for node in nodes:
         for topic in (*node.publishers, *node.subscriptions):
-            for note in effective_qos_notes(kind, topic.qos):
+            if note := partial_qos(kind, topic.qos):
                 topics.setdefault(note, []).append(topic.name)
     for note, names in topics.items():
         message = f"{', '.join(dict.fromkeys(names))}: {note}"

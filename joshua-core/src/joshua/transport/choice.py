@@ -10,7 +10,7 @@ import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, cast
 
-from joshua.plan import TlsSpec, TransportSettings
+from joshua.plan import QosProfile, TlsSpec, TransportSettings
 from joshua.plugins import TransportSpec
 from joshua.schema import transport_pb2 as pb
 from joshua.transport.transports import TransportError
@@ -125,6 +125,23 @@ def why_missing(settings: TransportSettings, registry: Registry) -> tuple[str, s
     known = value in pb.TransportKind.DESCRIPTOR.values_by_name
     sentence = registry.missing("transport", TransportSpec, "", value if known else settings.kind)
     return f"{chosen}, and {sentence.partition(': ')[2]}", "Install that plugin, or choose TRANSPORT_ZENOH"
+
+
+def partial_qos(kind: str, qos: QosProfile) -> str:
+    """Which settings of a profile act between JOSHUA's nodes only; "" if all act everywhere."""
+    settings = [
+        name
+        for name, used in (
+            ("deadline", qos.deadline_s > 0),
+            ("lifespan", qos.lifespan_s > 0),
+            ("lease duration", qos.lease_duration_s > 0),
+            ("manual liveliness", qos.liveliness == "MANUAL_BY_TOPIC"),
+        )
+        if used and kind == ZENOH
+    ]
+    verb, them = ("acts", "it") if len(settings) == 1 else ("act", "them")
+    note = f"{verb} between JOSHUA nodes only: ROS 2's Zenoh middleware does not apply {them}"
+    return f"{', '.join(settings)} {note}" if settings else ""
 
 
 def _kind(

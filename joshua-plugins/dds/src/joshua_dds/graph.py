@@ -32,7 +32,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from joshua.api.transports import NAMELESS, EndpointInfo, NodeInfo
 from joshua.messages import distro
-from joshua.messages.names import shown_type_name
+from joshua.messages.typestore import shown_type_name
 
 from joshua_dds import discovery_info, raw
 from joshua_dds.discovery_info import NodeEntry

@@ -7,22 +7,15 @@ publisher offers must be at least what a subscription requests.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
 
 from joshua.config.checks.context import Context
 from joshua.config.checks.identity import title
-from joshua.plan import Diagnostic, QosProfile, Related
+from joshua.plan import Diagnostic, Related
 from joshua.plan.graph import Endpoint
+from joshua.plan.qos import QosClash, qos_clashes
 from joshua.textproto.field_facts import number_text
 
 _MOST_PROFILES = 20
-
-
-class _Clash(NamedTuple):
-    field: str
-    offered: str
-    requested: str
-    remedy: str
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
@@ -35,49 +28,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
     yield from _deadline(context)
 
 
-def clashes(offered: QosProfile, requested: QosProfile) -> list[_Clash]:
-    """The settings in which a publisher offers less than a subscription requests."""
-    found = []
-    if offered.reliability == "BEST_EFFORT" and requested.reliability == "RELIABLE":
-        found.append(
-            _Clash(
-                "reliability",
-                "BEST_EFFORT",
-                "RELIABLE",
-                "Set reliability: BEST_EFFORT in the subscription's qos, or RELIABLE in the publisher's",
-            )
-        )
-    if offered.durability == "VOLATILE" and requested.durability == "TRANSIENT_LOCAL":
-        found.append(
-            _Clash(
-                "durability",
-                "VOLATILE",
-                "TRANSIENT_LOCAL",
-                "Set durability: VOLATILE in the subscription's qos, or TRANSIENT_LOCAL in the publisher's",
-            )
-        )
-    if offered.liveliness == "AUTOMATIC" and requested.liveliness == "MANUAL_BY_TOPIC":
-        found.append(
-            _Clash(
-                "liveliness",
-                "AUTOMATIC",
-                "MANUAL_BY_TOPIC",
-                "Set liveliness: AUTOMATIC in the subscription's qos, or MANUAL_BY_TOPIC in the publisher's",
-            )
-        )
-    for field in ("deadline_s", "lease_duration_s"):
-        mine, theirs = getattr(offered, field), getattr(requested, field)
-        if theirs > 0 and (mine <= 0 or mine > theirs):
-            found.append(
-                _Clash(
-                    field,
-                    f"{number_text(mine)} s" if mine > 0 else "none",
-                    f"{number_text(theirs)} s",
-                    f"Set {field} in the publisher's qos to {number_text(theirs)} or less, "
-                    "or raise the subscription's",
-                )
-            )
-    return found
+def _remedy(clash: QosClash) -> str:
+    field, offered, requested = clash
+    if field.endswith("_s"):
+        limit = requested.removesuffix(" s")
+        return f"Set {field} in the publisher's qos to {limit} or less, or raise the subscription's"
+    return f"Set {field}: {offered} in the subscription's qos, or {requested} in the publisher's"
 
 
 def _different(publishers: Iterable[Endpoint]) -> list[Endpoint]:
@@ -97,7 +53,7 @@ def _subscription(context: Context, item: Endpoint, publishers: list[Endpoint]) 
         return  # it adopts its publisher's profile
     reported = set()
     for publisher in publishers:
-        for clash in clashes(publisher.qos, item.qos):
+        for clash in qos_clashes(publisher.qos, item.qos):
             if clash.field in reported:
                 continue
             reported.add(clash.field)
@@ -108,7 +64,7 @@ def _subscription(context: Context, item: Endpoint, publishers: list[Endpoint]) 
                 f"{title(item.entry)} requests {clash.requested}; ROS 2 does not connect such a pair",
                 path,
                 found=f"offered {clash.offered}, requested {clash.requested}",
-                remedy=clash.remedy,
+                remedy=_remedy(clash),
                 related=(*_offer(context, publisher, clash.field), *_request(context, item)),
             )
 

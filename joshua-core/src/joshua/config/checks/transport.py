@@ -87,7 +87,7 @@ def _plugin_kind(context: Context, transport: pb.TransportConfig) -> Iterator[Di
     elif transport.plugin_kind and not of_plugin:
         yield context.error(
             "transport-field-unused",
-            f"plugin_kind has no effect with {pb.TransportKind.Name(transport.kind)}",
+            "plugin_kind has no effect without kind: TRANSPORT_PLUGIN",
             "transport.plugin_kind",
             remedy="Remove it, or change kind to TRANSPORT_PLUGIN",
         )

@@ -16,8 +16,8 @@ from typing import Any
 
 import zenoh
 
-from joshua.messages.names import shown_type_name
-from joshua.transport.qos_rules import incompatibilities
+from joshua.messages.typestore import shown_type_name
+from joshua.plan.qos import qos_clashes
 from joshua.transport.transports import EndpointInfo, NodeInfo
 from joshua.transport.zenoh.keys import ADMIN_SPACE, PUBLISHER, SUBSCRIPTION, Entity, read_token
 
@@ -200,7 +200,7 @@ class Matching:
             return
         gid = entity.gid
         pair = (own.qos, entity.qos) if self._kind == SUBSCRIPTION else (entity.qos, own.qos)
-        reasons = incompatibilities(*pair) if self._graph.is_ours(entity) else []
+        reasons = qos_clashes(*pair) if self._graph.is_ours(entity) else []
         # the sets are replaced, never changed, so that the receive path reads them without the lock
         with self._lock:
             lost = gid in self.connected and not present
@@ -214,9 +214,11 @@ class Matching:
             }
         if reasons and present:
             side = "subscription" if self._kind == SUBSCRIPTION else "publisher"
-            self._on_incompatible(
-                f"the {side} of {entity.full_name} on {own.topic} does not connect: {'; '.join(reasons)}"
+            why = "; ".join(
+                f"{field}: the publisher offers {offered}, the subscription requests {requested}"
+                for field, offered, requested in reasons
             )
+            self._on_incompatible(f"the {side} of {entity.full_name} on {own.topic} does not connect: {why}")
         if lost and self._on_lost is not None:
             self._on_lost(entity)
 
