@@ -88,14 +88,14 @@ def test_a_transport_of_a_third_party_is_chosen_by_its_name():
         assert (settings.kind, settings.implementation) == ("acme", "acme.transport:Acme")
     missing = choose('kind: TRANSPORT_PLUGIN plugin_kind: "acme"', {}, INSTALLED)
     assert missing.implementation == ""
-    assert "acme needs a plugin that provides it" in why_missing(missing, INSTALLED)[0]
+    assert "acme requires a plugin that provides it" in why_missing(missing, INSTALLED)[0]
 
 
 def test_a_missing_plugin_and_a_missing_library_are_named():
     settings = choose("kind: TRANSPORT_DDS", {}, CORE_ALONE)
     assert settings.implementation == ""
     message, remedy = why_missing(settings, CORE_ALONE)
-    assert message.startswith(f"the transport dds was chosen ({FILE}), and TRANSPORT_DDS needs the plugin")
+    assert message.startswith(f"the transport dds was chosen ({FILE}), and TRANSPORT_DDS requires the plugin")
     assert "leave out --block-plugin dds" in message
     assert remedy.endswith("or choose TRANSPORT_ZENOH")
     lost = registry_of(
