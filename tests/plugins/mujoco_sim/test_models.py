@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from joshua_mujoco_sim.catalog import PACKAGED_MODELS, find_packaged, packaged_names
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model, model_file
-from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.opengl import RenderingError, choose_gl
+from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.rendering import CameraRenderer
 
 #: Published ranges of the SO-ARM100, rad.
 RANGES = {
@@ -48,7 +50,8 @@ def test_arm_has_the_published_figures(name: str) -> None:
     for joint, limits in RANGES.items():
         assert model.joint(joint).range == pytest.approx(limits)
         assert model.actuator(joint).ctrlrange == pytest.approx(limits)
-        assert model.actuator(joint).forcerange == pytest.approx((-3.35, 3.35))
+        stall = 1.675 if joint == "gripper" else 3.35  # half of it squeezes enough
+        assert model.actuator(joint).forcerange == pytest.approx((-stall, stall))
     for body, mass_kg in MASSES.items():
         assert model.body(body).mass[0] == pytest.approx(mass_kg)
 
@@ -82,25 +85,83 @@ def test_jaw_closes_on_its_pads_and_opens_away_from_them() -> None:
     assert 0.03 < gap_m(0.5) < gap_m(1.0)
 
 
-def test_arm_lifts_the_cube() -> None:
-    """Friction, pads and drives together: a closed jaw carries the cube up."""
+@pytest.mark.parametrize("name", [name for name in ARMS if name.startswith("so_arm100/")])
+def test_jaws_do_not_pass_through_each_other(name: str) -> None:
+    physics = Physics(load_model(name))
+    goal = physics.group(()).position_rad
+    goal[5] = -0.2
+    physics.group(()).set_command(goal)
+    physics.step(round(2 / physics.timestep_s))
+    assert 0.0 < physics.group(()).position_rad[5] < 0.06
+    depth_m = -min(physics.data.contact.dist)
+    assert depth_m < 0.001
+
+
+def test_a_grip_has_its_site_between_the_jaws_and_squeezes_with_half_of_the_stall_torque() -> None:
+    physics, arm, pose, _ = _gripping(np.array([0.0, -0.27, 0.0125]))
+    arm.set_command(pose)
+    physics.step(500)
+    grip, cube = physics.data.site("gripper").xpos, physics.data.body("cube").xpos
+    assert np.abs(grip - cube).max() < 0.008
+    assert abs(arm.torque[5]) == pytest.approx(1.675, abs=0.01)
+
+
+def _gripping(cube_at: np.ndarray) -> tuple[Physics, ActuatorGroup, np.ndarray, np.ndarray]:
+    """The arm around a cube, the pose in which its jaws close, and the place of its grip."""
     physics = Physics(load_model("so_arm100/pick_place.xml"))
     arm = physics.group(tuple(RANGES))
-    cube_at = np.array([0.0, -0.27, 0.0125])
     address = physics.model.joint("cube").qposadr[0]
     physics.data.qpos[address : address + 3] = cube_at
-    beside = cube_at + np.array([0.013, 0.0, 0.004])  # the fixed jaw stands beside the cube
-    pose = _pose_over(physics.model, beside + np.array([0, 0, 0.06]))
-    arm.set_position(pose)
+    around = cube_at + np.array([0.0, 0.0, 0.004])
+    arm.set_position(_pose_over(physics.model, around + np.array([0, 0, 0.06])))
     for height_m in np.linspace(0.06, 0.0, 40):
-        pose = _pose_over(physics.model, beside + np.array([0, 0, height_m]))
+        pose = _pose_over(physics.model, around + np.array([0, 0, height_m]))
         arm.set_command(pose)
         physics.step(15)
     pose[5] = 0.0
+    return physics, arm, pose, around
+
+
+@pytest.mark.parametrize("place", [(0.0, -0.27), (0.06, -0.26), (-0.1, -0.24)])
+def test_the_top_camera_sees_the_cube_between_the_jaws(place: tuple[float, float]) -> None:
+    try:
+        choose_gl()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be drawn here: {error}")
+    physics, arm, pose, _ = _gripping(np.array([*place, 0.0125]))
+    arm.set_command(pose)
+    physics.step(500)
+    renderer = CameraRenderer(physics.model, "top", 320, 240)
+    try:
+        renderer.look(physics.data)
+        red, green, blue = renderer.draw().astype(int).transpose(2, 0, 1)
+    finally:
+        renderer.close()
+    assert ((red > 2.5 * green) & (red > 2.5 * blue) & (red > 60)).sum() > 25
+
+
+def test_a_free_drive_lets_the_arm_fall_and_a_braked_one_lets_it_sink() -> None:
+    ways = []
+    for free in (True, False):
+        physics = Physics(load_model("so_arm100/scene.xml"))
+        arm = physics.group(())
+        start = arm.position_rad
+        for _ in range(300):  # 0.6 s
+            arm.set_command(arm.free_command if free else arm.position_rad)
+            physics.step()
+        assert not free or np.abs(arm.torque).max() < 0.02
+        ways.append(np.abs(arm.position_rad - start).max())
+    assert ways[0] > 0.25
+    assert ways[1] < 0.1
+
+
+def test_arm_lifts_the_cube() -> None:
+    """Friction, pads and drives together: a closed jaw carries the cube up."""
+    physics, arm, pose, around = _gripping(np.array([0.0, -0.27, 0.0125]))
     arm.set_command(pose)
     physics.step(500)
     for height_m in np.linspace(0.0, 0.08, 60):
-        pose[:5] = _pose_over(physics.model, beside + np.array([0, 0, height_m]))[:5]
+        pose[:5] = _pose_over(physics.model, around + np.array([0, 0, height_m]))[:5]
         arm.set_command(pose)
         physics.step(15)
     physics.step(250)

@@ -26,9 +26,10 @@ WHEEL_GAIN_PER_S = 10.0
 class SimActuator(Actuator):
     """Some actuators of the simulated model.
 
-    With torque a position actuator goes to its goal as the model's drive does; a velocity actuator (a
-    wheel) turns until it has reached the goal angle. Without torque the drive only brakes, so that the
-    joint sinks and can be pushed, or it follows the configured motion of its own. Effort is the actuator's
+    With torque on, a position actuator goes to its goal as the model's drive does; a velocity actuator (a
+    wheel) turns until it has reached the goal angle. Once released, the drive applies no force: the arm falls
+    against the friction of its gears, and can be pushed. Until the first ``enable`` or ``release`` it is
+    braked where the model has it. A configured motion of its own replaces both. Effort is the actuator's
     force, N·m.
 
     Args:
@@ -49,6 +50,7 @@ class SimActuator(Actuator):
         self._wheels = np.zeros(len(joints), dtype=bool)
         self._speed_max = np.zeros(len(joints))
         self._goal: FloatArray | None = None
+        self._is_free = False
         self._motion: Motion | None = None
         self._motion_start_s = 0.0
         self._stamps = self.context.clock
@@ -119,7 +121,7 @@ class SimActuator(Actuator):
         """Takes torque off; does nothing on a closed device."""
         if self._world is not None:
             with self._world.lock:
-                self._goal = None
+                self._goal, self._is_free = None, True
 
     def read_torque(self) -> dict[str, bool]:
         """Whether the drives of the joints have a goal."""
@@ -144,7 +146,7 @@ class SimActuator(Actuator):
         limited = model.actuator_ctrllimited[ids].astype(bool)
         self._speed_max = np.where(limited, np.abs(model.actuator_ctrlrange[ids]).max(axis=1), np.inf)
         self._wheels = group.goes_at_speeds
-        self._group, self._motion, self._goal = group, motion, None
+        self._group, self._motion, self._goal, self._is_free = group, motion, None, False
         self._motion_start_s = world.physics.time_s
         self._world = world
         self._unhook = world.before_step(self._drive)
@@ -158,6 +160,9 @@ class SimActuator(Actuator):
         goal = self._goal
         if goal is None and self._motion is not None:
             goal = self._own_motion(physics)
+        if goal is None and self._is_free:
+            group.set_command(group.free_command)
+            return
         goal = position if goal is None else self._zero + self._sign * goal
         if self._wheels.any():
             speed = np.clip(WHEEL_GAIN_PER_S * (goal - position), -self._speed_max, self._speed_max)

@@ -163,8 +163,7 @@ class ServoDrives:
         self._group: ActuatorGroup = physics.group(tuple(actuators))
         self._model = physics.model
         self._ids = [physics.model.actuator(name).id for name in actuators]
-        self._force = physics.model.actuator_forcerange[self._ids].copy()
-        self._stall = np.abs(self._force).max(axis=1)
+        self._stall = physics.stall_forces[self._ids]  # the servo's own torque limit replaces the model's
         self._target = self._group.position_rad
         self._set_point = self._target.copy()
         self._torque = np.zeros(len(actuators))
@@ -189,8 +188,7 @@ class ServoDrives:
         on = self._torque > 0
         way = self._speed * physics.timestep_s
         step = np.clip(self._target - self._set_point, -way, way)
-        # a servo without torque only brakes, so that its joint sinks and can be pushed
         self._set_point = np.where(on, self._set_point + step, position)
         self._group.set_command(self._set_point)
-        limit = np.where(on, np.clip(self._torque, 0.0, 1.0), 1.0)
-        self._model.actuator_forcerange[self._ids] = self._force * limit[:, None]
+        limit = self._stall * np.clip(self._torque, 0.0, 1.0)  # 0 without torque: the joint falls
+        self._model.actuator_forcerange[self._ids] = np.column_stack([-limit, limit])

@@ -62,6 +62,11 @@ class Physics:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         mujoco.set_mju_user_warning(_note)
         self.data = mujoco.MjData(model)
+        #: Force at stall of each drive: its first ``user`` value, else its limit in the model.
+        self.stall_forces: FloatArray = np.abs(model.actuator_forcerange).max(axis=1)
+        if model.nuser_actuator:
+            named = model.actuator_user[:, 0]
+            self.stall_forces = np.where(named > 0, named, self.stall_forces)
         names = [model.key(index).name for index in range(model.nkey)]
         if keyframe and keyframe not in names:
             raise ModelError(f"the model has no keyframe {keyframe!r}: it has {', '.join(names) or 'none'}")
@@ -187,6 +192,7 @@ class ActuatorGroup:
         self.joints = tuple(model.joint(int(joint)).name for joint in joints)
         self._data = physics.data
         self._ctrl: IntArray = ids
+        self._model = model
         bias = model.actuator_biasprm[ids, 1]
         affine = model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE
         self.goes_to_positions: BoolArray = affine & (bias < 0)
@@ -244,6 +250,14 @@ class ActuatorGroup:
     def command(self) -> FloatArray:
         """What the actuators are told, shape (N,), a copy."""
         return np.asarray(self._data.ctrl[self._ctrl])
+
+    @property
+    def free_command(self) -> FloatArray:
+        """Commands with which the drives apply no force until the next step, shape (N,)."""
+        model, ids = self._model, self._ctrl
+        offset, per_rad, per_rad_s = model.actuator_biasprm[ids, :3].T
+        force = offset + per_rad * self.position_rad + per_rad_s * self.velocity_rad_s
+        return np.asarray(-force / model.actuator_gainprm[ids, 0])
 
     def set_command(self, values: FloatArray) -> None:
         """Tells the actuators where to go, shape (N,); limits of the model hold."""
