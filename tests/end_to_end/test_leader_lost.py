@@ -68,5 +68,5 @@ def test_the_follower_holds_then_ramps_or_acts_by_its_policy(tmp_path: Path, jos
         assert rig.joshua("resume", "follower_arm").returncode == 0
         assert rig.energised() == {True}
         output = rig.stop()
-    assert "no command any more: the joints hold their position" in output
-    assert "commands are back: the joints approach them slowly" in output
+    assert "commands stopped: the joints hold their position" in output
+    assert "commands resumed: the joints approach them slowly" in output

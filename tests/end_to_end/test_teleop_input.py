@@ -259,6 +259,7 @@ robot {
     gamepad_config {
       device: "DEVICE"
       dead_man_button: "left_bumper"
+      release_button: "back"
       controls { positive: "left_x" joint: "joint_1" speed_rad_s: 1.5 }
     }
   }
@@ -288,14 +289,18 @@ def test_a_person_takes_over_and_gives_back(
             pad.set(left_x=1.0)
             wait(lambda: ear.now("joint_1") > 0.5, "the motion")
             pad.set(left_x=0.0, left_bumper=0)
+            time.sleep(1.0)
+            assert ear.now("joint_1") > 0.5, "the arm holds"
+            pad.set(back=1)
             wait(lambda: abs(ear.now("joint_1")) < 0.05, "the way back to the leader")
         finally:
             ear.close()
             output, errors = joshua_run.stop(run)
     said = output + errors
     assert run.returncode == 0, said
-    assert said.count("/gamepad takes over") == 1
-    assert said.count("/gamepad has been silent for 0.5 s: other commands count again") == 1
+    assert said.count("/gamepad overrides: commands of other nodes are ignored") == 1
+    assert said.count("the override /gamepad stopped publishing: the joints hold their position") == 1
+    assert said.count("the override /gamepad is released: other commanders have control again") == 1
 
 
 KEYBOARD_JOY = """

@@ -12,6 +12,7 @@ from joshua.devices.errors import DeviceError
 from joshua.devices.goal import RAMP_SPEED_RAD_S
 from joshua.messages.make import joint_state
 from joshua.mock.settings import MockMotorSettings
+from joshua.node.verbs import RefusedError
 from joshua.plan import JointRange, NodeKind, NodeSpec, TopicSpec
 from joshua.plugins.targets import TargetError
 from joshua.schema import config_pb2
@@ -36,7 +37,7 @@ def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **f
             "implementation": "joshua.mock.actuator:MockActuator",
             "settings_type": "joshua.mock.settings:MockMotorSettings",
             "settings": settings.model_dump(mode="json"),
-            "facts": {"joints": settings.joints(), **facts},
+            "facts": {"joints": settings.joints(), "external": (COMMAND.name,), **facts},
             "frame_id": "base",
             "publishers": (STATE,),
             "subscriptions": (COMMAND,),
@@ -165,9 +166,9 @@ def test_joints_hold_when_commands_stop(run: Any, caplog: pytest.LogCaptureFixtu
     held = node.written[-1].position.copy()
     node.cycles(10)
     assert (node.written[-1].position == held).all()
-    assert caplog.messages == ["no command any more: the joints hold their position"]
+    assert caplog.messages == ["commands stopped: the joints hold their position"]
     node.cycles(2, send=joint_state(["joint_1"], [1.0]))
-    assert caplog.messages[1:] == ["commands are back: the joints approach them slowly"]
+    assert caplog.messages[1:] == ["commands resumed: the joints approach them slowly"]
 
 
 def test_a_follower_takes_the_fraction_of_its_leaders_range(run: Any) -> None:
@@ -203,9 +204,12 @@ def test_only_the_leaders_own_topic_is_mapped(run: Any) -> None:
     assert node.written[-1].position[0] == pytest.approx(0.02)
 
 
-def test_whoever_is_declared_takes_over_and_gives_back(run: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_override_takes_control_and_gives_it_back_by_a_verb(
+    run: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     caplog.set_level("INFO")
-    node = run(facts={"commanders": [{"node": "/gamepad", "topic": "/arm/command", "override": True}]})
+    override = {"node": "/gamepad", "topic": "/arm/command", "override": True}
+    node = run(facts={"commanders": [override, {"node": "/model", "topic": "/arm/command"}], "external": ()})
     model, person = joint_state(["joint_1"], [0.4]), joint_state(["joint_1"], [-0.4])
     node.cycles(600, send=model, publisher="/model")
     assert node.written[-1].position[0] == pytest.approx(0.4)
@@ -215,14 +219,36 @@ def test_whoever_is_declared_takes_over_and_gives_back(run: Any, caplog: pytest.
         node.cycles(1, send=model, publisher="/model")
     turned = np.array([message.position[0] for message in node.written[before:]])
     assert (np.diff(turned) < 0).all(), "nothing of the model gets through"
-    assert np.diff(turned).min() > -0.011, "the new one is approached at the speed of a first command"
-    node.clock.sleep(0.55)
-    node.cycles(2, send=model, publisher="/model")
-    assert node.written[-1].position[0] > turned[-1]
-    assert caplog.messages == [
-        "/gamepad takes over: commands of others are ignored while it sends",
-        "/gamepad has been silent for 0.5 s: other commands count again",
-    ]
+    assert np.diff(turned).min() > -0.011, "the override is approached at the speed of a first command"
+    with pytest.raises(RefusedError, match=r"the override /gamepad still publishes\. Stop it first"):
+        node.node.release_override()
+    node.clock.sleep(0.25)
+    node.context.tick("safety")
+    held = node.written[-1].position[0]
+    node.cycles(200, send=model, publisher="/model")
+    assert node.written[-1].position[0] == held
+    node.context.tick("diagnostics")
+    assert node.context.shown == "override /gamepad stopped publishing: holding"
+    assert node.node.release_override() == (
+        "/arm: the override /gamepad is released; the joints approach the next command slowly"
+    )
+    before = len(node.written)
+    node.cycles(20, send=model, publisher="/model")
+    turned = np.array([message.position[0] for message in node.written[before:]])
+    assert 0.004 < np.diff(turned).max() < 0.0065, "1 rad/s at 200 Hz, in whole ticks"
+    with pytest.raises(RefusedError, match="/arm has no override to release"):
+        node.node.release_override()
+    assert not any("commands stopped" in message for message in caplog.messages), "one line for one event"
+
+
+def test_a_stranger_is_refused_and_shown(run: Any) -> None:
+    node = run(facts={"commanders": [{"node": "/leader", "topic": "/arm/command"}], "external": ()})
+    node.cycles(20, send=joint_state(["joint_1"], [1.0]), publisher="/talker")
+    assert np.ptp([message.position[0] for message in node.written]) == 0
+    node.context.tick("diagnostics")
+    assert node.context.shown == "20 commands refused from /talker"
+    (row, *_) = node.context.publishers["/diagnostics"].messages[-1].status
+    assert {"commander": "", "commands_refused": "20"}.items() <= {v.key: v.value for v in row.values}.items()
 
 
 def test_a_leader_without_a_range_is_refused() -> None:

@@ -41,6 +41,7 @@ class Node:
             settings=settings.model_dump(mode="json"),
             facts=ActuatorFacts(
                 joints=settings.joints(),
+                external=(COMMAND.name,),
                 run=RunFacts(
                     robot="desk",
                     domain_id=7,

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from joshua.devices.actuator import JointLimits
 from joshua.devices.actuator_node import ActuatorNode
-from joshua.devices.command_intake import StalePolicy
 from joshua.devices.errors import DeviceDisconnected
-from joshua.devices.goal import GoalGenerator, GoalState
+from joshua.devices.goal import GoalGenerator, GoalState, StalePolicy
 from joshua.devices.joint_command import JointCommand
 from joshua.messages.make import joint_state
 from joshua.mock.settings import MockMotorSettings
@@ -115,7 +114,10 @@ def node() -> Iterator[ActuatorNode]:
         settings_type="joshua.mock.settings:MockMotorSettings",
         settings=settings.model_dump(mode="json"),
         facts=ActuatorFacts(
-            joints=settings.joints(), stale_after_s=0.0, on_stale=OnStale("RELEASE", 0.0, (), 5.0)
+            joints=settings.joints(),
+            external=(COMMAND.name,),
+            stale_after_s=0.0,
+            on_stale=OnStale("RELEASE", 0.0, (), 5.0),
         ),
         publishers=(STATE,),
         subscriptions=(COMMAND,),

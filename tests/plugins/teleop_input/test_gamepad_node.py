@@ -79,6 +79,28 @@ def test_the_goal_goes_on_at_the_rate_of_the_topic(start: Start, pad: EmulatedGa
     assert context.publishers[COMMANDS].messages[-1].name == ["pan"]
 
 
+def test_the_release_button_returns_control_once(start: Start, pad: EmulatedGamepad) -> None:
+    node, context = begin(start, pad, DEAD_MAN + ' release_button: "back"')
+    press_and_wait(node, pad, left_bumper=1)
+    wait_until(lambda: sent(context), "a command")
+    pad.set(back=1)
+    messages = context.publishers[COMMANDS].messages
+    wait_until(lambda: not len(messages[-1].name), "the message without joints")
+    assert not node.drive.gate.active, "the held dead-man button must be released first"
+    count = len(messages)
+    hear(context)
+    context.tick("commands", 5)
+    pad.set(back=0, left_x=1.0)
+    wait_until(lambda: not node.drive.returns_control)
+    context.tick("commands", 5)
+    assert len(messages) == count
+    pad.set(left_bumper=0, left_x=0.0)
+    wait_until(lambda: node.drive.gate._dead_man_was_up, "the release of the dead-man button")
+    hear(context)
+    pad.set(left_bumper=1)
+    wait_until(lambda: len(messages) > count, "driving is on again")
+
+
 def test_nothing_is_sent_once_the_dead_man_is_released(start: Start, pad: EmulatedGamepad) -> None:
     node, context = begin(start, pad, DEAD_MAN)
     press_and_wait(node, pad, left_bumper=1, left_x=1.0)

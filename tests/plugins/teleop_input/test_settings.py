@@ -38,6 +38,8 @@ def refusal(error: ValidationError) -> FieldError:
             "",
         ),
         ('dead_man_button: "a" enable_button: "a"' + STICK, "enable_button", ""),
+        ('dead_man_button: "a" release_button: "a"' + STICK, "release_button", ""),
+        ('release_button: "bakc"' + STICK, "release_button", "back"),
         ('controls { positive: "left_x" joint: "pann" speed_rad_s: 1 }', "controls[0].joint", "pan"),
     ],
 )

@@ -9,11 +9,11 @@ from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
-from joshua.devices.command_intake import CommandIntake, StalePolicy, TakeOver, leader_mappings
+from joshua.devices.command_intake import Commanders, CommandIntake, leader_mappings
 from joshua.devices.context import ActuatorContext
-from joshua.devices.diagnostics import DiagnosticsPublisher
+from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceError, DeviceSilent, SafetyTripped
-from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState
+from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState, StalePolicy
 from joshua.devices.joint_command import CommandReader
 from joshua.guardian.order import BEAT_S
 from joshua.messages.make import joint_state
@@ -57,6 +57,7 @@ class ActuatorNode(NodeBehaviour):
         self._actuator: Actuator | None = None
         self._goals: GoalGenerator | None = None
         self._commands: list[tuple[CommandReader, TrafficFigures]] = []
+        self._commanders: Commanders | None = None
         self._on_stale: StalePolicy | None = None
         self._outputs = Outputs(())
         self._written: MessagePublisher | None = None
@@ -106,13 +107,13 @@ class ActuatorNode(NodeBehaviour):
                 TopicSpec(name="~/applied_command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
             )
         self._diagnostics = DiagnosticsPublisher(
-            self.context, lambda: self._test.diagnosed(self._status.rows(actuator))
+            self.context, lambda: self._test.diagnosed(self._diagnosed(actuator))
         )
         if not self._is_leader:
-            overriding = [other.node for other in self._facts.commanders if other.override]
-            take_over = TakeOver(overriding, self.context.log) if overriding else None
+            facts = self._facts
+            self._commanders = Commanders(facts.commanders, facts.external, self._goals, self.context.log)
             for topic in spec.subscriptions:
-                self._subscribe(actuator, topic, take_over)
+                self._subscribe(actuator, self._goals, self._commanders, topic)
 
     def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
         """Refuses a driver whose joints are others once it is connected, or others than the plan's."""
@@ -189,6 +190,20 @@ class ActuatorNode(NodeBehaviour):
         self._leave_fault()
         return f"{name} has torque again; it approaches its next command slowly"
 
+    @verb(moves=True)
+    def release_override(self) -> str:
+        """Ends an override: the leader or model of the file has control again."""
+        name, commanders = self.context.spec.full_name, self._commanders
+        if commanders is None or not commanders.overriding:
+            raise RefusedError(f"{name} has no override to release")
+        if not commanders.held:
+            raise RefusedError(
+                f"{name}: the override {commanders.current} still publishes. Stop it first, or press its "
+                "release button"
+            )
+        released = commanders.release()
+        return f"{name}: the override {released} is released; the joints approach the next command slowly"
+
     def _rejoin(self) -> None:
         """Energises the relaxed joints; the others have torque."""
         actuator, goals = self._device()
@@ -255,15 +270,14 @@ class ActuatorNode(NodeBehaviour):
             names = ", ".join(topic.name for topic in spec.subscriptions)
             self.context.warn(f"{spec.full_name}: a leader is moved by hand, so {names} has no effect")
 
-    def _subscribe(self, actuator: Actuator, topic: TopicSpec, take_over: TakeOver | None) -> None:
+    def _subscribe(
+        self, actuator: Actuator, goals: GoalGenerator, commanders: Commanders, topic: TopicSpec
+    ) -> None:
         mappings = leader_mappings(self.context, topic.name)
         reader = CommandReader(topic.name, actuator.joint_names, self.context.log, mappings)
-        _, goals = self._device()
-        commands = CommandIntake(reader, goals, take_over)
-        take = commands.joint_state if topic.type_name == JOINT_STATE else commands.trajectory
-        named = bool(mappings) or take_over is not None
-        subscribe = self.context.subscribe_named if named else self.context.subscribe
-        self._commands.append((reader, subscribe(topic, take)))
+        intake = CommandIntake(reader, goals, commanders, lambda _: None)
+        take = intake.joint_state if topic.type_name == JOINT_STATE else intake.trajectory
+        self._commands.append((reader, self.context.subscribe_named(topic, take)))
 
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever else the device raises fails the node."""
@@ -311,6 +325,8 @@ class ActuatorNode(NodeBehaviour):
         """Shows the guardian a sign of life, and obeys an e-stop."""
         actuator, _ = self._device()
         self._safety.beat()
+        if self._commanders is not None:
+            self._commanders.watch(time.monotonic_ns())
         latch = self._safety.latch()
         if latch is None:
             if self._stopped_by:
@@ -358,6 +374,12 @@ class ActuatorNode(NodeBehaviour):
         self._status.fault = ""
         self.context.fault("")
 
+    def _diagnosed(self, actuator: Actuator) -> list[DiagnosticStatus]:
+        """The rows for ``/diagnostics``; shows who commands in the status line, too."""
+        if self._commanders is not None:
+            self.context.show(self._commanders.shown)
+        return self._status.rows(actuator, self._commanders)
+
     def _message(self, reading: JointReading, type_name: str) -> Any | None:
         assert self._actuator is not None
         if type_name != JOINT_STATE:
@@ -387,10 +409,11 @@ class ActuatorNode(NodeBehaviour):
     def _report_state(self, state: GoalState) -> None:
         if state is self._last_state:
             return
-        if state is GoalState.HOLDING:
-            self.context.log.warning("no command any more: the joints hold their position")
+        held = self._commanders is not None and self._commanders.held  # which has been logged
+        if state is GoalState.HOLDING and not held:
+            self.context.log.warning("commands stopped: the joints hold their position")
         elif state is GoalState.PARKING:
-            self.context.log.warning("no command for too long: the joints go to their park pose")
+            self.context.log.warning("no command for too long: the joints move to their park pose")
         elif self._last_state in (GoalState.HOLDING, GoalState.PARKING):
-            self.context.log.info("commands are back: the joints approach them slowly")
+            self.context.log.info("commands resumed: the joints approach them slowly")
         self._last_state = state

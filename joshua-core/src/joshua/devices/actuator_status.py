@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from joshua.devices.actuator import Actuator, JointReading
+from joshua.devices.command_intake import Commanders
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.guardian.silence import AwakeClock
 from joshua.plan import NodeSpec
@@ -80,11 +82,16 @@ class ActuatorStatus:
         self.patience = Patience()
         self._missed_reported = 0
 
-    def rows(self, actuator: Actuator) -> list[DiagnosticStatus]:
-        """A row of the whole actuator, and the driver's; one for each joint where the driver has none."""
+    def rows(self, actuator: Actuator, commanders: Commanders | None = None) -> list[DiagnosticStatus]:
+        """A row of the whole actuator, and the driver's; one for each joint if the driver has none."""
         rows = list(actuator.diagnostics())
         hardware_id = f"{self._spec.plugin} {self._spec.block}"
-        return [self._summary(hardware_id), *(rows or self._joint_rows(actuator.joint_names, hardware_id))]
+        summary = self._summary(hardware_id)
+        if commanders is not None:
+            refused = sum(commanders.refused.values())
+            values = {"commander": commanders.current or "", "commands_refused": str(refused)}
+            summary = replace(summary, values={**summary.values, **values})
+        return [summary, *(rows or self._joint_rows(actuator.joint_names, hardware_id))]
 
     def _summary(self, hardware_id: str) -> DiagnosticStatus:
         patience = self.patience

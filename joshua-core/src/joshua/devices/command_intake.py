@@ -1,171 +1,193 @@
-"""From the messages of a command topic to goals: whose turn it is, what the message says, what follows."""
+"""From the messages of a command topic to goals: who commands, what the message says, what follows."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable
-from enum import Enum
+from collections.abc import Callable, Iterable
 from typing import Any
 
-import numpy as np
-
-from joshua.devices.actuator import FloatArray
 from joshua.devices.errors import DeviceError
-from joshua.devices.goal import GoalGenerator, GoalState
+from joshua.devices.goal import GoalGenerator
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.mapping import LeaderMapping
 from joshua.node.context import NodeContext
-from joshua.plan import ActuatorFacts, Commander, OnStale
+from joshua.plan import ActuatorFacts, Commander
 
 NS_PER_S = 1_000_000_000
 
-#: Silence of the override publisher after which the others' commands count again.
-RELEASED_AFTER_S = 0.5
+#: Time without a message of an override after which the joints hold; noticed within another 50 ms.
+OVERRIDE_LOST_AFTER_S = 0.2
+
+#: Time without a message of a commander after which another permitted one may command.
+FREE_AFTER_S = 0.5
+
+# names come from outside: what is remembered is bounded
+_MOST_REFUSED = 100
 
 
-class Turn(Enum):
-    """What a command is worth."""
+class Commanders:
+    """Decides whose commands one actuator executes: one commander at a time.
 
-    OURS = "ours"
-    """It comes from the one who commands."""
-    FIRST = "first"
-    """So it does, and its publisher has just come to command: the joints must approach it slowly."""
-    NOT_OURS = "not ours"
-    """Somebody else commands; it is to be ignored."""
-
-
-class TakeOver:
-    """Decides between the publishers that command one actuator.
+    The plan names who may command; on an external topic any node may. The first to publish commands until it
+    has been silent for ``FREE_AFTER_S``. An override takes control at once and keeps it: if it stops, the
+    joints hold until ``release`` returns control or the override publishes again. Every other command is
+    refused. Hold ``lock`` from the question to the action: commands arrive on several threads.
 
     Args:
-        overriding: full names of the nodes that take over.
-        log: where a change of hands is reported.
-        released_after_s: silence of the overriding node after which the others command again.
+        commanders: that the plan names; external: topics that are open to others.
+        goals: of the actuator.
+        log: where refusals and changes of control are reported.
+
+    Attributes:
+        current: full name of the commander, None if there is none, "" for one that is not a ROS 2 node.
+        overriding: it is an override; held: that has stopped publishing.
+        overrides: full names and topics of the overrides.
+        refused: number of refused commands, by the name of the publisher.
     """
 
     def __init__(
-        self, overriding: Iterable[str], log: Any, *, released_after_s: float = RELEASED_AFTER_S
+        self, commanders: Iterable[Commander], external: Iterable[str], goals: GoalGenerator, log: Any
     ) -> None:
-        self._overriding = frozenset(overriding)
-        self._log = log
-        self._released_after_s = released_after_s
-        # two topics can command one actuator, each on a thread of its own
-        self._lock = threading.Lock()
-        self._holder = ""
-        self._until_ns = 0
-
-    def turn(self, publisher: str, now_ns: int, lasts_s: float = 0.0) -> Turn:
-        """Whether a command counts.
-
-        Args:
-            publisher: full name of the node that sent it.
-            now_ns: on the monotonic clock.
-            lasts_s: how long the command goes on by itself; a trajectory plays that long.
-        """
-        with self._lock:
-            if publisher in self._overriding:
-                return self._override(publisher, now_ns, lasts_s)
-            if not self._holder:
-                return Turn.OURS
-            if now_ns < self._until_ns:
-                return Turn.NOT_OURS
-            self._log.info(
-                "%s has been silent for %g s: other commands count again",
-                self._holder,
-                self._released_after_s,
-            )
-            self._holder = ""
-            return Turn.FIRST
-
-    def _override(self, publisher: str, now_ns: int, lasts_s: float) -> Turn:
-        first = self._holder != publisher
-        if first:
-            self._log.warning("%s takes over: commands of others are ignored while it sends", publisher)
-        self._holder = publisher
-        self._until_ns = now_ns + round((lasts_s + self._released_after_s) * NS_PER_S)
-        return Turn.FIRST if first else Turn.OURS
-
-
-PARK = "PARK_THEN_RELEASE"
-
-#: A joint this close to its park pose has arrived; about what gravity takes from a servo of a desk arm.
-ARRIVED_RAD = 0.05
-
-
-class StalePolicy:
-    """The policy of one actuator that does not hold for ever.
-
-    Args:
-        goals: of the actuator; they park it.
-        policy: what they do, and when.
-    """
-
-    def __init__(self, goals: GoalGenerator, policy: OnStale) -> None:
+        self._named = {(one.node, one.topic): one.override for one in commanders}
+        self.overrides = frozenset(key for key, override in self._named.items() if override)
+        self._external = frozenset(external)
         self._goals = goals
-        self._action, self._after_s, self._timeout_s = policy.action, policy.after_s, policy.timeout_s
-        self._pose = np.array(policy.pose_rad, np.float64)
-        self._state = GoalState.WAITING
-        self._since_s = 0.0
+        self._log = log
+        self._until_ns = 0
+        self.lock = threading.Lock()
+        self.current: str | None = None
+        self.overriding = self.held = False
+        self.refused: dict[str, int] = {}
 
-    def look(self, position_rad: FloatArray, now_s: float) -> str:
-        """Takes the state of a control cycle; returns why the torque must go now, "" while it need not."""
-        state = self._goals.state if self._goals.stale else GoalState.FOLLOWING
-        if state is not self._state:
-            self._state, self._since_s = state, now_s
-        elapsed_s = now_s - self._since_s
-        if state is GoalState.HOLDING and elapsed_s >= self._after_s:
-            if self._action != PARK:
-                return f"no command came back within {self._after_s:g} s, so the torque was taken off"
-            self._goals.park(self._pose)
-        if state is GoalState.PARKING:
-            if np.abs(position_rad - self._goals.limits.clip(self._pose)).max() < ARRIVED_RAD:
-                return "no command came back, so the joints were parked and their torque was taken off"
-            if elapsed_s >= self._timeout_s:
-                return (
-                    "no command came back, so the torque was taken off; the park pose was not reached within "
-                    f"{self._timeout_s:g} s"
+    def admit(self, publisher: str, topic: str, now_ns: int) -> bool:
+        """Whether a command of a node is to be executed; the lock is held. ``now_ns`` is monotonic."""
+        override = self._named.get((publisher, topic))
+        if override is None and topic not in self._external:
+            return self._refuse(
+                publisher,
+                topic,
+                "the configuration does not name it as a commander. To accept commands from outside the "
+                "file, set external: true on this subscription",
+            )
+        if self.overriding and not override:
+            return False
+        if not override and publisher != self.current and now_ns < self._until_ns:
+            return self._refuse(publisher, topic, f"{_shown(self.current)} is the commander")
+        if publisher != self.current or self.held or bool(override) != self.overriding:
+            self._goals.approach()
+            if override:
+                self._log.warning("%s overrides: commands of other nodes are ignored", _shown(publisher))
+        self.current, self.overriding, self.held = publisher, bool(override), False
+        silence_s = OVERRIDE_LOST_AFTER_S if override else FREE_AFTER_S
+        self._until_ns = now_ns + round(silence_s * NS_PER_S)
+        return True
+
+    def extend(self, duration_s: float) -> None:
+        """Lets the command just admitted continue by itself, as a trajectory does; the lock is held."""
+        self._until_ns += round(duration_s * NS_PER_S)
+
+    def watch(self, now_ns: int) -> None:
+        """Holds the joints if the override has stopped publishing; call it every 50 ms."""
+        with self.lock:
+            if self.overriding and not self.held and now_ns > self._until_ns:
+                self.held = True
+                self._goals.hold()
+                self._log.warning(
+                    "the override %s stopped publishing: the joints hold their position. Press its release "
+                    "button or run `joshua call NODE release_override` to return control",
+                    _shown(self.current),
                 )
-        return ""
+
+    def release(self) -> str:
+        """Ends the override; returns the name of its node, "" if there is none.
+
+        The next commander is approached slowly.
+        """
+        with self.lock:
+            return self.release_locked()
+
+    def release_locked(self) -> str:
+        """The same; the lock is held."""
+        if not self.overriding:
+            return ""
+        name = _shown(self.current)
+        self.current, self.overriding, self.held, self._until_ns = None, False, False, 0
+        self._goals.hold()
+        self._log.warning("the override %s is released: other commanders have control again", name)
+        return name
+
+    @property
+    def shown(self) -> str:
+        """The state for the status line; "" if there is nothing to report."""
+        parts = []
+        if self.overriding:
+            state = "stopped publishing: holding" if self.held else "commands"
+            parts.append(f"override {_shown(self.current)} {state}")
+        refused = dict(self.refused)
+        if refused:
+            names = ", ".join(map(_shown, list(refused)[:3])) + (", …" if len(refused) > 3 else "")
+            parts.append(f"{sum(refused.values())} commands refused from {names}")
+        return "; ".join(parts)
+
+    def _refuse(self, publisher: str, topic: str, why: str) -> bool:
+        known = publisher in self.refused or len(self.refused) < _MOST_REFUSED
+        name = publisher if known else ""
+        self.refused[name] = self.refused.get(name, 0) + 1
+        if known and self.refused[name] == 1:
+            self._log.warning("%s: commands from %s are refused: %s", topic, _shown(publisher), why)
+        return False
+
+
+def _shown(publisher: str | None) -> str:
+    return publisher or "a program that is not a ROS 2 node"
 
 
 class CommandIntake:
-    """What runs on a transport thread for each message of one command topic.
+    """Handles each message of one command topic, on a transport thread.
 
     Args:
         reader: of the topic.
         goals: get the commands.
-        take_over: decides between publishers; None where none is declared as override.
+        commanders: decide whose commands count.
+        arrived: called with the monotonic time of each command that is executed.
     """
 
-    def __init__(self, reader: CommandReader, goals: GoalGenerator, take_over: TakeOver | None) -> None:
-        self._reader, self._goals, self._take_over = reader, goals, take_over
+    def __init__(
+        self,
+        reader: CommandReader,
+        goals: GoalGenerator,
+        commanders: Commanders,
+        arrived: Callable[[int], None],
+    ) -> None:
+        self._reader, self._goals, self._commanders, self._arrived = reader, goals, commanders, arrived
 
-    def joint_state(self, message: Any, received_ns: int, publisher: str = "") -> None:
-        """Takes a JointState."""
+    def joint_state(self, message: Any, received_ns: int, publisher: str) -> None:
+        """Takes a JointState; without joints, it releases the override that sends it."""
         del received_ns  # the watchdog needs the monotonic clock
-        now_ns = time.monotonic_ns()
-        if not self._has_turn(publisher, now_ns, 0.0):
-            return
-        if (command := self._reader.joint_state(message, publisher)) is not None:
-            self._goals.command(command, now_ns)
+        now_ns, topic = time.monotonic_ns(), self._reader.topic
+        commanders = self._commanders
+        with commanders.lock:
+            if not len(message.name) and (publisher, topic) in commanders.overrides:
+                if publisher == commanders.current:
+                    commanders.release_locked()
+                return
+            if not commanders.admit(publisher, topic, now_ns):
+                return
+            if (command := self._reader.joint_state(message, publisher)) is not None:
+                self._goals.command(command, now_ns)
+        self._arrived(now_ns)
 
-    def trajectory(self, message: Any, received_ns: int, publisher: str = "") -> None:
+    def trajectory(self, message: Any, received_ns: int, publisher: str) -> None:
         """Takes a JointTrajectory."""
         del received_ns
-        now_ns = time.monotonic_ns()
-        trajectory = self._reader.trajectory(message, publisher)
-        lasts_s = trajectory.duration_s if trajectory is not None and len(trajectory.time_s) else 0.0
-        if self._has_turn(publisher, now_ns, lasts_s) and trajectory is not None:
-            self._goals.play(trajectory, now_ns)
-
-    def _has_turn(self, publisher: str, now_ns: int, lasts_s: float) -> bool:
-        if self._take_over is None:
-            return True
-        turn = self._take_over.turn(publisher, now_ns, lasts_s)
-        if turn is Turn.FIRST:
-            self._goals.approach()
-        return turn is not Turn.NOT_OURS
+        now_ns, topic = time.monotonic_ns(), self._reader.topic
+        with self._commanders.lock:
+            if not self._commanders.admit(publisher, topic, now_ns):
+                return
+            if (trajectory := self._reader.trajectory(message, publisher)) is not None:
+                self._goals.play(trajectory, now_ns)
+                self._commanders.extend(trajectory.duration_s)
 
 
 def leader_mappings(context: NodeContext, topic: str) -> dict[str, LeaderMapping]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from joshua.devices.actuator import FloatArray, JointLimits
 from joshua.devices.joint_command import JointCommand, TrajectoryCommand
+from joshua.plan import OnStale
 
 NS_PER_S = 1_000_000_000
 
@@ -128,6 +129,13 @@ class GoalGenerator:
         with self._lock:
             self._ramping[:] = True
 
+    def hold(self) -> None:
+        """Drops every command: the joints hold until the next one, and approach it slowly. Thread-safe."""
+        with self._lock:
+            self._forget()
+            self.state = GoalState.HOLDING
+            self.stale = True
+
     def step(self, now_ns: int) -> FloatArray:
         """The goal of this control cycle, shape (N,); ``now_ns`` on the monotonic clock."""
         with self._lock:
@@ -163,3 +171,45 @@ class GoalGenerator:
         self._ramping[:] = True
         self._trajectory = self._trajectory_start = None
         self._command_ns = None
+
+
+PARK = "PARK_THEN_RELEASE"
+
+#: A joint this close to its park pose has arrived; about what gravity takes from a servo of a desk arm.
+ARRIVED_RAD = 0.05
+
+
+class StalePolicy:
+    """The policy of one actuator that does not hold for ever.
+
+    Args:
+        goals: of the actuator; they park it.
+        policy: what they do, and when.
+    """
+
+    def __init__(self, goals: GoalGenerator, policy: OnStale) -> None:
+        self._goals = goals
+        self._action, self._after_s, self._timeout_s = policy.action, policy.after_s, policy.timeout_s
+        self._pose = np.array(policy.pose_rad, np.float64)
+        self._state = GoalState.WAITING
+        self._since_s = 0.0
+
+    def look(self, position_rad: FloatArray, now_s: float) -> str:
+        """Takes the state of a control cycle; returns why the torque must go now, "" while it need not."""
+        state = self._goals.state if self._goals.stale else GoalState.FOLLOWING
+        if state is not self._state:
+            self._state, self._since_s = state, now_s
+        elapsed_s = now_s - self._since_s
+        if state is GoalState.HOLDING and elapsed_s >= self._after_s:
+            if self._action != PARK:
+                return f"no command came back within {self._after_s:g} s, so the torque was taken off"
+            self._goals.park(self._pose)
+        if state is GoalState.PARKING:
+            if np.abs(position_rad - self._goals.limits.clip(self._pose)).max() < ARRIVED_RAD:
+                return "no command came back, so the joints were parked and their torque was taken off"
+            if elapsed_s >= self._timeout_s:
+                return (
+                    "no command came back, so the torque was taken off; the park pose was not reached within "
+                    f"{self._timeout_s:g} s"
+                )
+        return ""

@@ -52,8 +52,8 @@ class TrajectoryCommand:
 
     @property
     def duration_s(self) -> float:
-        """Time of the last point."""
-        return float(self.time_s[-1])
+        """Time of the last point; 0 without points."""
+        return float(self.time_s[-1]) if len(self.time_s) else 0.0
 
 
 class CommandError(ValueError):

@@ -587,13 +587,14 @@ class JointControl(_message.Message):
     def __init__(self, positive: _Optional[str] = ..., negative: _Optional[str] = ..., joint: _Optional[str] = ..., speed_rad_s: _Optional[float] = ...) -> None: ...
 
 class GamepadConfig(_message.Message):
-    __slots__ = ("device", "dead_zone", "dead_man_button", "controls", "expo", "enable_button", "mapping")
+    __slots__ = ("device", "dead_zone", "dead_man_button", "controls", "expo", "enable_button", "release_button", "mapping")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     DEAD_ZONE_FIELD_NUMBER: _ClassVar[int]
     DEAD_MAN_BUTTON_FIELD_NUMBER: _ClassVar[int]
     CONTROLS_FIELD_NUMBER: _ClassVar[int]
     EXPO_FIELD_NUMBER: _ClassVar[int]
     ENABLE_BUTTON_FIELD_NUMBER: _ClassVar[int]
+    RELEASE_BUTTON_FIELD_NUMBER: _ClassVar[int]
     MAPPING_FIELD_NUMBER: _ClassVar[int]
     device: str
     dead_zone: float
@@ -601,8 +602,9 @@ class GamepadConfig(_message.Message):
     controls: _containers.RepeatedCompositeFieldContainer[JointControl]
     expo: float
     enable_button: str
+    release_button: str
     mapping: _containers.RepeatedCompositeFieldContainer[GamepadMapping]
-    def __init__(self, device: _Optional[str] = ..., dead_zone: _Optional[float] = ..., dead_man_button: _Optional[str] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ..., expo: _Optional[float] = ..., enable_button: _Optional[str] = ..., mapping: _Optional[_Iterable[_Union[GamepadMapping, _Mapping]]] = ...) -> None: ...
+    def __init__(self, device: _Optional[str] = ..., dead_zone: _Optional[float] = ..., dead_man_button: _Optional[str] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ..., expo: _Optional[float] = ..., enable_button: _Optional[str] = ..., release_button: _Optional[str] = ..., mapping: _Optional[_Iterable[_Union[GamepadMapping, _Mapping]]] = ...) -> None: ...
 
 class GamepadMapping(_message.Message):
     __slots__ = ("name", "source", "inverted")
@@ -615,14 +617,16 @@ class GamepadMapping(_message.Message):
     def __init__(self, name: _Optional[str] = ..., source: _Optional[str] = ..., inverted: _Optional[bool] = ...) -> None: ...
 
 class KeyboardConfig(_message.Message):
-    __slots__ = ("key_hold_s", "controls", "enable_key")
+    __slots__ = ("key_hold_s", "controls", "enable_key", "release_key")
     KEY_HOLD_S_FIELD_NUMBER: _ClassVar[int]
     CONTROLS_FIELD_NUMBER: _ClassVar[int]
     ENABLE_KEY_FIELD_NUMBER: _ClassVar[int]
+    RELEASE_KEY_FIELD_NUMBER: _ClassVar[int]
     key_hold_s: float
     controls: _containers.RepeatedCompositeFieldContainer[JointControl]
     enable_key: str
-    def __init__(self, key_hold_s: _Optional[float] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ..., enable_key: _Optional[str] = ...) -> None: ...
+    release_key: str
+    def __init__(self, key_hold_s: _Optional[float] = ..., controls: _Optional[_Iterable[_Union[JointControl, _Mapping]]] = ..., enable_key: _Optional[str] = ..., release_key: _Optional[str] = ...) -> None: ...
 
 class Ai(_message.Message):
     __slots__ = ("models", "data_store", "training")

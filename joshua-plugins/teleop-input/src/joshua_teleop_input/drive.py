@@ -19,21 +19,31 @@ Value = Callable[[str], float]
 class Drive:
     """Turns states of an input device into commands; not thread-safe.
 
-    Commands are sent while driving is on, and then always for every driven joint, so that whoever else
-    commands the arm has it back when driving ends. An axis or key that is deflected when driving starts
-    or the device appears counts only after it was centred.
+    Commands are sent while driving is on, and then always for every driven joint. An axis or key that is
+    deflected when driving starts or the device appears counts only after it was centred.
 
     Args:
         controls: what moves what.
         gate: decides whether anything moves.
         jog: holds the goals.
         shape: from a raw deflection to a share of the speed.
+        release: name of the button that returns control to another commander; "" for none.
+
+    Attributes:
+        returns_control: the button was pressed; whoever sends the message for that clears it.
     """
 
     def __init__(
-        self, controls: Sequence[ControlSettings], gate: Gate, jog: Jog, shape: Callable[[float], float]
+        self,
+        controls: Sequence[ControlSettings],
+        gate: Gate,
+        jog: Jog,
+        shape: Callable[[float], float],
+        release: str = "",
     ) -> None:
         self.gate, self.jog = gate, jog
+        self._release_button, self._release_was_up = release, False
+        self.returns_control = False
         self._controls = tuple(controls)
         self._shape = shape
         self._centred = [False] * len(self._controls)
@@ -69,6 +79,13 @@ class Drive:
             deflection = self._shape(min(max(raw, -1.0), 1.0))
             self._centred[index] |= deflection == 0.0
             self._deflection[index] = deflection if self._centred[index] else 0.0
+        if self._release_button:
+            down = value(self._release_button) >= 0.5
+            if down and self._release_was_up:
+                self.gate.switch_off()
+                self._centre()
+                self.returns_control = True
+            self._release_was_up = not down
         return before != (self.gate.active, self._signs())
 
     def release(self) -> bool:
@@ -78,8 +95,8 @@ class Drive:
         """
         was = self.gate.active or any(self._deflection)
         self.gate.close()
-        self._centred = [False] * len(self._controls)
-        self._deflection = [0.0] * len(self._controls)
+        self._release_was_up = False
+        self._centre()
         return was
 
     def command(self, now_s: float) -> dict[str, float] | None:
@@ -93,6 +110,11 @@ class Drive:
             self._sending = True
             self.jog.begin()
         return self.jog.advance(self._velocity(), now_s)
+
+    def _centre(self) -> None:
+        self._centred = [False] * len(self._controls)
+        self._deflection = [0.0] * len(self._controls)
+        self._last_motion_s = float("-inf")
 
     def _wanted(self, now_s: float) -> bool:
         if not self.gate.active:

@@ -130,5 +130,6 @@ class Gamepad(Sensor):
             *(name for control in settings.controls for name in (control.positive, control.negative)),
             settings.dead_man_button,
             settings.enable_button,
+            settings.release_button,
         ]
         return list(dict.fromkeys(name for name in names if name))

@@ -56,7 +56,8 @@ class GamepadNode(InputNode):
         def shape(value: float) -> float:
             return with_expo(without_dead_zone(value, settings.dead_zone), settings.expo)
 
-        self.set_up(settings, Gate(settings.dead_man_button, settings.enable_button), shape)
+        gate = Gate(settings.dead_man_button, settings.enable_button)
+        self.set_up(settings, gate, shape, settings.release_button)
         self.gamepad.connect()
         if self.gamepad.note:
             self.context.warn(self.gamepad.note)

@@ -54,10 +54,15 @@ class Gate:
                 self._enabled = not self._enabled
             self._enable_was_up = not down
 
+    def switch_off(self) -> None:
+        """Switches driving off; buttons that are held count only after they were released."""
+        self._enabled = self._dead_man_held = False
+        self._dead_man_was_up = self._enable_was_up = False
+
     def close(self) -> None:
         """Switches driving off: the device is lost, or cannot be trusted."""
-        self._live = self._enabled = self._dead_man_held = False
-        self._dead_man_was_up = self._enable_was_up = False
+        self.switch_off()
+        self._live = False
 
     def describe(self) -> str:
         """The state, for people."""

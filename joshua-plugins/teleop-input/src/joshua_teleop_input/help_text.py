@@ -13,6 +13,8 @@ def gamepad_help(settings: GamepadSettings) -> list[str]:
     switch = []
     if settings.enable_button:
         switch.append(f"{settings.enable_button}: switches driving on and off")
+    if settings.release_button:
+        switch.append(f"{settings.release_button}: returns control after an override")
     if settings.dead_man_button:
         switch.append(f"{settings.dead_man_button}: nothing moves unless it is held")
     return [*_controls(settings), *switch]
@@ -23,6 +25,8 @@ def keyboard_help(settings: KeyboardSettings) -> list[str]:
     lines = _controls(settings)
     if settings.enable_key:
         lines.append(f"{settings.enable_key}: switches driving on and off")
+    if settings.release_key:
+        lines.append(f"{settings.release_key}: returns control after an override")
     return [*lines, f"{HELP_KEY}: shows this    Ctrl-C: ends the run"]
 
 

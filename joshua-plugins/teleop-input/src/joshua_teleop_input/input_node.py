@@ -53,7 +53,9 @@ class InputNode(NodeBehaviour):
         assert self._drive is not None
         return self._drive
 
-    def set_up(self, settings: InputSettings, gate: Gate, shape: Callable[[float], float]) -> None:
+    def set_up(
+        self, settings: InputSettings, gate: Gate, shape: Callable[[float], float], release: str
+    ) -> None:
         """Declares topics and prepares the drive. Raises DeviceError."""
         spec = self.context.spec
         known = spec.facts_as(SensorFacts).joints
@@ -61,7 +63,9 @@ class InputNode(NodeBehaviour):
         topics = [topic for topic in spec.publishers if topic.type_name == JOINT_STATE]
         rate_hz = max((topic.rate_hz for topic in topics), default=_IDLE_RATE_HZ)
         joints = [control.joint for control in settings.controls] if topics else []
-        self._drive = Drive(settings.controls, gate, Jog(joints, limits_of(known), 1.0 / rate_hz), shape)
+        self._drive = Drive(
+            settings.controls, gate, Jog(joints, limits_of(known), 1.0 / rate_hz), shape, release
+        )
         self._commands = [self.context.publisher(topic) for topic in topics]
         self._joys = [self.context.publisher(topic) for topic in spec.publishers if topic.type_name == JOY]
         if joints:
@@ -89,6 +93,11 @@ class InputNode(NodeBehaviour):
         with self._lock:
             if self.drive.take(value):
                 self._command()
+            if self.drive.returns_control:
+                self.drive.returns_control = False
+                self.context.log.info("control is returned to the other commander")
+                for publisher in self._commands:  # by a message without joints
+                    publisher.publish(joint_state([], []))
 
     def release(self) -> bool:
         """Everything counts as released, and driving as switched off; returns whether it was on."""

@@ -55,7 +55,7 @@ class KeyboardNode(InputNode):
         settings = self._settings = load_target(spec.settings_type).model_validate(spec.settings)
         self._tracker = KeyTracker(settings.key_hold_s)
         self._names = {name: str(canonical_key(name)) for name in _names(settings)}
-        self.set_up(settings, Gate("", settings.enable_key), lambda value: value)
+        self.set_up(settings, Gate("", settings.enable_key), lambda value: value, settings.release_key)
         self._terminal.open()
 
     def activate(self) -> None:
@@ -76,7 +76,7 @@ class KeyboardNode(InputNode):
         self._terminal.close()
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
-        """One axis for each control; a button for each of its keys, the one of the switch last."""
+        """One axis for each control; a button for each of its keys, those of switch and release last."""
         held = self._tracker.held(time.monotonic())
         axes = [self._value(control, held) for control in self.settings.controls]
         buttons = [int(key in held) for key in self._names.values()]
@@ -157,4 +157,4 @@ class KeyboardNode(InputNode):
 def _names(settings: KeyboardSettings) -> list[str]:
     """Names of all keys, in the order of the file."""
     names = [name for control in settings.controls for name in (control.positive, control.negative) if name]
-    return [*names, *([settings.enable_key] if settings.enable_key else [])]
+    return [*names, *(name for name in (settings.enable_key, settings.release_key) if name)]

@@ -102,6 +102,7 @@ class GamepadSettings(InputSettings):
         device: path, or part of a name; "" takes the first gamepad.
         dead_zone: share of an axis around its centre that counts as centred; expo: 0 for a straight line.
         dead_man_button: must be held; enable_button: switches driving on and off; "" for none.
+        release_button: returns control after an override; "" for none.
         mapping: where this gamepad has axes and buttons, beside what the kernel's drivers agree on.
     """
 
@@ -110,6 +111,7 @@ class GamepadSettings(InputSettings):
     expo: float
     dead_man_button: str
     enable_button: str
+    release_button: str
     mapping: tuple[MappingSettings, ...] = ()
 
     def problems(self) -> Iterator[FieldError]:
@@ -123,12 +125,15 @@ class GamepadSettings(InputSettings):
         buttons = [name for name in names if name not in STICKS]
         yield from _unknown("dead_man_button", self.dead_man_button, buttons, "button")
         yield from _unknown("enable_button", self.enable_button, buttons, "button")
-        if self.enable_button and self.enable_button == self.dead_man_button:
-            yield FieldError(
-                "enable_button",
-                "one button cannot be the dead-man button and the switch",
-                remedy="name another button, or remove one of the two fields",
-            )
+        yield from _unknown("release_button", self.release_button, buttons, "button")
+        used: dict[str, str] = {}
+        for field in ("dead_man_button", "enable_button", "release_button"):
+            if (name := getattr(self, field)) and used.setdefault(name, field) != field:
+                yield FieldError(
+                    field,
+                    f"the button {name} is also {used[name]}",
+                    remedy="name another button, or remove one of the two fields",
+                )
         yield from super().problems()
 
     def _mapping_problems(self, index: int, entry: MappingSettings) -> Iterator[FieldError]:
@@ -154,10 +159,12 @@ class KeyboardSettings(InputSettings):
         key_hold_s: time without a repetition after which a key counts as released, in terminals that do
             not report releases.
         enable_key: switches driving on and off; "" for none.
+        release_key: returns control after an override; "" for none.
     """
 
     key_hold_s: float
     enable_key: str
+    release_key: str
 
     def problems(self) -> Iterator[FieldError]:
         """Names that are no keys, keys that stand twice, and what all input devices share."""
@@ -188,7 +195,8 @@ class KeyboardSettings(InputSettings):
             for field, name in (("positive", control.positive), ("negative", control.negative))
             if name
         ]
-        return [*keys, *([("enable_key", self.enable_key)] if self.enable_key else [])]
+        others = (("enable_key", self.enable_key), ("release_key", self.release_key))
+        return [*keys, *((field, name) for field, name in others if name)]
 
 
 def _unknown(field: str, name: str, allowed: Sequence[str], what: str) -> Iterator[FieldError]:

@@ -44,7 +44,9 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(joshua: Josh
     run = started(joshua)
     listed = joshua("call")
     assert (
-        "/mock_arm\n  resume  Ends a fault: checks the device as at the start, and energises" in listed.stdout
+        "/mock_arm\n  release_override  Ends an override: the leader or model of the file has control again. "
+        "(local only)\n  resume  Ends a fault: checks the device as at the start, and energises"
+        in listed.stdout
     )
     load = "  load  Loads the model, which then acts again. (local only)\n"
     assert f"/random_noise\n{load}  unload  Frees the model;" in listed.stdout
@@ -70,8 +72,8 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(joshua: Josh
     assert other.returncode == 2
     assert "no node is named 'random_nose'\n  allowed: /random_noise, " in other.stderr
     output, errors = joshua.stop(run)
-    assert "no command any more: the joints hold their position" in output + errors
-    assert "commands are back: the joints approach them slowly" in output + errors
+    assert "commands stopped: the joints hold their position" in output + errors
+    assert "commands resumed: the joints approach them slowly" in output + errors
 
 
 def test_events_are_watched_to_the_end(joshua: JoshuaProgram) -> None:

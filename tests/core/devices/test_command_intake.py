@@ -1,0 +1,201 @@
+"""One commander at a time: who is admitted, who is refused, and how an override ends."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.devices.actuator import JointLimits
+from joshua.devices.command_intake import Commanders, CommandIntake
+from joshua.devices.goal import GoalGenerator, GoalState
+from joshua.devices.joint_command import CommandReader
+from joshua.messages.make import joint_state
+from joshua.messages.typestore import message_class
+from joshua.plan import Commander
+from stepped_time import SteppedTime
+
+LOG_NAME = "test_command_intake"
+PLAN = (
+    Commander("/leader", "/command"),
+    Commander("/gamepad", "/command", override=True),
+    Commander("/pedal", "/pedal", override=True),
+)
+
+
+class Arm:
+    """The commands of one joint on a clock that the test sets."""
+
+    def __init__(self, clock: SteppedTime, log: Any, commanders: Any = PLAN, external: Any = ()) -> None:
+        self.clock = clock
+        self.goals = GoalGenerator(JointLimits(np.full(1, -9.0), np.full(1, 9.0), np.full(1, 50.0)), 0.02)
+        self.goals.seed(np.zeros(1))
+        self.commanders = Commanders(commanders, external, self.goals, log)
+        self.arrived: list[int] = []
+        self.intakes = {
+            topic: CommandIntake(
+                CommandReader(topic, ("a",), log), self.goals, self.commanders, self.arrived.append
+            )
+            for topic in ("/command", "/pedal")
+        }
+
+    def send(self, publisher: str, rad: float | None, topic: str = "/command") -> None:
+        message = joint_state([], []) if rad is None else joint_state(["a"], [rad])
+        self.intakes[topic].joint_state(message, 0, publisher)
+
+    def play(self, publisher: str, rad: float, seconds: int) -> None:
+        duration = message_class("builtin_interfaces/msg/Duration")(seconds, 0)
+        point = message_class("trajectory_msgs/msg/JointTrajectoryPoint")(
+            np.array([rad]), np.zeros(0), np.zeros(0), np.zeros(0), duration
+        )
+        header = joint_state([], []).header
+        message = message_class("trajectory_msgs/msg/JointTrajectory")(header, ["a"], [point])
+        self.intakes["/command"].trajectory(message, 0, publisher)
+
+    def step(self, seconds: float = 0.02) -> float:
+        """The goal after a time in steps of 20 ms, in which the joints are watched."""
+        for _ in range(round(seconds / 0.02)):
+            self.clock.sleep(0.02)
+            self.commanders.watch(self.clock.monotonic_ns())
+            goal = float(self.goals.step(self.clock.monotonic_ns())[0])
+        return goal
+
+
+@pytest.fixture
+def log(caplog: pytest.LogCaptureFixture) -> Any:
+    caplog.set_level("INFO")
+    return logging.getLogger(LOG_NAME)
+
+
+@pytest.fixture
+def arm(stepped_time: SteppedTime, log: Any) -> Arm:
+    return Arm(stepped_time, log)
+
+
+def test_the_named_leader_commands(arm: Arm, caplog: pytest.LogCaptureFixture) -> None:
+    arm.send("/leader", 0.01)
+    assert arm.step() == pytest.approx(0.01)
+    assert (arm.commanders.current, arm.commanders.shown, caplog.messages) == ("/leader", "", [])
+    assert len(arm.arrived) == 1
+
+
+@pytest.mark.parametrize(
+    ("publisher", "named"), [("/talker", "/talker"), ("", "a program that is not a ROS 2 node")]
+)
+def test_anyone_else_is_refused_named_once_and_counted(
+    arm: Arm, publisher: str, named: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(5):
+        arm.send("/leader", 0.01)
+        arm.send(publisher, 3.0)
+        assert arm.step() == pytest.approx(0.01)
+    arm.play(publisher, 3.0, 1)
+    assert arm.step() == pytest.approx(0.01)
+    assert arm.commanders.refused == {publisher: 6}
+    assert arm.commanders.shown == f"6 commands refused from {named}"
+    assert caplog.messages == [
+        f"/command: commands from {named} are refused: the configuration does not name it as a commander. To "
+        "accept commands from outside the file, set external: true on this subscription"
+    ]
+    assert len(arm.arrived) == 5
+
+
+def test_a_commander_counts_on_its_own_topic_only(arm: Arm) -> None:
+    arm.send("/leader", 1.0, topic="/pedal")
+    arm.send("/gamepad", 1.0, topic="/pedal")
+    assert arm.step() == 0
+    assert arm.commanders.refused == {"/leader": 1, "/gamepad": 1}
+
+
+def test_only_one_of_many_external_nodes_commands_at_a_time(
+    stepped_time: SteppedTime, log: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = Arm(stepped_time, log, (), ("/command",))
+    for _ in range(5):
+        arm.send("/moveit", 0.01)
+        arm.send("/talker", 3.0)
+        assert arm.step() == pytest.approx(0.01)
+    assert caplog.messages == ["/command: commands from /talker are refused: /moveit is the commander"]
+    arm.step(0.5)
+    arm.send("/talker", 3.0)
+    assert arm.step() == pytest.approx(0.03), "approached at 1 rad/s"
+    assert arm.commanders.current == "/talker"
+
+
+def test_what_is_remembered_of_strangers_is_bounded(arm: Arm) -> None:
+    for number in range(300):
+        arm.send(f"/stranger{number}", 1.0)
+    assert len(arm.commanders.refused) == 101
+    assert sum(arm.commanders.refused.values()) == 300
+    assert arm.commanders.shown.startswith("300 commands refused from /stranger0, /stranger1, /stranger2, …")
+
+
+@pytest.mark.parametrize("silent_s", [0.5, 60.0])
+def test_an_override_that_stops_holds_the_joints_and_never_returns_control(
+    arm: Arm, silent_s: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm.send("/leader", 0.0)
+    for _ in range(10):
+        arm.send("/gamepad", 3.0)
+        at = arm.step()
+    held = arm.step(0.16)
+    assert not arm.commanders.held
+    assert at < held < 0.5
+    arm.step(0.04)
+    assert arm.commanders.held
+    assert arm.goals.state is GoalState.HOLDING
+    held = arm.step()
+    for _ in range(round(silent_s / 0.02)):
+        arm.send("/leader", 0.0)
+        assert arm.step() == held
+    assert arm.commanders.shown == "override /gamepad stopped publishing: holding"
+    assert caplog.messages == [
+        "/gamepad overrides: commands of other nodes are ignored",
+        "the override /gamepad stopped publishing: the joints hold their position. Press its release button "
+        "or run `joshua call NODE release_override` to return control",
+    ]
+    assert arm.commanders.refused == {}, "the leader is no stranger"
+    assert arm.commanders.release() == "/gamepad"
+    assert arm.step() == held, "released, and no command yet"
+    arm.send("/leader", 0.0)
+    assert arm.step() == pytest.approx(held - 0.02), "the leader is approached at 1 rad/s"
+    assert caplog.messages[-1] == "the override /gamepad is released: other commanders have control again"
+    assert arm.commanders.release() == ""
+
+
+def test_an_override_that_publishes_again_has_control_again(arm: Arm) -> None:
+    arm.send("/gamepad", 0.0)
+    arm.step(0.3)
+    assert arm.commanders.held
+    arm.send("/gamepad", 3.0)
+    assert arm.step() == pytest.approx(0.02), "approached slowly"
+    assert arm.commanders.shown == "override /gamepad commands"
+
+
+def test_a_message_without_joints_is_the_release_button(arm: Arm) -> None:
+    arm.send("/gamepad", 1.0)
+    arm.step()
+    arm.send("/pedal", None, topic="/pedal")
+    assert arm.commanders.overriding, "only the override itself can do that"
+    arm.send("/gamepad", None)
+    assert not arm.commanders.overriding
+    arm.send("/leader", 0.0)
+    assert arm.commanders.current == "/leader"
+    arm.send("/leader", None)
+    assert arm.commanders.current == "/leader"
+
+
+def test_another_override_takes_control_from_the_first(arm: Arm) -> None:
+    arm.send("/gamepad", 1.0)
+    arm.send("/pedal", 0.0, topic="/pedal")
+    assert arm.commanders.current == "/pedal"
+
+
+def test_a_trajectory_of_the_override_counts_as_publishing(arm: Arm) -> None:
+    arm.play("/gamepad", 1.0, 2)
+    arm.send("/leader", 0.0)
+    arm.step(2.1)
+    assert not arm.commanders.held
+    assert arm.step(0.2) == pytest.approx(1.0, abs=0.01)
+    assert arm.commanders.held
