@@ -13,7 +13,8 @@ from joshua.devices.goal import GoalGenerator, GoalState
 from joshua.devices.joint_command import CommandReader
 from joshua.messages.make import joint_state
 from joshua.messages.typestore import message_class
-from joshua.plan import Commander
+from joshua.plan import Commander, NodeKind, NodeSpec
+from joshua.testing.recording_context import RecordingContext
 from stepped_time import SteppedTime
 
 LOG_NAME = "test_command_intake"
@@ -33,16 +34,14 @@ class Arm:
         self.goals.seed(np.zeros(1))
         self.commanders = Commanders(commanders, external, self.goals, log)
         self.arrived: list[int] = []
-        self.intakes = {
-            topic: CommandIntake(
-                CommandReader(topic, ("a",), log), self.goals, self.commanders, self.arrived.append
-            )
-            for topic in ("/command", "/pedal")
-        }
+        spec = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="", implementation="")
+        context = RecordingContext(spec)
+        self.intake = CommandIntake(context, self.goals, self.commanders, self.arrived.append)
+        self.readers = {topic: CommandReader(topic, ("a",), log) for topic in ("/command", "/pedal")}
 
     def send(self, publisher: str, rad: float | None, topic: str = "/command") -> None:
         message = joint_state([], []) if rad is None else joint_state(["a"], [rad])
-        self.intakes[topic].joint_state(message, 0, publisher)
+        self.intake.joint_state(self.readers[topic], message, publisher)
 
     def play(self, publisher: str, rad: float, seconds: int) -> None:
         duration = message_class("builtin_interfaces/msg/Duration")(seconds, 0)
@@ -51,7 +50,7 @@ class Arm:
         )
         header = joint_state([], []).header
         message = message_class("trajectory_msgs/msg/JointTrajectory")(header, ["a"], [point])
-        self.intakes["/command"].trajectory(message, 0, publisher)
+        self.intake.trajectory(self.readers["/command"], message, publisher)
 
     def step(self, seconds: float = 0.02) -> float:
         """The goal after a time in steps of 20 ms, in which the joints are watched."""

@@ -9,7 +9,7 @@ from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
-from joshua.devices.command_intake import Commanders, CommandIntake, leader_mappings
+from joshua.devices.command_intake import JOINT_STATE, JOINT_TRAJECTORY, Commanders, CommandIntake
 from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
 from joshua.devices.errors import DeviceError, DeviceSilent, SafetyTripped
@@ -24,9 +24,6 @@ from joshua.node.endpoints import MessagePublisher, Outputs
 from joshua.node.implementation import load_implementation
 from joshua.node.verbs import RefusedError, verb
 from joshua.plan import ActuatorFacts, JointTrace, TopicSpec
-
-JOINT_STATE = "sensor_msgs/msg/JointState"
-JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 
 #: Rate of the control loop of an actuator that publishes nothing.
 CONTROL_RATE_HZ = 50.0
@@ -112,8 +109,8 @@ class ActuatorNode(NodeBehaviour):
         if not self._is_leader:
             facts = self._facts
             self._commanders = Commanders(facts.commanders, facts.external, self._goals, self.context.log)
-            for topic in spec.subscriptions:
-                self._subscribe(actuator, self._goals, self._commanders, topic)
+            intake = CommandIntake(self.context, self._goals, self._commanders, lambda _: None)
+            self._commands = [intake.subscribe(topic, actuator.joint_names) for topic in spec.subscriptions]
 
     def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
         """Refuses a driver whose joints are others once it is connected, or others than the plan's."""
@@ -270,15 +267,6 @@ class ActuatorNode(NodeBehaviour):
             names = ", ".join(topic.name for topic in spec.subscriptions)
             self.context.warn(f"{spec.full_name}: a leader is moved by hand, so {names} has no effect")
 
-    def _subscribe(
-        self, actuator: Actuator, goals: GoalGenerator, commanders: Commanders, topic: TopicSpec
-    ) -> None:
-        mappings = leader_mappings(self.context, topic.name)
-        reader = CommandReader(topic.name, actuator.joint_names, self.context.log, mappings)
-        intake = CommandIntake(reader, goals, commanders, lambda _: None)
-        take = intake.joint_state if topic.type_name == JOINT_STATE else intake.trajectory
-        self._commands.append((reader, self.context.subscribe_named(topic, take)))
-
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever else the device raises fails the node."""
         actuator, goals = self._device()
@@ -331,18 +319,15 @@ class ActuatorNode(NodeBehaviour):
         if latch is None:
             if self._stopped_by:
                 self._stopped_by = ""
-                self._after_estop()
+                if self._is_commanded:
+                    self._enter_fault("the e-stop is released, and the torque is still off")
+                else:
+                    self._leave_fault()
         elif latch.identifier != self._stopped_by:
             self._stopped_by = latch.identifier
             self._energised = False
             said = self._safety.stop_now(actuator, latch)
             self._enter_fault(f"{said}: {latch.text}")
-
-    def _after_estop(self) -> None:
-        if self._is_commanded:
-            self._enter_fault("the e-stop is released, and the torque is still off")
-        else:
-            self._leave_fault()
 
     def _trip(self, error: SafetyTripped) -> None:
         """A protection has taken the torque off; unless the device confirms that, the guardian acts."""
@@ -397,14 +382,8 @@ class ActuatorNode(NodeBehaviour):
         """With the time that the goal was made for: what holds the process up later is none of its speed."""
         assert self._actuator is not None
         if self._written is not None:
-            self._written.publish(
-                joint_state(
-                    self._actuator.joint_names,
-                    written,
-                    frame_id=self.context.spec.frame_id,
-                    at_ns=stamp_ns,
-                )
-            )
+            names, frame_id = self._actuator.joint_names, self.context.spec.frame_id
+            self._written.publish(joint_state(names, written, frame_id=frame_id, at_ns=stamp_ns))
 
     def _report_state(self, state: GoalState) -> None:
         if state is self._last_state:

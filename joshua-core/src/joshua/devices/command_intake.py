@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import GoalGenerator
 from joshua.devices.joint_command import CommandReader
 from joshua.devices.mapping import LeaderMapping
+from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
-from joshua.plan import ActuatorFacts, Commander
+from joshua.plan import ActuatorFacts, Commander, TopicSpec
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 
 NS_PER_S = 1_000_000_000
 
@@ -144,64 +148,64 @@ def _shown(publisher: str | None) -> str:
 
 
 class CommandIntake:
-    """Handles each message of one command topic, on a transport thread.
+    """Handles the messages of the command topics of one actuator, on transport threads.
 
     Args:
-        reader: of the topic.
+        context: of its node.
         goals: get the commands.
         commanders: decide whose commands count.
-        arrived: called with the monotonic time of each command that is executed.
+        arrived: called with the monotonic time of each joint state that is executed.
     """
 
     def __init__(
         self,
-        reader: CommandReader,
+        context: NodeContext,
         goals: GoalGenerator,
         commanders: Commanders,
         arrived: Callable[[int], None],
     ) -> None:
-        self._reader, self._goals, self._commanders, self._arrived = reader, goals, commanders, arrived
+        self._context, self._goals, self._commanders, self._arrived = context, goals, commanders, arrived
 
-    def joint_state(self, message: Any, received_ns: int, publisher: str) -> None:
+    def subscribe(self, topic: TopicSpec, joints: Sequence[str]) -> tuple[CommandReader, TrafficFigures]:
+        """Subscribes to a topic; ``joints`` in joint order. Raises DeviceError for an unfit leader."""
+        facts = self._context.spec.facts_as(ActuatorFacts)
+        mappings = {
+            leader.node: _mapping(self._context, facts, leader)
+            for leader in facts.commanders
+            if leader.topic == topic.name and leader.joints is not None
+        }
+        reader = CommandReader(topic.name, joints, self._context.log, mappings)
+        handle = self.joint_state if topic.type_name == JOINT_STATE else self.trajectory
+
+        def take(message: Any, received_ns: int, publisher: str) -> None:
+            del received_ns  # the watchdog needs the monotonic clock
+            handle(reader, message, publisher)
+
+        return reader, self._context.subscribe_named(topic, take)
+
+    def joint_state(self, reader: CommandReader, message: Any, publisher: str) -> None:
         """Takes a JointState; without joints, it releases the override that sends it."""
-        del received_ns  # the watchdog needs the monotonic clock
-        now_ns, topic = time.monotonic_ns(), self._reader.topic
-        commanders = self._commanders
+        now_ns, commanders = time.monotonic_ns(), self._commanders
         with commanders.lock:
-            if not len(message.name) and (publisher, topic) in commanders.overrides:
+            if not len(message.name) and (publisher, reader.topic) in commanders.overrides:
                 if publisher == commanders.current:
                     commanders.release_locked()
                 return
-            if not commanders.admit(publisher, topic, now_ns):
+            if not commanders.admit(publisher, reader.topic, now_ns):
                 return
-            if (command := self._reader.joint_state(message, publisher)) is not None:
+            if (command := reader.joint_state(message, publisher)) is not None:
                 self._goals.command(command, now_ns)
         self._arrived(now_ns)
 
-    def trajectory(self, message: Any, received_ns: int, publisher: str) -> None:
+    def trajectory(self, reader: CommandReader, message: Any, publisher: str) -> None:
         """Takes a JointTrajectory."""
-        del received_ns
-        now_ns, topic = time.monotonic_ns(), self._reader.topic
+        now_ns = time.monotonic_ns()
         with self._commanders.lock:
-            if not self._commanders.admit(publisher, topic, now_ns):
+            if not self._commanders.admit(publisher, reader.topic, now_ns):
                 return
-            if (trajectory := self._reader.trajectory(message, publisher)) is not None:
+            if (trajectory := reader.trajectory(message, publisher)) is not None:
                 self._goals.play(trajectory, now_ns)
                 self._commanders.extend(trajectory.duration_s)
-
-
-def leader_mappings(context: NodeContext, topic: str) -> dict[str, LeaderMapping]:
-    """The mapping of each leader that publishes on a command topic, by the full name of its node.
-
-    Raises:
-        DeviceError: leader and follower cannot be paired.
-    """
-    facts = context.spec.facts_as(ActuatorFacts)
-    return {
-        leader.node: _mapping(context, facts, leader)
-        for leader in facts.commanders
-        if leader.topic == topic and leader.joints is not None
-    }
 
 
 def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> LeaderMapping:
