@@ -89,8 +89,14 @@ class ForegroundJob:
         self._reactor = Reactor()
         stack.callback(self._reactor.close)
         path = directory.socket_path
+        handlers = {
+            "status": self._status,
+            "stop": self._end,
+            "call": self._refuse,
+            "subscribe": self._refuse,
+        }
         try:
-            server = ControlServer(self._reactor, path, {"status": self._status, "stop": self._end})
+            server = ControlServer(self._reactor, path, handlers)
         except OSError as error:
             raise JobRefusedError(f"{path}: {error}; set XDG_RUNTIME_DIR", ExitCode.FAILED) from error
         stack.callback(server.close)
@@ -118,3 +124,7 @@ class ForegroundJob:
     def _end(self, *_: object) -> dict[str, Any]:
         self._stop()
         return {"stopping": True}
+
+    def _refuse(self, *_: object) -> dict[str, Any]:
+        text = f"{self._mode} starts no nodes: only `joshua status` and `joshua stop` reach it"
+        return {"error": text, "code": "refused"}

@@ -108,11 +108,11 @@ def test_echo_ends_when_nothing_comes(graph, capsys):
     silent = node.create_publisher("/left/silent", STRING, QosProfile())
     echo = ["topic", "echo", "/left/silent", "--once", "--timeout", "0.5", *options]
     assert main(echo) == 1
-    text = "no message came on /left/silent within 0.5 s: it has 1 publisher, of whom none sends; wait longer"
+    text = "no message received on /left/silent within 0.5 s: its 1 publisher sent none. Wait longer"
     assert text in capsys.readouterr().err
     silent.close()
     assert main([*echo[:2], "/left/nobody", "--type", STRING, *echo[3:]]) == 1
-    assert "within 0.5 s: nobody publishes it; wait longer with --timeout" in capsys.readouterr().err
+    assert "within 0.5 s: it has no publisher. Wait longer with --timeout" in capsys.readouterr().err
 
 
 def test_echo_says_when_the_last_publisher_leaves_and_comes_back(graph, capsys):
@@ -179,10 +179,27 @@ def test_pub_reaches_a_subscription(graph, capsys):
     until(lambda: got)
 
 
-def test_pub_once_says_when_nobody_listens(graph, capsys):
+def test_pub_with_a_count_waits_for_a_subscription(graph, capsys):
+    node, options = graph
+    received = []
+
+    def subscribe():
+        time.sleep(0.5)
+        node.create_subscription("/left/late", STRING, QosProfile(), received.append)
+
+    thread = threading.Thread(target=subscribe)
+    thread.start()
+    assert main(["topic", "pub", "/left/late", STRING, "-n", "5", "--rate", "50", *options]) == 0
+    thread.join()
+    assert capsys.readouterr().out.splitlines()[-1] == f"published {STRING} on /left/late: 5"
+    until(lambda: len(received) == 5)
+
+
+@pytest.mark.parametrize("pace", [["--once"], ["--count", "3"]])
+def test_pub_says_that_it_has_no_subscription(graph, capsys, pace):
     _, options = graph
-    assert main(["topic", "pub", "/nobody", STRING, "--once", *options[:2], "--wait", "1"]) == 1
-    assert "nobody subscribed to /nobody within 1 s" in capsys.readouterr().err
+    assert main(["topic", "pub", "/nobody", STRING, *pace, *options[:2], "--wait", "1"]) == 1
+    assert "/nobody had no subscription within 1 s, so nothing was published" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("action", ["info", "echo", "hz"])
@@ -242,7 +259,7 @@ def test_no_router_is_said_with_what_to_do(tmp_path, capsys, monkeypatch):
     assert main(["topic", "list", "--config", str(file), "--wait", "0.3"]) == 1
     error = capsys.readouterr().err
     assert f"no Zenoh router answers on tcp/localhost:{port}" in error
-    assert "start a robot" in error
+    assert "Start a robot" in error
 
 
 def test_an_empty_domain_is_said(joshua_domain_id, capsys):

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
+
+from joshua.cli.graph import (
+    add_graph_options,
+    endpoint_lines,
+    find_node,
+    full_name,
+    full_topic,
+    graph_session,
+    run_graph_command,
+    visible_nodes,
+)
 
 if TYPE_CHECKING:
     import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the subcommands."""
-    from joshua.cli.graph.session import add_graph_options
-
+    """Add the subcommands."""
     actions = parser.add_subparsers(dest="node_action", metavar="ACTION", required=True, title="actions")
     listing = actions.add_parser("list", help="list the nodes", description="list the nodes")
     listing.add_argument("-a", "--all", action="store_true", help="show hidden nodes (with a leading _) too")
@@ -20,40 +30,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help=summary, description=summary)
     info.add_argument("node", metavar="NODE", help="node name, such as /leader_arm")
     info.set_defaults(graph_command=_info)
-    for parser_of_action in (listing, info):
-        add_graph_options(parser_of_action)
+    for action in (listing, info):
+        add_graph_options(action)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Runs the chosen action."""
-    from joshua.cli.graph.session import run_graph_command
-
-    return run_graph_command(arguments)
+run = run_graph_command
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    import sys
-
-    from joshua.cli.graph.lookup import full_name
-    from joshua.cli.graph.session import graph_session, say_if_empty, wait_for_graph
-
     with graph_session(arguments) as transport:
-        nodes = wait_for_graph(transport, arguments.wait)
-        say_if_empty(transport, nodes)
-        names = sorted(full_name(node) for node in nodes if arguments.all or not node.name.startswith("_"))
-        sys.stdout.write("".join(f"{name}\n" for name in names))
+        nodes = visible_nodes(transport, arguments.wait, hidden=arguments.all)
+        sys.stdout.writelines(f"{name}\n" for name in sorted(map(full_name, nodes)))
     return 0
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    import sys
-
-    from joshua.cli.graph.describe import node_lines
-    from joshua.cli.graph.lookup import find_node, full_topic
-    from joshua.cli.graph.session import graph_session
-
     name = full_topic(arguments.node)
     with graph_session(arguments) as transport:
         for node in find_node(transport, name, arguments.wait):
-            sys.stdout.write("\n".join(node_lines(node, name)) + "\n")
+            lines = [name, *endpoint_lines(node.endpoints, of_node=True)]
+            sys.stdout.writelines(f"{line}\n" for line in lines)
     return 0

@@ -1,0 +1,353 @@
+"""A visit to the ROS 2 graph: join it, and find topics, types and nodes, or name the nearest."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import difflib
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_config, positive_seconds
+
+if TYPE_CHECKING:
+    from joshua.plan import QosProfile, TransportSettings
+    from joshua.transport import EndpointInfo, NodeInfo, Transport
+
+_QUIET_S = 0.3
+_POLL_S = 0.02
+#: How long the rest of what belongs to a topic or node may take to become known.
+_SETTLE_S = 2.0
+
+
+class GraphError(Exception):
+    """A command about the graph cannot continue.
+
+    Attributes:
+        code: exit code.
+    """
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.FAILED) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def add_graph_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that every command about the graph takes."""
+    group = parser.add_argument_group("graph")
+    group.add_argument(
+        "--transport",
+        metavar="NAME",
+        default="",
+        help="zenoh, dds or one of a plugin (default: RMW_IMPLEMENTATION, a sourced ROS 2, else zenoh)",
+    )
+    add_config(group, "use the transport block of this configuration file")
+    group.add_argument(
+        "--wait",
+        metavar="SECONDS",
+        type=positive_seconds,
+        default=2.0,
+        help="how long to look for nodes and topics, at most (default 2)",
+    )
+
+
+def run_graph_command(arguments: argparse.Namespace) -> int:
+    """Run the chosen subcommand; an error becomes a message and an exit code."""
+    from joshua.messages import MessageError
+    from joshua.plugins.targets import TargetError
+    from joshua.transport import TransportError
+
+    try:
+        return int(arguments.graph_command(arguments))
+    except GraphError as error:
+        text, code = str(error), error.code
+    except TargetError as error:
+        text, code = str(error), ExitCode.NOT_INSTALLED
+    except TransportError as error:
+        text, code = str(error), ExitCode.FAILED
+    except MessageError as error:
+        text, code = str(error), ExitCode.INVALID
+    sys.stderr.write(f"joshua {arguments.command}: {text}\n")
+    return code
+
+
+@contextlib.contextmanager
+def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
+    """Join the graph for the length of the block.
+
+    Raises:
+        GraphError: no router answers, the environment is invalid or the file cannot be read.
+    """
+    from joshua.transport import open_transport
+
+    transport = open_transport(choose_settings(arguments))
+    try:
+        for _ in looks(arguments.wait):
+            if transport.connected:
+                break
+        else:
+            raise GraphError(
+                f"no Zenoh router answers on {transport.meeting_point}. {_running_hint(transport.settings)}"
+                "Start a robot (joshua --config robot.pbtxt) or ROS 2's router, name a running file with "
+                "--config, or use --transport dds for nodes on DDS"
+            )
+        yield transport
+    finally:
+        transport.close()
+
+
+def choose_settings(arguments: argparse.Namespace) -> TransportSettings:
+    """The transport of the command line, the file or the environment.
+
+    Raises:
+        GraphError: the environment is invalid, the file cannot be read or the transport is not installed.
+    """
+    from joshua.plugins import load_registry
+    from joshua.schema.transport_pb2 import TransportConfig
+    from joshua.transport.choice import TransportChoiceError, choose_transport, why_missing
+
+    path, option = getattr(arguments, "config", None), arguments.transport
+    try:
+        if path:
+            settings = _settings_of_file(path, option)
+        else:
+            settings = choose_transport(TransportConfig(), os.environ, load_registry, option=option)
+    except TransportChoiceError as error:
+        raise GraphError(str(error), ExitCode.INVALID) from error
+    if not settings.implementation:
+        raise GraphError(". ".join(why_missing(settings, load_registry())), ExitCode.NOT_INSTALLED)
+    return settings
+
+
+def _settings_of_file(path: str, option: str) -> TransportSettings:
+    from joshua.config import load
+    from joshua.config.checks import Context
+    from joshua.planner.transport_choice import transport_settings
+    from joshua.plugins import load_registry
+
+    loaded = load(path)
+    settings, found = transport_settings(Context(loaded, launch=True), load_registry(), option)
+    problems = [item for item in (*loaded.diagnostics, *found) if item.severity.value == "error"]
+    if not loaded.is_readable or settings is None:
+        reason = problems[0].message if problems else "it cannot be read"
+        raise GraphError(f"{path}: {reason} Run: joshua --config {path} --validate-only", ExitCode.INVALID)
+    return settings
+
+
+def looks(wait_s: float, pause_s: float = _POLL_S) -> Iterator[None]:
+    """Yield for each look at something that is waited for; the last one comes after the whole wait.
+
+    A pause in which this program was stopped counts little, because the rest of the graph stopped as well.
+    """
+    left_s = wait_s
+    while True:
+        yield
+        if left_s <= 0:
+            return
+        began_s = time.monotonic()
+        time.sleep(min(pause_s, left_s))
+        left_s -= min(time.monotonic() - began_s, 2 * pause_s)
+
+
+def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
+    """The nodes, once nothing new has appeared for a moment; at the latest after ``wait_s``.
+
+    Endpoints whose node is not announced yet are waited for.
+    """
+    from joshua.transport.transports import NAMELESS
+
+    known: list[NodeInfo] = []
+    quiet_looks = 0
+    for _ in looks(wait_s):
+        before, known = known, transport.nodes()
+        quiet_looks = quiet_looks + 1 if known == before else 0
+        settled = known and all(node.name != NAMELESS for node in known)
+        if settled and quiet_looks * _POLL_S >= min(_QUIET_S, wait_s):
+            break
+    return known
+
+
+def visible_nodes(transport: Transport, wait_s: float, *, hidden: bool = True) -> list[NodeInfo]:
+    """The nodes of the graph; if there are none, standard error says why and what to do.
+
+    Args:
+        hidden: whether nodes whose name begins with ``_`` count.
+    """
+    nodes = wait_for_graph(transport, wait_s)
+    shown = [node for node in nodes if hidden or not node.name.startswith("_")]
+    if nodes and not shown:
+        sys.stderr.write("every node of the graph is hidden: its name begins with _. Show them with --all\n")
+    elif not nodes:
+        settings = transport.settings
+        other = "dds" if settings.kind == "zenoh" else "zenoh"
+        wider = ""
+        if settings.kind == "dds" and settings.discovery_range == "LOCALHOST":
+            wider = ", ROS 2 nodes with their default range need ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET here"
+        sys.stderr.write(
+            f"no ROS 2 node was found on {place_of(transport)}. {_running_hint(settings)}"
+            "Nodes of another domain need its ROS_DOMAIN_ID, "
+            f"those of the other middleware --transport {other}{wider}\n"
+        )
+    return shown
+
+
+def _running_hint(settings: TransportSettings) -> str:
+    """What runs on this machine and why it is not in this graph, as sentences; "" if nothing runs."""
+    from joshua.ipc.client import CallError, RunningSystem
+
+    text = ""
+    for system in RunningSystem.all():
+        info = system.info
+        with contextlib.suppress(CallError):
+            mode = system.status().mode
+            if mode == "MODE_CALIBRATION":
+                text += f"{info.source} is being calibrated, which needs no ROS 2 nodes. "
+            elif info.domain_id != settings.domain_id:
+                text += f"{info.source} runs in domain {info.domain_id}: set ROS_DOMAIN_ID={info.domain_id}. "
+            else:
+                text += f"{info.source} runs: name it with --config. "
+    return text
+
+
+def place_of(transport: Transport) -> str:
+    """Where a visit looks: the meeting point and the domain."""
+    if transport.settings.kind == "dds":
+        return transport.meeting_point
+    return f"{transport.meeting_point}, domain {transport.settings.domain_id}"
+
+
+def full_topic(name: str) -> str:
+    """A topic or node name with its leading slash."""
+    return name if name.startswith("/") else f"/{name}"
+
+
+def full_name(node: NodeInfo) -> str:
+    """Fully qualified name of a node."""
+    return f"{node.namespace.rstrip('/')}/{node.name}"
+
+
+def find_topic(transport: Transport, topic: str, wait_s: float) -> list[EndpointInfo]:
+    """Wait for a topic to appear; returns its endpoints.
+
+    Raises:
+        GraphError: it did not; the message names the nearest.
+    """
+
+    def of_topic(nodes: Sequence[NodeInfo]) -> list[EndpointInfo]:
+        return [endpoint for node in nodes for endpoint in node.endpoints if endpoint.topic == topic]
+
+    nodes: list[NodeInfo] = []
+    for _ in looks(wait_s):
+        nodes = transport.nodes()
+        if found := of_topic(nodes):
+            # a further moment, so that the other endpoints of the topic are known as well
+            return of_topic(wait_for_graph(transport, min(wait_s, _SETTLE_S))) or found
+    topics = sorted({endpoint.topic for node in nodes for endpoint in node.endpoints})
+    raise _missing("topic", topic, topics, transport, wait_s)
+
+
+def find_node(transport: Transport, name: str, wait_s: float) -> list[NodeInfo]:
+    """Wait for a node to appear; returns all of that name.
+
+    Raises:
+        GraphError: it did not; the message names the nearest.
+    """
+    nodes: list[NodeInfo] = []
+    for _ in looks(wait_s):
+        nodes = transport.nodes()
+        if found := [node for node in nodes if full_name(node) == name]:
+            settled = wait_for_graph(transport, min(wait_s, _SETTLE_S))
+            return [node for node in settled if full_name(node) == name] or found
+    raise _missing("node", name, [full_name(node) for node in nodes], transport, wait_s)
+
+
+def _missing(kind: str, name: str, names: Sequence[str], transport: Transport, wait_s: float) -> GraphError:
+    if near := difflib.get_close_matches(name, names, n=3, cutoff=0.4):
+        hint = f"the nearest are {', '.join(near)}"
+    elif names:
+        hint = f"there are {', '.join(names[:8])}{', …' if len(names) > 8 else ''}"
+    else:
+        hint = f"there is none on {place_of(transport)}"
+    return GraphError(f"no {kind} {name} appeared within {wait_s:g} s; {hint}", ExitCode.INVALID)
+
+
+def type_of(endpoints: Sequence[EndpointInfo]) -> str:
+    """The type of a topic.
+
+    Raises:
+        GraphError: its endpoints do not agree.
+    """
+    names = sorted({endpoint.type_name for endpoint in endpoints})
+    if len(names) > 1:
+        raise GraphError(
+            f"the endpoints of {endpoints[0].topic} have several types: {', '.join(names)}. Choose one with "
+            "--type",
+            ExitCode.INVALID,
+        )
+    return type_name(names[0])
+
+
+def type_name(text: str) -> str:
+    """The ROS 2 type of a ROS 2 name, or of a DataType such as ``JOINT_STATE``.
+
+    Raises:
+        MessageError: there is no such type; the message names the nearest.
+    """
+    from joshua.messages import MessageError
+    from joshua.messages.typestore import require_type
+    from joshua.schema import data_types
+
+    if "/" in text or "::" in text:
+        return require_type(text)
+    try:
+        return data_types.type_name(data_types.number(text.upper()))
+    except ValueError:
+        numbers = {data_types.number(name): name for name in data_types.type_names()}
+        names = {enum: full for number, full in numbers.items() for enum in data_types.enum_names(number)}
+        words = {**names, **{full.rsplit("/", 1)[1]: full for full in names.values()}}
+        near = difflib.get_close_matches(text, words, n=3, cutoff=0.5)
+        hint = f"; the nearest are {', '.join(dict.fromkeys(words[word] for word in near))}" if near else ""
+        raise MessageError(
+            f"{text!r} is not a message type; write package/msg/Type or a DataType such as JOINT_STATE{hint}"
+        ) from None
+
+
+def endpoint_lines(endpoints: Sequence[EndpointInfo], *, of_node: bool) -> list[str]:
+    """The endpoints of a topic or node, publishers first, each with its quality of service."""
+    lines = []
+    for label, is_publisher in (("publishers", True), ("subscriptions", False)):
+        chosen = [endpoint for endpoint in endpoints if endpoint.is_publisher is is_publisher]
+        lines.append(f"{label}: {len(chosen)}")
+        for end in sorted(chosen, key=lambda end: end.topic) if of_node else chosen:
+            node = f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+            name = f"{end.topic}  {end.type_name}" if of_node else node
+            lines.append(f"  {name}  {qos_text(end.qos)}")
+    return lines
+
+
+def qos_text(qos: QosProfile) -> str:
+    """A profile in one line; durations only if they are set."""
+    depth = f" {qos.depth}" if qos.history == "KEEP_LAST" else ""
+    parts = [qos.reliability, qos.durability, f"{qos.history}{depth}"]
+    if qos.liveliness != "AUTOMATIC":
+        parts.append(qos.liveliness)
+    durations = (("deadline", qos.deadline_s), ("lifespan", qos.lifespan_s), ("lease", qos.lease_duration_s))
+    return ", ".join(parts + [f"{label} {duration_s:g} s" for label, duration_s in durations if duration_s])
+
+
+def profile_for(publishers: Sequence[EndpointInfo], depth: int) -> QosProfile:
+    """A profile that connects to all of the publishers, and gets kept messages if all of them keep some."""
+    from joshua.plan import QosProfile
+
+    offers = [endpoint.qos for endpoint in publishers if endpoint.is_publisher]
+    best_effort = any(offer.reliability == "BEST_EFFORT" for offer in offers)
+    kept = bool(offers) and all(offer.durability == "TRANSIENT_LOCAL" for offer in offers)
+    return QosProfile(
+        reliability="BEST_EFFORT" if best_effort else "RELIABLE",
+        durability="TRANSIENT_LOCAL" if kept else "VOLATILE",
+        depth=depth,
+    )

@@ -1,1 +1,0 @@
-"""What ``joshua topic`` and ``joshua node`` share."""
