@@ -79,17 +79,16 @@ def test_the_compiled_module_carries_rules_and_comments(package: Path, tmp_path:
     main([str(package / "gripper.proto"), "--out", str(tmp_path / "out")])
     program = (
         "from compiled_gripper.gripper_pb2 import Gripper\n"
-        "from joshua.schema.comments import comment, file_comment\n"
+        "from joshua.schema.comments import comment\n"
         "from joshua.schema.rules import rule\n"
         "field = Gripper.DESCRIPTOR.fields_by_name['stroke_m']\n"
         "value = Gripper.Grip.DESCRIPTOR.values_by_name['GRIP_UNSPECIFIED']\n"
-        "print(rule(field).unit, comment(field), comment(value), comment(Gripper.DESCRIPTOR.oneofs[0]),\n"
-        "      file_comment(Gripper.DESCRIPTOR.file), sep='|')\n"
+        "print(rule(field).unit, comment(field), comment(value), comment(Gripper.DESCRIPTOR.oneofs[0]), sep='|')\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path / "out", capture_output=True, text=True, check=True
     )
-    assert done.stdout == "m|Opening width.|Not chosen.||Settings of a gripper.\n"
+    assert done.stdout == "m|Opening width.|Not chosen.|\n"
 
 
 def test_the_import_root_is_the_folder_above_the_package(package: Path) -> None:
@@ -98,7 +97,7 @@ def test_the_import_root_is_the_folder_above_the_package(package: Path) -> None:
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(tmp_path / "none.proto")]) == 2
-    assert "none.proto: there is no such file" in capsys.readouterr().err
+    assert "none.proto does not exist" in capsys.readouterr().err
 
 
 def test_a_faulty_proto_is_reported_with_its_line(package: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,7 +111,7 @@ def test_a_root_that_does_not_hold_the_file_is_refused(
 ) -> None:
     (tmp_path / "other").mkdir()
     assert main([str(package / "gripper.proto"), "--root", str(tmp_path / "other")]) == 2
-    assert "give a --root that holds it" in capsys.readouterr().err
+    assert "Give a --root that contains it" in capsys.readouterr().err
 
 
 def test_a_missing_compiler_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

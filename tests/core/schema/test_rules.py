@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from joshua.schema import config_pb2, options_pb2
-from joshua.schema.rules import has_rule, rule
+from joshua.schema.rules import rule
 
 
 def test_a_rule_is_read_from_the_descriptor() -> None:
@@ -18,5 +18,4 @@ def test_a_rule_is_read_from_the_descriptor() -> None:
 
 def test_a_field_without_a_rule_has_an_empty_one() -> None:
     field = config_pb2.Config.DESCRIPTOR.fields_by_name["robot"]
-    assert not has_rule(field)
     assert rule(field) == options_pb2.FieldRule()

@@ -15,7 +15,7 @@ from joshua.planner.draft import Draft
 from joshua.planner.environments import choose_environment
 from joshua.planner.pipeline import check_file, examine
 from joshua.planner.request import Purpose, Request
-from joshua.plugins.environments import make_environment
+from joshua.plugins.targets import make_environment
 from joshua.testing.domain import reserved_domain
 from joshua_mujoco_sim.envs import TASKS, make_vector_environment
 from joshua_mujoco_sim.plugin import ENVIRONMENTS
@@ -193,7 +193,7 @@ def joshua_specs():
 
 class Trainer(NodeBehaviour):
     def configure(self):
-        from joshua.plugins.environments import make_environment
+        from joshua.plugins.targets import make_environment
 
         self.environment = make_environment(self.context.spec.facts)
 

@@ -10,19 +10,16 @@ from typing import ClassVar
 class PluginSpec:
     """One thing that a plugin provides; the base of the kinds.
 
-    Import strings look like ``acme.gripper:Gripper``. "" says that there is none.
+    Import strings look like ``acme.gripper:Gripper``; "" for none.
 
     Attributes:
-        kind: word for what it is; base: import string of what ``implementation`` derives from, "" for
-            anything.
-        block: configuration block that asks for it: a member of the fixed oneofs such as
-            ``sts3215_config``, or the full name of a registered message (``acme.GripperConfig``) for an
-            ``Any`` block; "" where the enum value alone decides.
+        base: import string of what ``implementation`` derives from, "" for anything.
+        block: configuration block that asks for it: a member of a oneof such as ``sts3215_config``, or the
+            full name of a registered message (``acme.GripperConfig``); "" if the enum value decides alone.
         enum_values: enum values that fit, such as ``("ACTION_LEADER", "ACTION_FOLLOWER")``.
         implementation: import string of the class or function that does the work.
         settings: import string of the pydantic settings model, made from the block.
-        message_module: import string of the ``_pb2`` module that registers the block's message; "" for
-            built-in blocks.
+        message_module: import string of the ``_pb2`` module that registers the block's own message.
         summary: one line for ``joshua plugins``.
     """
 

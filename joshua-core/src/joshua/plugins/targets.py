@@ -6,6 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from joshua.plan.facts import ServiceFacts
     from joshua.plugins.specs import PluginSpec
 
 #: Import strings of a spec, with what each must derive from; "" for anything.
@@ -44,6 +45,26 @@ def load_target(import_string: str) -> Any:
         except AttributeError as error:
             raise TargetError(f"{import_string}: {module_name} has no {attribute}") from error
     return target
+
+
+def make_environment(facts: ServiceFacts, *, num_envs: int = 0) -> Any:
+    """Makes the ``gymnasium.vector.VectorEnv`` of a plan, seeded where the file has a seed.
+
+    Args:
+        facts: of the trainer's node; num_envs: another number than the file's, 0 for the file's.
+
+    Raises:
+        ValueError: the plan has no environment; TargetError: the plugin that offers it cannot be imported.
+    """
+    chosen = facts.environment
+    if chosen is None:
+        raise ValueError("the plan has no environment: the file trains on a robot or from a data set")
+    return load_target(chosen.make)(
+        chosen.environment_id,
+        reward_function=chosen.reward_function,
+        num_envs=num_envs or chosen.num_envs,
+        seed=chosen.seed,
+    )
 
 
 def check_targets(spec: PluginSpec) -> list[str]:

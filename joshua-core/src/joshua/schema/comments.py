@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 SUFFIX = ".comments.json"
-
-_tables: dict[str, dict[str, str]] = {}
 
 
 def comment(descriptor: Any) -> str:
@@ -26,11 +25,6 @@ def comment(descriptor: Any) -> str:
     return table.get(descriptor.full_name, "")
 
 
-def file_comment(file_descriptor: Any) -> str:
-    """Returns the comment at the head of a proto file; "" for none."""
-    return _load(file_descriptor.name).get("", "")
-
-
 def _table_of(descriptor: Any) -> dict[str, str]:
     owner = descriptor
     while getattr(owner, "file", None) is None:
@@ -39,13 +33,8 @@ def _table_of(descriptor: Any) -> dict[str, str]:
     return _load(owner.file.name)
 
 
+@cache
 def _load(proto_name: str) -> dict[str, str]:
-    if proto_name not in _tables:
-        _tables[proto_name] = _read(proto_name)
-    return _tables[proto_name]
-
-
-def _read(proto_name: str) -> dict[str, str]:
     """Finds the compiled module of a proto file among those that are imported, and the table beside it."""
     for name, module in list(sys.modules.items()):
         if not name.endswith("_pb2"):

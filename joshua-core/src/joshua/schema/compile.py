@@ -8,20 +8,31 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from joshua.schema.comment_table import comment_json, read_descriptor_set
 from joshua.schema.comments import SUFFIX
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+
+    from google.protobuf.descriptor_pb2 import FileDescriptorProto
 
 # The folder from which "joshua/schema/options.proto" is found.
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
+
+# What the paths of source locations are made of: parts of a descriptor, and their field numbers in
+# descriptor.proto.
+_SYNTAX = 12
+_PARTS = {
+    "FileDescriptorProto": (("message_type", 4), ("enum_type", 5), ("extension", 7)),
+    "DescriptorProto": (("field", 2), ("nested_type", 3), ("enum_type", 4), ("oneof_decl", 8)),
+    "EnumDescriptorProto": (("value", 2),),
+}
 
 
 class CompileError(Exception):
@@ -44,7 +55,7 @@ def compile_protos(names: Sequence[str], search: Sequence[str], out: Path) -> li
     """
     if importlib.util.find_spec("grpc_tools") is None:
         raise CompileError(
-            "grpcio-tools is not installed, which compiles proto files: pip install grpcio-tools"
+            "grpcio-tools, which compiles proto files, is not installed: pip install grpcio-tools"
         )
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -56,14 +67,53 @@ def compile_protos(names: Sequence[str], search: Sequence[str], out: Path) -> li
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise CompileError(done.stderr.strip() or f"the compiler ended with status {done.returncode}")
-        files = read_descriptor_set(descriptors.read_bytes(), names)
+        from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+        files = {file.name: file for file in FileDescriptorSet.FromString(descriptors.read_bytes()).file}
     written: list[Path] = []
-    for name, file in zip(names, files, strict=True):
+    for name in names:
         module = out / f"{name.removesuffix('.proto').replace('-', '_')}_pb2.py"
         table = module.with_suffix(SUFFIX)
-        table.write_text(comment_json(file), encoding="utf-8")
+        comments = json.dumps(comment_table(files[name]), ensure_ascii=False, indent=1)
+        table.write_text(f"{comments}\n", encoding="utf-8")
         written += [module, module.with_suffix(".pyi"), table]
     return written
+
+
+def comment_table(file: FileDescriptorProto) -> dict[str, str]:
+    """Returns the comments of a file by full name; the key "" holds the one at its head."""
+    names = {(_SYNTAX,): "", **dict(_names(file, (), file.package))}
+    table: dict[str, str] = {}
+    for location in file.source_code_info.location:
+        name = names.get(tuple(location.path))
+        if name is None:
+            continue
+        text = location.leading_comments or location.trailing_comments
+        if not text and name == "" and location.leading_detached_comments:
+            text = location.leading_detached_comments[0]
+        if text.strip():
+            table.setdefault(name, _reflow(text))
+    return dict(sorted(table.items()))
+
+
+def _names(item: Any, path: tuple[int, ...], name: str) -> Iterator[tuple[tuple[int, ...], str]]:
+    """Paths and full names of what stands in a descriptor."""
+    for part, number in _PARTS.get(type(item).__name__, ()):
+        for index, inner in enumerate(getattr(item, part)):
+            inner_path, inner_name = (*path, number, index), f"{name}.{inner.name}".removeprefix(".")
+            yield inner_path, inner_name
+            yield from _names(inner, inner_path, inner_name)
+
+
+def _reflow(text: str) -> str:
+    """Joins the lines of a comment into paragraphs, which stay apart by an empty line."""
+    paragraphs: list[list[str]] = [[]]
+    for line in text.strip().split("\n"):
+        if line.strip():
+            paragraphs[-1].append(line.strip())
+        elif paragraphs[-1]:
+            paragraphs.append([])
+    return "\n\n".join(" ".join(lines) for lines in paragraphs if lines)
 
 
 def import_root(proto: Path) -> Path:
@@ -94,11 +144,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for file in options.files:
         proto = Path(file)
         if not proto.is_file():
-            sys.stderr.write(f"{file}: there is no such file; give the path of a .proto file\n")
+            sys.stderr.write(f"{file} does not exist. Give the path of a .proto file.\n")
             return 2
         root = Path(options.root).resolve() if options.root else import_root(proto)
         if not proto.resolve().is_relative_to(root):
-            sys.stderr.write(f"{file} is not below {root}; give a --root that holds it\n")
+            sys.stderr.write(f"{file} is not below {root}. Give a --root that contains it.\n")
             return 2
         name = proto.resolve().relative_to(root).as_posix()
         out = Path(options.out) if options.out else root

@@ -19,11 +19,6 @@ def rule(field: Any) -> options_pb2.FieldRule:
     return found
 
 
-def has_rule(field: Any) -> bool:
-    """Tells whether the schema states a rule for a FieldDescriptor."""
-    return bool(field.GetOptions().HasExtension(options_pb2.rule))
-
-
 def block_rule(message: Any) -> options_pb2.BlockRule:
     """Returns the rule of a block by the Descriptor of its message; an empty one where there is none."""
     found: options_pb2.BlockRule = message.GetOptions().Extensions[options_pb2.block]
