@@ -83,7 +83,8 @@ def test_the_compiled_module_carries_rules_and_comments(package: Path, tmp_path:
         "from joshua.schema.rules import rule\n"
         "field = Gripper.DESCRIPTOR.fields_by_name['stroke_m']\n"
         "value = Gripper.Grip.DESCRIPTOR.values_by_name['GRIP_UNSPECIFIED']\n"
-        "print(rule(field).unit, comment(field), comment(value), comment(Gripper.DESCRIPTOR.oneofs[0]), sep='|')\n"
+        "print(rule(field).unit, comment(field), comment(value),\n"
+        "      comment(Gripper.DESCRIPTOR.oneofs[0]), sep='|')\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path / "out", capture_output=True, text=True, check=True
