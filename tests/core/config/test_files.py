@@ -117,7 +117,7 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
         file.truncate(100_000_000)  # sparse: reading it would show in memory, not on the disk
     found = only(load(path))
     assert found.code == "file-too-large"
-    assert found.message == f"{path} has 100000000 bytes; at most 8 MiB are read as a configuration."
+    assert found.message == f"{path} has 100000000 bytes; a configuration may have at most 8 MiB."
 
 
 def test_a_file_that_grows_past_the_limit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,7 +174,7 @@ def test_a_binary_file_gives_one_error(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "program"
     path.write_bytes(data)
     found = only(load(path))
-    assert found.message == f"{path} is no text file: it holds many bytes that no text holds."
+    assert found.message == f"{path} is not a text file: it holds many bytes that no text contains."
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])

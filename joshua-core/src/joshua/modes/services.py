@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from joshua.config.checks.device_table import value_name
 from joshua.modes.spec import ServiceSpec
 from joshua.plan.graph import RobotGraph, ServiceTopic
 from joshua.plugins import SimulatorSpec, StoreSpec, TrainerSpec
@@ -14,11 +15,6 @@ from joshua.schema import simulation_pb2 as sim
 
 #: The process in which one physics stands for any number of devices.
 PHYSICS_GROUP = "simulation"
-
-
-def value_name(enum: Any, number: int) -> str:
-    """Name of an enum value, the number itself where it has none."""
-    return str(enum.Name(number)) if number in enum.values() else str(number)
 
 
 def makes_episodes(config: pb.Config) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from joshua.config.checks import Context
-from joshua.config.checks.topics import type_text
+from joshua.config.checks.device_table import type_text
 from joshua.config.names import topic_fault
 from joshua.modes.queries import lacks
 from joshua.modes.services import DATA_STORE, SIMULATION

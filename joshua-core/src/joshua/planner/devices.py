@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 from joshua.config.checks.blocks import unpacked
+from joshua.config.checks.device_table import value_name
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, ModelSpec, NodePluginSpec, SensorSpec
@@ -46,17 +47,17 @@ def _wanted(entry: NodeEntry) -> Wanted:
     owner = entry.owner
     if entry.is_actuator:
         name = owner.WhichOneof("actuator_config") or ""
-        enum_value = _value_name(pb.ActionType, owner.action_type)
+        enum_value = value_name(pb.ActionType, owner.action_type)
         kind: type[NodePluginSpec] = ActuatorSpec
     elif entry.is_sensor:
         name = owner.WhichOneof("device_config") or ""
-        enum_value = _value_name(pb.PerceptionType, owner.perception_type)
+        enum_value = value_name(pb.PerceptionType, owner.perception_type)
         kind = SensorSpec
     else:
         name = next((n for n in ("plugin_config", "random_noise_config") if owner.HasField(n)), "")
         if not name and owner.model_type == pb.RANDOM_NOISE:
             name = "random_noise_config"  # omitted, it means its defaults
-        enum_value = _value_name(pb.ModelType, owner.model_type)
+        enum_value = value_name(pb.ModelType, owner.model_type)
         kind = ModelSpec
     path = f"{entry.owner_path}.{name}" if name else entry.owner_path
     block = getattr(owner, name) if name else (owner if kind is ModelSpec else None)
@@ -68,13 +69,6 @@ def _wanted(entry: NodeEntry) -> Wanted:
 def unpack(block: Any) -> tuple[str, Any]:
     """Opens an ``Any`` block: full message name, and the message or None where its type is unknown."""
     return block.type_url.rpartition("/")[2], unpacked(block)
-
-
-def _value_name(enum: Any, number: int) -> str:
-    try:
-        return cast(str, enum.Name(number))
-    except ValueError:
-        return str(number)
 
 
 def joints_of(settings: Any) -> tuple[JointRange, ...]:

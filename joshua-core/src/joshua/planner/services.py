@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from joshua.config.checks.device_table import value_name
 from joshua.config.graph import offered_profile
 from joshua.modes import ServiceSpec
-from joshua.modes.services import makes_episodes, value_name
+from joshua.modes.services import makes_episodes
 from joshua.plan.graph import GraphService, RobotGraph, ServiceTopic
 from joshua.plan.qos import QosProfile
 from joshua.planner.environments import choose_environment

@@ -23,10 +23,14 @@ _INSIDE_FIELD = ("missing-", "extra-comma", "unclosed-string", "unclosed-list", 
 
 
 class CodeDoc(NamedTuple):
-    """One row of the table of diagnostic codes: the cause and the next step, one sentence each."""
+    """One row of the table of diagnostic codes: the cause and the next step, one sentence each.
+
+    ``reads`` says what the rule reads besides the field that it is about, see ``joshua.config.checks.taint``.
+    """
 
     cause: str
     next_step: str
+    reads: str = ""
 
 
 def read_codes(path: Path) -> dict[str, dict[str, CodeDoc]]:

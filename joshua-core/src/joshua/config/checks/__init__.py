@@ -22,16 +22,15 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "identity": lambda context: bool(context.graph.entries),
     "resources": lambda context: bool(context.graph.entries) or context.config.HasField("calibration"),
     "fit": lambda context: bool(context.graph.entries) or context.config.HasField("ai"),
-    "limits": lambda context: True,
     "rates": lambda context: bool(context.graph.entries),
     "topics": lambda context: bool(context.graph.entries),
-    "device_types": lambda context: bool(context.graph.entries),
     "qos": lambda context: bool(context.graph.entries),
     "no_effect": lambda context: True,
     "safety": lambda context: any(_has_safety(entry.owner) for entry in context.graph.entries),
     "calibration": lambda context: context.config.HasField("calibration"),
-    "transport": lambda context: context.config.HasField("transport"),
-    "machines": lambda context: any(entry.node.host for entry in context.graph.entries),
+    "transport": lambda context: (
+        context.config.HasField("transport") or any(entry.node.host for entry in context.graph.entries)
+    ),
 }
 
 

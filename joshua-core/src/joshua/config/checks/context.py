@@ -103,4 +103,4 @@ class Context:
 def _next_step(code: str) -> str:
     from joshua.config.codes import CODES
 
-    return CODES[code].next_step
+    return CODES[code].next_step if code in CODES else ""  # a mode of a plugin has codes of its own

@@ -40,6 +40,16 @@ _ACTUATOR = Messages((types.JOINT_STATE,), (types.JOINT_STATE, types.JOINT_TRAJE
 _MODEL = Messages((types.JOINT_STATE, types.JOINT_TRAJECTORY), None)
 
 
+def value_name(enum: Any, number: int) -> str:
+    """Name of an enum value, the number itself where it has none."""
+    return str(enum.Name(number)) if number in enum.values() else str(number)
+
+
+def type_text(number: int) -> str:
+    """Name of a DataType number, the number itself where it has none."""
+    return value_name(types.DataType, number)
+
+
 def block_of(owner: Any) -> tuple[str, Any]:
     """Name and content of the settings block of an action or perception; ("", None) where there is none."""
     oneof = _ONEOFS.get(type(owner))

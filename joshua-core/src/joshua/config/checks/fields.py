@@ -8,8 +8,7 @@ from typing import Any
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import frame_rate, messages_of
-from joshua.config.checks.topics import type_text
+from joshua.config.checks.device_table import frame_rate, messages_of, type_text
 from joshua.plan import Diagnostic
 from joshua.schema.rules import block_rule
 from joshua.textproto.field_facts import FieldFacts, field_facts, number_text
@@ -17,7 +16,7 @@ from joshua.textproto.nearest import nearest_first
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Holds every field of every block against the rule beside it."""
+    """Hold every field of every block against the rule beside it."""
     for block in context.blocks:
         missing = []
         for facts in block.facts:
@@ -33,28 +32,26 @@ def check(context: Context) -> Iterator[Diagnostic]:
                 missing.append(facts)
         if missing:
             yield _missing(context, block, missing)
+        yield from _limits(context, block)
 
 
-def block_name(block: Block) -> str:
-    """What a block is called in a message: the last part of its path, or «the file»."""
-    return block.path.rpartition(".")[2] or "the file"
-
-
-def in_words(names: list[str]) -> str:
-    """Joins names: ``a``, ``a and b``, ``a, b and c``."""
+def _in_words(names: list[str]) -> str:
+    """Join names: ``a``, ``a and b``, ``a, b and c``."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
+def _name(block: Block) -> str:
+    return block.path.rpartition(".")[2] or "the file"
+
+
 def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagnostic:
-    names = [facts.name for facts in missing]
     single = missing[0] if len(missing) == 1 else None
     noun = "block" if single is not None and single.is_message else "field"
-    subject = block_name(block) if block.path else "The file"
-    what = f"the required {noun}{'' if single else 's'} {in_words(names)}"
-    endpoint = _Endpoint(context, block.path)
+    subject = _name(block) if block.path else "The file"
+    what = f"the required {noun}{'' if single else 's'} {_in_words([facts.name for facts in missing])}"
     allowed: tuple[str, ...] = ()
     if single is not None and single.enum is not None:
-        allowed = endpoint.data_types or single.value_names()
+        allowed = _data_types(context, block) or single.value_names()
     elif single is not None and single.range_text():
         allowed = (single.range_text(),)
     return context.error(
@@ -62,43 +59,31 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
         f"{subject} lacks {what}",
         block.field_path(single.name) if single else block.path,
         allowed=allowed,
-        remedy=f"Add {in_words([_link(block, facts) or endpoint.sample(facts) for facts in missing])}",
+        remedy=f"Add {_in_words([_sample(context, block, facts) for facts in missing])}",
     )
 
 
-def _link(block: Block, facts: FieldFacts) -> str:
-    """The link of a device with the kind that it needs, serial where it takes either; "" for other fields."""
-    if not facts.is_message or facts.message_type.full_name != "joshua.Comm":
-        return ""
-    kind = block_rule(block.message.DESCRIPTOR).link or "serial"
-    inner = next(link for link in field_facts(facts.message_type) if link.name == kind)
-    return f"comm {{ {inner.sample()} }}"
+def _data_types(context: Context, block: Block) -> tuple[str, ...]:
+    """Types that the device behind a publisher or subscription can take; () where that is not known."""
+    item = context.graph.by_path.get(block.path)
+    if item is None:
+        return ()
+    messages = messages_of(item.entry.owner)
+    return tuple(map(type_text, (messages.publishes if item.is_publisher else messages.hears) or ()))
 
 
-class _Endpoint:
-    """What the device behind a publisher or subscription can do; knows nothing of other blocks."""
-
-    def __init__(self, context: Context, path: str) -> None:
-        self._item = context.graph.by_path.get(path)
-
-    @property
-    def data_types(self) -> tuple[str, ...]:
-        """Names of the types that it can publish or listen to; empty where that is not known."""
-        if self._item is None:
-            return ()
-        messages = messages_of(self._item.entry.owner)
-        numbers = messages.publishes if self._item.is_publisher else messages.hears
-        return tuple(map(type_text, numbers or ()))
-
-    def sample(self, facts: FieldFacts) -> str:
-        """A field with a value that this device can keep."""
-        if facts.name == "data_type" and self.data_types:
-            return f"data_type: {self.data_types[0]}"
-        if facts.name == "publish_rate_hz" and self._item is not None:
-            _, fps = frame_rate(self._item.entry.owner)
-            if fps > 0:
-                return f"publish_rate_hz: {number_text(fps)}"
-        return facts.sample()
+def _sample(context: Context, block: Block, facts: FieldFacts) -> str:
+    """A field with a value that its device can keep."""
+    if facts.is_message and facts.message_type.full_name == "joshua.Comm":
+        kind = block_rule(block.message.DESCRIPTOR).link or "serial"
+        inner = next(link for link in field_facts(facts.message_type) if link.name == kind)
+        return f"comm {{ {inner.sample()} }}"
+    item = context.graph.by_path.get(block.path)
+    if facts.name == "data_type" and (types := _data_types(context, block)):
+        return f"data_type: {types[0]}"
+    if facts.name == "publish_rate_hz" and item is not None and (fps := frame_rate(item.entry.owner)[1]) > 0:
+        return f"publish_rate_hz: {number_text(fps)}"
+    return facts.sample()
 
 
 def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
@@ -109,7 +94,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
         if count < facts.min_items:
             yield context.error(
                 "too-few-entries",
-                f"{facts.name} of {block_name(block)} needs at least {facts.min_items} "
+                f"{facts.name} of {_name(block)} needs at least {facts.min_items} "
                 f"entr{'y' if facts.min_items == 1 else 'ies'}",
                 path,
                 found=f"{count} entries",
@@ -134,7 +119,7 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
         if facts.allowed and not facts.may_repeat and value in seen:
             yield context.error(
                 "duplicate-entry",
-                f'"{value}" stands twice in {facts.name}, where each entry may stand once',
+                f'"{value}" appears twice in {facts.name}; each entry may appear once',
                 f"{path}[{index}]",
                 allowed=tuple(f'"{entry}"' for entry in facts.allowed if entry not in used),
                 related=context.see(f"{path}[{seen[value]}]", "first entry"),
@@ -143,74 +128,61 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
 
 
 def _value(context: Context, facts: FieldFacts, path: str, value: Any) -> Iterator[Diagnostic]:
-    if facts.is_number:
-        yield from _number(context, facts, path, value)
-    elif facts.enum is not None:
-        yield from _enum(context, facts, path, value)
-    elif facts.is_string:
-        yield from _string(context, facts, path, value)
-
-
-def _number(context: Context, facts: FieldFacts, path: str, value: float) -> Iterator[Diagnostic]:
-    limits = facts.range_text()
-    if facts.is_float and not math.isfinite(value):
+    limits, sample = facts.range_text(), facts.example or facts.default
+    subject = f"Each entry of {facts.name}" if facts.repeated else facts.name
+    if facts.is_number and facts.is_float and not math.isfinite(value):
         yield context.error(
             "not-finite",
-            f"{_subject(facts)} must be a finite number",
+            f"{subject} must be a finite number",
             path,
-            allowed=(limits,) if limits else ("any finite number",),
-            remedy=f"Write a number such as {facts.example or facts.default or '1.0'}",
+            allowed=(limits or "any finite number",),
+            remedy=f"Write a number such as {sample or '1.0'}",
         )
-    elif not facts.contains(value):
+    elif facts.is_number and not facts.contains(value):
+        remedy = "Write a value in this range" + (f", such as {sample}" if sample else "")
+        for bound, is_past in ((facts.maximum, float.__gt__), (facts.minimum, float.__lt__)):
+            if bound is not None and is_past(float(value), float(bound)):
+                remedy = f"Write a value in this range; the nearest is {number_text(bound)}"
         yield context.error(
-            "out-of-range",
-            f"{_subject(facts)} must be {limits}",
-            path,
-            allowed=(limits,),
-            remedy=_range_remedy(facts, value),
+            "out-of-range", f"{subject} must be {limits}", path, allowed=(limits,), remedy=remedy
         )
-
-
-def _subject(facts: FieldFacts) -> str:
-    return f"Each entry of {facts.name}" if facts.repeated else facts.name
-
-
-def _range_remedy(facts: FieldFacts, value: float) -> str:
-    if facts.maximum is not None and value > facts.maximum:
-        return f"Write a value in this range; the nearest is {number_text(facts.maximum)}"
-    if facts.minimum is not None and value < facts.minimum:
-        return f"Write a value in this range; the nearest is {number_text(facts.minimum)}"
-    sample = facts.example or facts.default
-    return f"Write a value in this range, such as {sample}" if sample else "Write a value in this range"
-
-
-def _enum(context: Context, facts: FieldFacts, path: str, value: int) -> Iterator[Diagnostic]:
-    assert facts.enum is not None
-    # A number without a name has been reported by loading.
-    if value == 0 and facts.required:
+    elif facts.enum is not None and value == 0 and facts.required:  # loading reports unknown numbers
+        unset = facts.enum.values[0].name
         yield context.error(
             "not-chosen",
-            f"{facts.name} must be chosen; {facts.enum.values[0].name} stands for «not chosen»",
+            f"{facts.name} must be chosen; {unset} means «not chosen»",
             path,
-            found=facts.enum.values[0].name,
+            found=unset,
             allowed=facts.value_names(),
             remedy=f"Write one of these names, such as {facts.example or facts.value_names()[0]}",
         )
+    elif facts.is_string and facts.required and not value:
+        remedy = f"Write a value such as {facts.example}" if facts.example else "Write a value"
+        yield context.error("empty-text", f"{facts.name} may not be empty", path, found='""', remedy=remedy)
+    elif facts.is_string and facts.allowed and value and value not in facts.allowed:
+        allowed = tuple(f'"{entry}"' for entry in nearest_first(value, facts.allowed))
+        yield context.error("not-allowed", f'"{value}" is no value of {facts.name}', path, allowed=allowed)
 
 
-def _string(context: Context, facts: FieldFacts, path: str, value: str) -> Iterator[Diagnostic]:
-    if facts.required and not value:
+def _limits(context: Context, block: Block) -> Iterator[Diagnostic]:
+    """Fields ``…_min`` must be below their ``…_max``."""
+    by_name = {facts.name: facts for facts in block.facts if facts.is_number and not facts.repeated}
+    is_broken = context.loaded.positions.is_broken
+    for name, lower in by_name.items():
+        upper = by_name.get(f"{name.removesuffix('_min')}_max") if name.endswith("_min") else None
+        if upper is None or not context.is_set(block, upper.name) or is_broken(block.field_path(name)):
+            continue
+        low, high = getattr(block.message, name), getattr(block.message, upper.name)
+        # A value outside its own range is reported for itself; comparing it would only repeat that.
+        if not (lower.contains(low) and upper.contains(high)) or low < high:
+            continue
+        reason = "the range is empty" if low == high else "the two look swapped"
         yield context.error(
-            "empty-text",
-            f"{facts.name} may not be empty",
-            path,
-            found='""',
-            remedy=f"Write a value such as {facts.example}" if facts.example else "Write a value",
-        )
-    elif facts.allowed and value and value not in facts.allowed:
-        yield context.error(
-            "not-allowed",
-            f'"{value}" is no value of {facts.name}',
-            path,
-            allowed=tuple(f'"{entry}"' for entry in nearest_first(value, facts.allowed)),
+            "limits-inverted",
+            f"{upper.name} must be above {name}; {reason}",
+            block.field_path(upper.name),
+            found=f"{name} {number_text(low)}, {upper.name} {number_text(high)}",
+            allowed=(f"above {number_text(low)} {upper.unit}".rstrip(),),
+            remedy="Raise the upper or lower the lower limit" if low == high else "Swap the two values",
+            related=context.see(block.field_path(name), name) if context.is_set(block, name) else (),
         )

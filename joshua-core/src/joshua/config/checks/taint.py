@@ -1,8 +1,9 @@
 """What could not be read taints what is said about it: a rule whose inputs are tainted is silent.
 
 A block that could not be read is not «missing», a topic is not «unpublished» when the publisher beside it was
-lost to a syntax error, and a plugin's settings model need not repeat what a check has said. Every rule that
-concludes something from what is absent, or from other parts of the file, declares here what it reads.
+lost to a syntax error, and a plugin's settings model need not repeat what a check has said. The table of
+codes says what each rule reads besides the field that it is about: the ``structure`` of nodes and topics, the
+``topics`` of every publisher, the fields ``beside`` it in the same block, or the ``qos`` of others.
 """
 
 from __future__ import annotations
@@ -13,114 +14,23 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from joshua.config.checks.device_table import ACTUATOR_BLOCKS, DEVICE_BLOCKS
+from joshua.config.codes import CODES
 from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.textproto.positions import Positions, parent
 
-
-class Reads(NamedTuple):
-    """What a rule reads besides the field that it speaks of.
-
-    Attributes:
-        fields: names of fields anywhere in the file; beside: the fields of the same block.
-        topics: the topic of every publisher.
-    """
-
-    fields: frozenset[str] = frozenset()
-    beside: bool = False
-    topics: bool = False
-
-
-# Which nodes, topics and blocks there are.
-_STRUCTURE = frozenset(
-    (
-        "action_type",
-        "actions",
-        "ai",
-        "calibration",
-        "data_type",
-        "include",
-        "model_type",
-        "models",
-        "motor_ids",
-        "node",
-        "node_name",
-        "perception_type",
-        "perceptions",
-        "publishers",
-        "robot",
-        "ros_namespace",
-        "subscriptions",
-        "topic_name",
-        "transport",
-    )
-)
-_QOS = ("qos", "reliability", "durability", "liveliness", "deadline_s", "lease_duration_s", "topic_name")
-
-READS: dict[str, Reads] = {
-    "qos-incompatible": Reads(frozenset(_QOS)),
-    "field-unused": Reads(_STRUCTURE, beside=True),  # what gives a field its effect may be what is lost
-    **dict.fromkeys(
-        ("required-missing", "too-few-entries", "block-missing", "link-missing", "controls-missing"),
-        Reads(beside=True),
-    ),
-    **dict.fromkeys(
-        (
-            "block-unused",
-            "calibration-incomplete",
-            "calibration-unknown-node",
-            "hosts-apart",
-            "sensor-unpublished",
-            "simulation-missing",
-            "tls-missing",
-            "tls-unused",
-            "weights-missing",
-        ),
-        Reads(_STRUCTURE),
-    ),
-    **dict.fromkeys(
-        (
-            "follower-without-leader",
-            "mapping-unpublished",
-            "mode-lacks-actuator",
-            "mode-lacks-block",
-            "mode-lacks-device",
-            "mode-lacks-field",
-            "mode-lacks-follower",
-            "mode-lacks-leader",
-            "mode-lacks-model",
-            "mode-lacks-publisher",
-            "model-drives-nothing",
-            "model-without-camera",
-            "topic-unpublished",
-        ),
-        Reads(_STRUCTURE, topics=True),
-    ),
+# Fields that say which nodes, topics and blocks there are, and fields that decide which endpoints connect.
+_FIELDS = {
+    "structure": "action_type actions ai calibration data_type include model_type models motor_ids node "
+    "node_name perception_type perceptions publishers robot ros_namespace subscriptions topic_name transport",
+    "qos": "qos reliability durability liveliness deadline_s lease_duration_s topic_name",
 }
 
 # Errors of loading that cost the value of one field and nothing around it.
-_LOCAL = frozenset(
-    (
-        "bad-escape",
-        "duplicate-field",
-        "extension-field",
-        "extra-comma",
-        "missing-brace",
-        "missing-colon",
-        "missing-comma",
-        "missing-value",
-        "number-out-of-range",
-        "not-utf8-string",
-        "oneof-conflict",
-        "set-in-two-files",
-        "unclosed-string",
-        "unexpected-text",
-        "unknown-enum-number",
-        "unknown-enum-value",
-        "unknown-field",
-        "unquoted-string",
-        "wrong-type",
-    )
+_LOCAL = (
+    "bad-escape duplicate-field extension-field extra-comma missing-brace missing-colon missing-comma "
+    "missing-value number-out-of-range not-utf8-string oneof-conflict set-in-two-files unclosed-string "
+    "unexpected-text unknown-enum-number unknown-enum-value unknown-field unquoted-string wrong-type"
 )
 # Errors whose path is that of a block which was read all the same.
 _IN_BLOCK = frozenset(("extension-field", "missing-brace", "unexpected-text"))
@@ -147,14 +57,17 @@ class Taint(NamedTuple):
         """Whether a finding reads something that is tainted."""
         if any(part in self.paths for part in _enclosing(item.field_path)):
             return True
-        reads = READS.get(item.code)
-        if reads is None:
+        row = CODES.get(item.code)
+        if row is None or not row.reads:
             return False
-        if self.everything or (reads.topics and self.topics) or self.names & reads.fields:
+        reads = row.reads.split()
+        if self.everything or ("topics" in reads and self.topics):
+            return True
+        if any(self.names.intersection(_FIELDS.get(read, "").split()) for read in reads):
             return True
         # A finding about one absent field has its path, one about several that of their block.
         own = {item.field_path, item.field_path.rpartition(".")[0]}
-        return reads.beside and bool(own & self.blocks)
+        return "beside" in reads and bool(own & self.blocks)
 
     def repeats(self, item: Diagnostic, positions: Positions) -> bool:
         """Whether a broken rule of a settings model says in other words what an error of the check has said.
@@ -223,7 +136,7 @@ def _assess(errors: Sequence[Diagnostic], loaded: LoadedConfig, topics: bool) ->
     paths: set[str] = set()
     blocks: set[str] = set()
     names: set[str] = set()
-    everything = any(item.code not in _LOCAL for item in errors)
+    everything = any(item.code not in _LOCAL.split() for item in errors)
     places = [] if everything else _places(loaded)
     for item in errors:
         if item.code == "oneof-conflict":

@@ -1,4 +1,4 @@
-"""Topics: one type each, somebody who publishes, and nobody who commands beside another."""
+"""Topics: one type each that the devices take, a publisher, and one commander for each actuator."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import islice
 
 from joshua.config.checks.context import Context
+from joshua.config.checks.device_table import block_of, fitting_blocks, messages_of, type_text
 from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic
 from joshua.plan.graph import Endpoint
@@ -20,20 +21,17 @@ _MOST_NAMES = 200
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Holds the endpoints of each topic against each other."""
+    """Hold the endpoints of each topic against each other and against their devices."""
     for group in context.graph.by_topic.values():
         publishers = [item for item in group if item.is_publisher]
         yield from _types(context, group)
         yield from _publishers(context, publishers, group)
         yield from _external(context, publishers, group)
+    for item in context.graph.endpoints:
+        yield from _device_types(context, item)
+    yield from _silent_sensors(context)
     yield from _unpublished(context)
     yield from _feedback(context)
-
-
-def type_text(number: int) -> str:
-    """Name of a DataType number, the number itself where it has none."""
-    value = types.DataType.DESCRIPTOR.values_by_number.get(number)
-    return value.name if value is not None else str(number)
 
 
 def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
@@ -196,3 +194,48 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
             else "Subscribe to another topic",
             related=context.see(f"{publisher.path}.topic_name", "published here"),
         )
+
+
+def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
+    number = item.block.data_type
+    owner = item.entry.owner
+    messages = messages_of(owner)
+    allowed = messages.publishes if item.is_publisher else messages.hears
+    if not number or allowed is None or number in allowed:
+        return
+    what, _ = block_of(owner)
+    if what and what not in fitting_blocks(owner):
+        return  # it is not known which of the two is meant
+    device = title(item.entry) + (f" ({what})" if what else "")
+    path = f"{item.path}.data_type"
+    if not allowed:
+        yield context.error(
+            "subscription-unfit",
+            f"{device} listens to no topic, so this subscription would have no effect",
+            item.path,
+            found=f"subscription to {item.topic} as {type_text(number)}",
+        )
+        return
+    verb = "publish" if item.is_publisher else "take commands as"
+    yield context.error(
+        "data-type-unfit",
+        f"{device} cannot {verb} {type_text(number)}",
+        path,
+        allowed=tuple(type_text(entry) for entry in allowed),
+        remedy=f"Write data_type: {type_text(allowed[0])}",
+    )
+
+
+def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
+    for entry in context.graph.entries:
+        if entry.is_sensor and not entry.node.publishers:
+            messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
+            sample = (
+                f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}" publish_rate_hz: 30.0'
+            )
+            yield context.warning(
+                "sensor-unpublished",
+                f"{title(entry)} publishes no topic, so nobody gets what it measures",
+                entry.path,
+                remedy=f"Add publishers {{ {sample} }}",
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from joshua.config.checks.bus_load import BusCycle, bus_cycle, rate_text
+from joshua.config.checks.rates import BusCycle, bus_cycle, rate_text
 from joshua.schema.config_pb2 import DynamixelConfig, STS3215Config
 from joshua.schema.rules import block_rule
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from joshua.config.checks.endpoint_text import is_address, is_loopback, parse_endpoint
+from joshua.config.checks.transport import is_address, is_loopback, parse_endpoint
 
 
 @pytest.mark.parametrize(
