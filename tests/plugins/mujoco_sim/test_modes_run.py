@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ import pyarrow.parquet
 import pytest
 import virtual_screen
 from joshua.testing.domain import reserved_domain
+from joshua.testing.program import JoshuaProgram
 from sim_configs import simulation_file
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
@@ -128,7 +130,7 @@ def screen(tmp_path: Path):
         yield display
 
 
-@pytest.mark.parametrize("preset", ["sim_interactive", "sim_lekoch"])
+@pytest.mark.parametrize("preset", ["sim_interactive", "sim_lekoch", "sim_mirror"])
 def test_interactive_shows_the_model_in_a_window(preset: str, screen: str, tmp_path: Path) -> None:
     with reserved_domain() as domain:
         program = subprocess.Popen(
@@ -154,6 +156,22 @@ def test_mirror_preset_waits_for_its_robot() -> None:
     ended = run(CONFIGS / "sim_mirror.pbtxt", "--duration", "2")
     assert ended.returncode == 0, ended.stderr
     assert "mirror: no message came; start the robot's own file" in ended.stderr
+
+
+def test_a_twin_follows_a_simulated_robot_of_the_same_domain(tmp_path: Path) -> None:
+    with reserved_domain() as domain:
+        program = JoshuaProgram(tmp_path, domain, {"DISPLAY": "", "WAYLAND_DISPLAY": ""})
+        try:
+            robot = program.start("--config", str(CONFIGS / "teleop_so_arm100.pbtxt"), "--sim")
+            twin = program("--config", str(CONFIGS / "sim_mirror.pbtxt"), "--duration", "6")
+            _, log = program.stop(robot)
+        finally:
+            program.close()
+    assert twin.returncode == 0, twin.stderr + log
+    assert "runs without a window: no screen" in twin.stderr
+    assert re.search(r"mirror: \d+ messages, from arrival to state", twin.stderr), twin.stderr + log
+    assert "/twin/joint_states" in twin.stdout
+    assert "/clock" not in twin.stdout
 
 
 def test_offscreen_preset_runs() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from joshua.config.checks import Context
 from joshua.config.checks.device_table import type_text
@@ -11,6 +12,7 @@ from joshua.modes.queries import lacks
 from joshua.modes.services import DATA_STORE, SIMULATION
 from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
+from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 from joshua.schema import simulation_pb2 as sim
 from joshua.textproto.nearest import nearest
@@ -124,4 +126,11 @@ def _topic(
         )
 
 
-SPEC = ModeSpec("MODE_SIMULATION", check, services=(DATA_STORE, SIMULATION.needed()))
+def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
+    """A mirror has a name of its own: the robot that it follows may be a simulation in the same domain."""
+    if config.simulation.mode != sim.MIRROR:
+        return spec
+    return replace(spec, services=(DATA_STORE, replace(SIMULATION.needed(), node_name="twin")))
+
+
+SPEC = ModeSpec("MODE_SIMULATION", check, services=(DATA_STORE, SIMULATION.needed()), for_file=_for_file)

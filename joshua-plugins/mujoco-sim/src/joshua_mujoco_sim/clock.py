@@ -19,14 +19,15 @@ CLOCK = TopicSpec(name="/clock", type_name="rosgraph_msgs/msg/Clock", rate_hz=1 
 
 
 class ClockPublisher:
-    """Publishes the time of a world.
+    """The time of a world, set in this process and published.
 
     Args:
         world: whose time; context: of the node that publishes.
+        publishes: False only sets the time of this process.
     """
 
-    def __init__(self, world: World, context: NodeContext) -> None:
-        self._publisher = context.publisher(CLOCK)
+    def __init__(self, world: World, context: NodeContext, *, publishes: bool = True) -> None:
+        self._publisher = context.publisher(CLOCK) if publishes else None
         self._published_s = -PERIOD_S
         self._unhook = world.after_step(self._tick, first=True)  # what is stamped afterwards has its time
 
@@ -39,7 +40,8 @@ class ClockPublisher:
         ros_time.set_simulated_ns(round(time_s * 1e9))
         if time_s < self._published_s or time_s - self._published_s >= PERIOD_S - 1e-9:
             self._published_s = time_s
-            self._publisher.publish(clock_message(time_s))
+            if self._publisher is not None:
+                self._publisher.publish(clock_message(time_s))
 
 
 def clock_message(time_s: float) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from joshua_mujoco_sim.settings import SimulationSettings
 from joshua_mujoco_sim.settings_parts import DatasetSettings
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError
-from joshua_mujoco_sim.window import SHOW_RATE_HZ, Window, WindowError, check_display
+from joshua_mujoco_sim.window import SHOW_RATE_HZ, Window, WindowError
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -45,7 +44,8 @@ class SimulatorNode(NodeBehaviour):
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window
     and follows positions on ``~/joint_commands``; PASSIVE replays a recording and then ends the run; MIRROR
-    follows topics of a robot. It says its time on ``/clock``; its verbs are those of ``Controls``.
+    follows topics of a robot; both show a window if there is a display. It publishes its time on ``/clock``,
+    but for MIRROR, since the robot may be simulated, too. Its verbs are those of ``Controls``.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -79,7 +79,7 @@ class SimulatorNode(NodeBehaviour):
         self._publisher = self.context.publisher(
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
-        self._clock = ClockPublisher(world, self.context)
+        self._clock = ClockPublisher(world, self.context, publishes=settings.mode != "MIRROR")
         if path := spec.facts_as(ServiceFacts).physics_socket:
             self._coupling = CouplingServer(world, Path(path), self.context.log)
         try:
@@ -92,15 +92,14 @@ class SimulatorNode(NodeBehaviour):
         if settings.mode == "MIRROR":
             self._mirror = Mirror(world, settings.mirror_topic_mappings, self.context)
             self._mirror.subscribe()
+            self._window = self._window_if_possible(world)
         elif settings.mode == "INTERACTIVE":
             self._commands = Commands(world, self.context)
             self._commands.subscribe()
             self._window = self._open_window(world)
         elif settings.mode == "PASSIVE":
             self._replay = self._read_recording(world, settings)
-            with contextlib.suppress(WindowError):  # the check is as good without a picture
-                check_display()
-                self._window = Window(world)
+            self._window = self._window_if_possible(world)
 
     def verb_providers(self) -> tuple[object, ...]:
         """The node, and the controls of its time."""
@@ -172,6 +171,13 @@ class SimulatorNode(NodeBehaviour):
             return Window(world)
         except WindowError as error:
             raise DeviceError(str(error)) from error
+
+    def _window_if_possible(self, world: World) -> Window | None:
+        try:
+            return Window(world)
+        except WindowError as error:
+            self.context.log.warning("runs without a window: %s", error)
+            return None
 
     def _read_recording(self, world: World, settings: SimulationSettings) -> Replay:
         if not settings.trajectory_path:

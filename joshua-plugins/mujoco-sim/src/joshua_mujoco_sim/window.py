@@ -64,9 +64,9 @@ class Window:
     """
 
     def __init__(self, world: World) -> None:
+        check_display()
         import mujoco.viewer
 
-        check_display()
         self._world = world
         model = world.physics.model
         with world.lock:
