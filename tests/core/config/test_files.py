@@ -139,7 +139,7 @@ def test_a_file_of_too_many_words_stops_with_one_error(tmp_path: Path) -> None:
     path.write_text("include: []\n" * 200_000)
     found = load(path).diagnostics
     assert [item.code for item in found] == ["file-too-large"]
-    assert "holds more than 500000 words and signs" in found[0].message
+    assert "contains more than 500000 words and signs" in found[0].message
 
 
 def test_a_long_list_of_problems_is_cut(tmp_path: Path) -> None:

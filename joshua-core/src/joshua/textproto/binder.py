@@ -197,15 +197,13 @@ class Binder:
         here = self._written.setdefault(field_path, name)
         before = self._positions.entry(field_path)
         if here is not name:
-            code, message, first = "duplicate-field", f"{info.name} is written twice in one block.", here
+            code, message, first = "duplicate-field", f"{info.name} is set twice in one block.", here
         elif before is not None and (info.kind is not Kind.MESSAGE or info.is_any):
             code, first = "set-in-two-files", before.name
             message = f"{info.name} is also set in {first.source.name}."
         else:
             return self._is_only_member(info, field_path, name, path)
-        self._problems.error(
-            code, message, name, path=field_path, related=[(first, "it is written first here")]
-        )
+        self._problems.error(code, message, name, path=field_path, related=[(first, "first set here")])
         return False
 
     def _is_only_member(self, info: FieldInfo, field_path: str, name: Span, path: str) -> bool:
@@ -216,11 +214,11 @@ class Binder:
             return True
         self._problems.error(
             "oneof-conflict",
-            f"{info.name} cannot stand beside {member}: a block holds one of them.",
+            f"{info.name} conflicts with {member}: a block can contain only one of them.",
             name,
             path=field_path,
             remedy=f"Delete {info.name} or {member}.",
-            related=[(place, f"{member} is written here")],
+            related=[(place, f"{member} is set here")],
         )
         return False
 
@@ -231,8 +229,8 @@ class Binder:
         name = self._name_of(field)
         for other in fields:
             if other is not field:
-                text = f"[{field.name}] takes the whole block; nothing else stands beside it."
-                related = [(name, "the type is given here")]
+                text = f"A block with [{field.name}] can contain nothing else."
+                related = [(name, "the type is set here")]
                 error("mixed-any", text, self._name_of(other), path=path, related=related)
         type_name = self._type_name(field, path)
         if type_name is None:
@@ -240,12 +238,12 @@ class Binder:
         if field.separator:
             # protobuf's own readers refuse it, so a file with it would be readable here only.
             place = self._span(field.end, field.end + 1)
-            text = f"'{field.separator}' stands after a block with a type in square brackets."
+            text = f"'{field.separator}' cannot follow a block with a type in square brackets."
             error("unexpected-text", text, place, path=path, remedy="Delete it.")
         if not isinstance(field.value, Block):
             if field.value is not None:
                 place = self._span(field.value.start, field.value.end)
-                text = f"[{field.name}] is followed by a block of fields."
+                text = f"[{field.name}] must be followed by a block of fields."
                 error("wrong-type", text, place, path=path, allowed=(f"[{field.name}] {{ … }}",))
             return
         found = self._merge.types.find(type_name)
@@ -267,13 +265,13 @@ class Binder:
         """Takes the full name of the type out of its URL; reports a malformed one."""
         prefix, slash, name = field.name.rpartition("/")
         if not slash:
-            fault = "lacks the domain and the / before the type"
+            fault = 'lacks the domain and the "/" before the type'
         elif not prefix or prefix.startswith("/"):
-            fault = "lacks the domain before the /"
+            fault = 'lacks the domain before the "/"'
         elif _URL.fullmatch(field.name) is None or _BAD_PERCENT.search(prefix):
-            fault = "holds a character that no type URL holds"
+            fault = "contains a character that a type URL cannot contain"
         elif _TYPE_NAME.fullmatch(name) is None:
-            fault = "does not end in the full name of a message"
+            fault = "does not end with the full name of a message"
         else:
             return name
         known = nearest_first(name or field.name, self._merge.types.names())
@@ -289,12 +287,12 @@ class Binder:
 
     def _report_unknown_type(self, type_name: str, at: Span, path: str) -> None:
         known = self._merge.types.names()
-        text = f"No plugin that is installed provides {type_name}"
+        text = f"No installed plugin provides {type_name}"
         if self._merge.types.is_misspelt(type_name):
             code, allowed, is_note = "unknown-plugin-type", nearest_first(type_name, known), False
         else:
             code, allowed, is_note = "plugin-type-not-installed", known, True
-            text += "; the fields of this block are not checked"
+            text += "; its fields are not checked"
         self._problems.error(
             code, f"{text}.", at, path=path, found=type_name, allowed=allowed, is_note=is_note
         )

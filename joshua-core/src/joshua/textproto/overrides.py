@@ -51,7 +51,7 @@ def split_option(text: str) -> tuple[list[Step], int]:
     while True:
         match = _STEP.match(text, at)
         if match is None:
-            raise PathSyntaxError("a field name is expected here", min(at, max(len(text) - 1, 0)))
+            raise PathSyntaxError("expected a field name here", min(at, max(len(text) - 1, 0)))
         key = next((found for found in match.groups()[1:] if found is not None), None)
         steps.append(Step(match[1], key, match.start(1), len(text[: match.end()].rstrip())))
         at = match.end()
@@ -63,7 +63,9 @@ def split_option(text: str) -> tuple[list[Step], int]:
         elif sign in ("{", "<"):
             return steps, at
         else:
-            raise PathSyntaxError("= and a value, or a block in braces, must follow the path", max(at - 1, 0))
+            raise PathSyntaxError(
+                "expected = and a value, or a block in braces, after the path", max(at - 1, 0)
+            )
 
 
 def apply_overrides(options: Sequence[str], config: Any, merge: Merge) -> str:
@@ -93,7 +95,7 @@ class _Override:
             self._error("override-syntax", f"--set {text!r} cannot be read: {fault}.", at, "", found=text)
             return
         if steps[0].name == INCLUDE:
-            message = "include cannot be set by an option."
+            message = "include cannot be set with --set."
             self._error("override-include", message, steps[0], INCLUDE, found=INCLUDE)
             return
         self._enter(config, steps, "")
@@ -157,7 +159,7 @@ class _Override:
         if step.key is not None and not info.is_repeated:
             self._error(
                 "override-index",
-                f"{info.name} holds one value and takes no index.",
+                f"{info.name} has a single value and takes no index.",
                 step,
                 f"{path}.{info.name}" if path else info.name,
                 found=f"[{step.key}]",
@@ -177,7 +179,7 @@ class _Override:
         if key and names.count(key) == 1:
             return names.index(key)
         if key is None:
-            text = f"{info.name} is a list: one of its entries must be named."
+            text = f"{info.name} is a list. Name one of its entries."
         elif names.count(key) > 1:
             text = f"{names.count(key)} entries of {info.name} are named {key}."
         else:

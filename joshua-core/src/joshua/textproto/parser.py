@@ -69,7 +69,7 @@ class Parser:
         if cut is None:
             self._report_open_blocks()
         else:
-            message = f"{self.source.name} holds more than {MAX_TOKENS} words and signs"
+            message = f"{self.source.name} contains more than {MAX_TOKENS} words and signs"
             self._error(
                 "file-too-large", f"{message}; a configuration is never that long.", cut, cut + 1, found=""
             )
@@ -83,7 +83,7 @@ class Parser:
         field.end = self._last_end = self._tokens.ends[max(self._at - 1, 0)]
         if self._kind != END:
             self._error(
-                "unexpected-text", f"'{self._run_text()}' stands after the value.", end=self._run_end()
+                "unexpected-text", f"Unexpected '{self._run_text()}' after the value.", end=self._run_end()
             )
         self._report_open_blocks()
         return field
@@ -185,10 +185,10 @@ class Parser:
         end = self._run_end(field.name_start)
         self._error(
             "unexpected-text",
-            f"'{self.source.text[field.name_start : end]}' stands after a value.",
+            f"Unexpected '{self.source.text[field.name_start : end]}' after a value.",
             field.name_start,
             end,
-            remedy="Put a text of several words in double quotes, or start a new line for a new field.",
+            remedy="Put text of several words in double quotes. Start a new field on a new line.",
         )
         self._skip_rest_of(line)
         return True
@@ -200,7 +200,7 @@ class Parser:
         self._at += 1
         while not self._is("]"):
             if self._kind in (END, STRING, OPEN_STRING) or self._is("{}<>[:"):
-                message = "The type name that [ opens is not closed by ]."
+                message = "The type name has no closing ]."
                 self._error("bad-type-name", message, start, self._end_before)
                 self._skip_rest_of(self.source.line(start))
                 return None
@@ -215,7 +215,7 @@ class Parser:
             field.has_colon = True
             self._at += 1
         elif self._kind == OTHER and self._text == "=":
-            message = f"'=' stands between {field.name} and its value; the text format takes a colon."
+            message = f"{field.name} is followed by '='. The text format uses a colon."
             self._error("missing-colon", message, allowed=(":",), remedy=f"Write `{field.name}: …`.")
             field.has_colon = True
             self._at += 1
@@ -273,7 +273,7 @@ class Parser:
             remedy = "Begin a comment with #."
         elif self._kind == NUMBER and self.source.text[start - 1 : start] == ",":
             remedy = "Write decimal fractions with a point, and lists in square brackets."
-        self._error("unexpected-text", f"'{text}' stands where a field was expected.", end=end, remedy=remedy)
+        self._error("unexpected-text", f"Expected a field, found '{text}'.", end=end, remedy=remedy)
         self._skip_rest_of(self.source.line(start))
 
     def _skip_rest_of(self, line: int) -> None:
@@ -325,7 +325,7 @@ class Parser:
         if self._guided and self.source.is_first_on_line(self._start):
             column = self.source.column(self._start)
             if column > block.indentation and self.source.line(self._start) > block.line:
-                message = f"'{self._text}' closes nothing: {block.name} goes on below."
+                message = f"'{self._text}' closes nothing: the block {block.name} continues below."
                 self._error("stray-closer", message, remedy="Delete it.", related=related)
                 self._at += 1
                 return False
@@ -335,7 +335,7 @@ class Parser:
         if self._text != block.closer:
             self._error(
                 "mismatched-closer",
-                f"'{self._text}' closes a block that another bracket opened.",
+                f"'{self._text}' does not match the bracket that opened the block.",
                 allowed=(block.closer,),
                 remedy=f"Write '{block.closer}'.",
                 related=related,
@@ -368,7 +368,7 @@ class Parser:
             f"The block {block.name} is not closed.",
             block.brace,
             remedy=f"Add '{block.closer}' where {block.name} ends.",
-            related=[(self._span(before, before + 1), f"{where} comes before it is closed")],
+            related=[(self._span(before, before + 1), f"it must be closed before {where}")],
         )
 
     # Scalars and lists
@@ -407,7 +407,7 @@ class Parser:
         message = f"The value of {name} is not a number, a name or a quoted string."
         if self._text[0] in _CURLY_QUOTES:
             end = self._curly_end(end)
-            message = f"The value of {name} stands in typographic quotes."
+            message = f"The value of {name} is in typographic quotes."
         bare = shortened(self.source.text[start:end].strip(_CURLY_QUOTES))
         remedy = "Put a text value in straight double quotes."
         self._error("unquoted-string", message, start, end, allowed=(f'"{bare}"',), remedy=remedy)
@@ -450,7 +450,11 @@ class Parser:
                 return
             if self._is(",;"):
                 if self._text == ";":
-                    self._error("missing-comma", "';' stands between entries of a list.", allowed=(",",))
+                    self._error(
+                        "missing-comma",
+                        "A list separates its entries with commas, not with ';'.",
+                        allowed=(",",),
+                    )
                 self._at += 1
                 if self._is("]"):
                     self._extra_comma(self._at - 1)
@@ -469,7 +473,7 @@ class Parser:
             self._extra_comma(self._at)
         elif self._is("["):
             remedy = "Write all entries in one list."
-            self._error("unexpected-text", "A list cannot stand inside a list.", remedy=remedy)
+            self._error("unexpected-text", "A list cannot contain a list.", remedy=remedy)
         elif not self._is("]"):
             opened = result.start, result.start + 1
             self._error("unclosed-list", "The list is not closed.", *opened, allowed=("]",))

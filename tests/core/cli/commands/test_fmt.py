@@ -81,7 +81,7 @@ def test_a_file_with_syntax_errors_is_left_as_it_is(path: Path, capsys: pytest.C
     assert run(str(path), str(good)) == 2
     shown = " ".join(capsys.readouterr().err.split())
     assert path.read_text() == "general { mode = MODE_TEST\n"
-    assert f"{path}:1:16: error: '=' stands between mode and its value" in shown
+    assert f"{path}:1:16: error: mode is followed by '='" in shown
     assert "The block general is not closed." in shown
     assert f"joshua fmt: {path} is left as it is" in shown
     assert good.read_text() == NEAT
