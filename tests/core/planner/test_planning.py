@@ -164,13 +164,13 @@ def test_a_data_store_beside_teleoperation_is_optional(tmp_path, purpose, severi
 ai { data_store {
   format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demo" local_path: "demo" } }
 """
-    examination = examine(Request(teleoperation(tmp_path, store), purpose=purpose))
+    request = Request(teleoperation(tmp_path, store), purpose=purpose, blocked_plugins=("dataset",))
+    examination = examine(request)
     (missing,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]
     assert missing.severity is severity
-    assert missing.message.startswith("data_store: recording, replaying on a robot and uploading data ")
+    assert missing.message.startswith("data_store: FORMAT_HUGGINGFACE requires the plugin joshua-dataset")
     assert missing.message.endswith("; the run goes on without it.")
-    assert "pip install" not in missing.message + missing.remedy
-    assert missing.remedy.startswith("Leave the data_store block out until then")
+    assert missing.remedy == "Install the plugin, or remove the data_store block."
     assert not examination.errors
     assert (examination.plan is not None) == (purpose is Purpose.LAUNCH)
 

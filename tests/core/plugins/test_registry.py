@@ -195,8 +195,7 @@ def test_an_enum_value_alone_decides_where_there_is_no_block() -> None:
             StoreSpec,
             "data_store",
             "FORMAT_PARQUET",
-            "n: recording, replaying on a robot and uploading data sets are not available yet: "
-            "joshua-dataset only writes the episodes that a simulation generates",
+            f"n: FORMAT_PARQUET requires {absent('joshua-dataset')}",
         ),
         (
             EpisodeWriterSpec,

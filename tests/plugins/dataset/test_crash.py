@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import killed_writer
 import pytest
 from joshua.features import EpisodeError, Frame
 from joshua_dataset import repair as repairing
@@ -18,9 +19,6 @@ from joshua_dataset.open_episode import open_folder
 from joshua_dataset.reader import Dataset
 from joshua_dataset.repair import repair
 from joshua_dataset.writer import LeRobotWriter
-
-sys.path.insert(0, str(Path(__file__).parent))
-import killed_writer
 
 FPS = killed_writer.FPS
 

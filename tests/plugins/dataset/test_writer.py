@@ -8,7 +8,7 @@ import dataclasses
 import hashlib
 import json
 import resource
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,35 +24,7 @@ from joshua_dataset import statistics
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import CsvWriter, DatasetWriter, JsonlWriter, LeRobotWriter, ParquetWriter
-
-JOINTS = ("pan", "lift")
-TOP = "observation.images.top"
-
-
-def layout(folder: Path, width: int = 32, **changes: Any) -> DatasetLayout:
-    return DatasetLayout(
-        **changes,
-        folder=folder,
-        robot_type="arm",
-        fps=10,
-        features=FeatureSet(
-            [
-                Feature.joints("observation.state", JOINTS),
-                Feature.joints("action", JOINTS),
-                Feature.picture(TOP, 24, width),
-            ]
-        ),
-    )
-
-
-def frame(number: int, stamp_ns: int = 0, changes: Mapping[str, Any] | None = None) -> Frame:
-    picture = np.full((24, 32, 3), 20 * number, np.uint8)
-    values: dict[str, Any] = {
-        "observation.state": [number, -number],
-        "action": [number + 0.5, 0.0],
-        TOP: picture,
-    }
-    return Frame(stamp_ns, values | dict(changes or {}))
+from small_dataset import TOP, add_episode, frame, layout, write, writing
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -61,26 +33,6 @@ def digests(folder: Path) -> dict[str, str]:
         for path in sorted(folder.rglob("*"))
         if path.is_file() and PRIVATE not in path.parts
     }
-
-
-@contextlib.contextmanager
-def writing(folder: Path, *, lengths: tuple[int, ...] = (3, 2)) -> Iterator[LeRobotWriter]:
-    with contextlib.closing(LeRobotWriter(layout(folder))) as writer:
-        writer.open()
-        for length in lengths:
-            add_episode(writer, "wave" if length == 3 else "point", length)
-        yield writer
-
-
-def write(folder: Path, *, lengths: tuple[int, ...] = (3, 2)) -> None:
-    with writing(folder, lengths=lengths):
-        pass
-
-
-def add_episode(writer: DatasetWriter, task: str, length: int = 3) -> None:
-    for number in range(length):
-        writer.add_frame(frame(number, 1000 + number))
-    writer.end_episode(task)
 
 
 def test_the_plugin_provides_what_it_says() -> None:

@@ -30,13 +30,16 @@ def _data_store(config: pb.Config) -> Any | None:
 
 
 def _recorded(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
-    """A recorder hears every topic of the file; a replay publishes the commands of the actuators."""
+    """A recorder subscribes to what the run publishes; a replay publishes commands and reads states."""
     if graph.replays:
         topics = {item.topic: item for item in graph.usable if item.is_command}
         for name, item in topics.items():
             yield ServiceTopic(name, data_types.type_name(item.block.data_type), is_publisher=True)
+        states = (item for item in graph.usable if item.is_publisher and item.entry.is_actuator)
+        for name in dict.fromkeys(item.topic for item in states if item.topic not in topics):
+            yield ServiceTopic(name, data_types.type_name(data_type_pb2.JOINT_STATE))
     elif config.ai.data_store.operation != pb.DATA_STORE_UPLOAD:
-        for name, number in graph.published_by_nodes.items():
+        for name, number in graph.published.items():
             if number in data_type_pb2.DataType.values() and number:
                 yield ServiceTopic(name, data_types.type_name(number))
 

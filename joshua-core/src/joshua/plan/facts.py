@@ -188,12 +188,20 @@ class ServiceFacts(NodeFacts):
         folder: of the configuration, at which relative paths start.
         physics_socket: where a simulation answers to emulated devices; "" where it need not.
         environment: that a trainer learns in; None where it needs none.
+        features: of a data store: what the robot shows and does, each with its topic.
+        arms: ranges of the joints by the key of a feature, such as ``observation.state`` and ``action``.
+        commands: topic that commands the arm of an ``action``, by the key of that feature.
+        robot_type: ``general.robot_type``.
     """
 
     kind: Literal["service"] = "service"
     folder: str = ""
     physics_socket: str = ""
     environment: ChosenEnvironment | None = None
+    features: tuple[Feature, ...] = ()
+    arms: dict[str, tuple[JointRange, ...]] = field(default_factory=dict)
+    commands: dict[str, str] = field(default_factory=dict)
+    robot_type: str = ""
 
 
 Facts = ActuatorFacts | SensorFacts | ModelFacts | ServiceFacts

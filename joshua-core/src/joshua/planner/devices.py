@@ -39,8 +39,12 @@ class Wanted:
 
 
 def wanted_nodes(graph: RobotGraph, *, devices: bool, models: bool) -> list[Wanted]:
-    """Lists the nodes that a mode starts, in the order of the file."""
-    return [_wanted(entry) for entry in graph.entries if (models if entry.is_model else devices)]
+    """Lists the nodes that a mode starts, in the order of the file; a replay takes the place of leaders."""
+    return [
+        _wanted(entry)
+        for entry in graph.entries
+        if (models if entry.is_model else devices) and not (graph.replays and entry.leads)
+    ]
 
 
 def _wanted(entry: NodeEntry) -> Wanted:

@@ -81,6 +81,34 @@ def _spec(draft: Draft, item: Resolved, facts: Facts) -> NodeSpec:
     )
 
 
+def store_facts(draft: Draft, nodes: list[Resolved]) -> dict[str, Any]:
+    """What a data store is told of the robot: its features, its arms, and what commands them."""
+    graph, joints = draft.graph, draft.joints
+    settings = {item.want.entry.path: item.settings for item in nodes}
+    features = features_of(graph, _names(draft), settings).values()
+    owners = {entry.applied_command_topic: entry.path for entry in graph.actuators}
+    owners |= {item.topic: item.entry.path for item in graph.usable if item.is_publisher}
+    driven = {entry.applied_command_topic: entry for entry in graph.actuators}
+    return {
+        "features": tuple(features),
+        "arms": {
+            feature.key: tuple(joints[owners[feature.topic]])
+            for feature in features
+            if feature.unit and owners.get(feature.topic) in joints
+        },
+        "commands": {
+            feature.key: next(item.topic for item in graph.commands(driven[feature.topic]))
+            for feature in features
+            if feature.topic in driven
+        },
+        "robot_type": draft.config.general.robot_type,
+    }
+
+
+def _names(draft: Draft) -> dict[str, list[str]]:
+    return {path: [joint.name for joint in joints] for path, joints in draft.joints.items()}
+
+
 def _interpreter(draft: Draft, entry: NodeEntry) -> str:
     """The interpreter of a node; a relative path starts at the file that names it, as in the checks."""
     if not entry.node.python:
@@ -113,8 +141,7 @@ def _facts(
     }
     if isinstance(spec, ModelSpec):
         commanded = (joint for other in graph.driven_by(entry) for joint in draft.joints.get(other.path, ()))
-        names = {path: [joint.name for joint in joints] for path, joints in draft.joints.items()}
-        features = features_of(graph, names, settings, reader=entry)
+        features = features_of(graph, _names(draft), settings, reader=entry)
         return ModelFacts(joints=tuple(commanded), features=tuple(features.values()), **common)
     common["simulation"] = physics if item.want.is_simulated else None
     if isinstance(spec, SensorSpec):
@@ -141,7 +168,8 @@ def commanders(
     """
     topics = {item.topic for item in graph.commands(entry)}
     for source in graph.commanders(entry):
-        if source.topic in topics and (models or not source.entry.is_model):
+        starts = (models or not source.entry.is_model) and not (graph.replays and source.entry.leads)
+        if source.topic in topics and starts:
             maps = source.entry.leads and source.block.data_type == data_type_pb2.JOINT_STATE
             ranges = tuple(joints.get(source.entry.path, ())) if maps else None
             yield Commander(source.entry.full_name, source.topic, ranges, source.block.override)

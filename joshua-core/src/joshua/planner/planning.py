@@ -9,7 +9,7 @@ from joshua.modes import mode_name
 from joshua.planner.devices import wanted_nodes
 from joshua.planner.resolution import Resolved, resolve_nodes
 from joshua.planner.services import ResolvedService, physics_of, resolve_services
-from joshua.plugins import SensorSpec
+from joshua.plugins import SensorSpec, StoreSpec
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest_first
 
@@ -39,13 +39,15 @@ def resolve(draft: Draft) -> tuple[list[Resolved], list[ResolvedService]]:
 def make_plan(draft: Draft, nodes: list[Resolved], services: list[ResolvedService]) -> Plan | None:
     """Make the plan of what was resolved; None where the transport cannot be chosen."""
     from joshua.plan import Plan
-    from joshua.planner.node_planner import node_specs
+    from joshua.planner.node_planner import node_specs, store_facts
     from joshua.planner.services import service_node
     from joshua.planner.transport_choice import transport_settings
 
     config, request, mode = draft.config, draft.request, draft.mode
     specs = node_specs(draft, nodes, physics_of(services))
-    specs += [service_node(draft, resolved) for resolved in services]
+    stores = any(resolved.service.kind is StoreSpec for resolved in services)
+    told = store_facts(draft, nodes) if stores else {}
+    specs += [service_node(draft, resolved, told) for resolved in services]
     if config.simulation.use_sim_time:
         specs = [spec.model_copy(update={"facts": replace(spec.facts, use_sim_time=True)}) for spec in specs]
     mine = [spec for spec in specs if spec.host == request.host]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,8 @@ from joshua.modes.services import makes_episodes
 from joshua.plan.graph import GraphService, RobotGraph, ServiceTopic
 from joshua.plan.qos import QosProfile
 from joshua.planner.environments import choose_environment
-from joshua.plugins import EpisodeWriterSpec, PluginSpec, SimulatorSpec, TrainerSpec
+from joshua.plugins import EpisodeWriterSpec, PluginSpec, SimulatorSpec, StoreSpec, TrainerSpec
 from joshua.plugins.block_context import BlockContext, DataStoreContext
-from joshua.plugins.hints import not_yet
 from joshua.schema import config_pb2 as pb
 
 if TYPE_CHECKING:
@@ -88,12 +87,11 @@ def _missing(draft: Draft, path: str, kind: type[PluginSpec], value: str, requir
     """A service block whose plugin is not installed: the mode needs it, or it can do without."""
     block = path.rpartition(".")[2]
     sentence = draft.registry.missing(block, kind, block, value)
-    _, instead = not_yet(kind, block)
-    remedy = instead or ("Install the plugin" if draft.launch else "Install it before the launch")
+    remedy = "Install the plugin" if draft.launch else "Install it before the launch"
     if required:
         return draft.missing("plugin-missing", sentence, path, remedy=remedy)
     make = draft.warning if draft.launch else draft.note
-    remedy = instead or f"Install the plugin, or remove the {block} block"
+    remedy = f"Install the plugin, or remove the {block} block"
     return make("plugin-missing", f"{sentence}; the run goes on without it", path, remedy=remedy)
 
 
@@ -132,8 +130,12 @@ def physics_of(services: Iterable[ResolvedService]) -> dict[str, Any] | None:
     return None
 
 
-def service_node(draft: Draft, resolved: ResolvedService) -> NodeSpec:
-    """Make the node spec of a service."""
+def service_node(draft: Draft, resolved: ResolvedService, told: Mapping[str, Any]) -> NodeSpec:
+    """Make the node spec of a service.
+
+    Args:
+        told: facts for a data store about the robot.
+    """
     from google.protobuf import json_format
 
     from joshua.plan import NodeKind, NodeSpec, ServiceFacts
@@ -146,6 +148,15 @@ def service_node(draft: Draft, resolved: ResolvedService) -> NodeSpec:
     else:
         values = {}
     topics = next(item.topics for item in graph.services if item.name == service.name)
+    facts = ServiceFacts(
+        folder=resolved.folder,
+        physics_socket=draft.request.physics_socket if service.kind is SimulatorSpec else "",
+        environment=resolved.environment,
+        **(told if service.kind is StoreSpec else {}),
+    )
+    if service.kind is StoreSpec:
+        recorded = {feature.topic for feature in facts.features}
+        topics = tuple(item for item in topics if item.is_publisher or item.name in recorded)
     return NodeSpec(
         name=service.name,
         kind=NodeKind.SERVICE,
@@ -156,11 +167,7 @@ def service_node(draft: Draft, resolved: ResolvedService) -> NodeSpec:
         implementation=spec.implementation,
         settings_type=spec.settings,
         settings=values,
-        facts=ServiceFacts(
-            folder=resolved.folder,
-            physics_socket=draft.request.physics_socket if service.kind is SimulatorSpec else "",
-            environment=resolved.environment,
-        ),
+        facts=facts,
         publishers=tuple(_topic(item, graph) for item in topics if item.is_publisher),
         subscriptions=tuple(_topic(item, graph) for item in topics if not item.is_publisher),
         process_group=service.process_group,

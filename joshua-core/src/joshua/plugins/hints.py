@@ -8,8 +8,6 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-from joshua.plugins.specs import PluginSpec, StoreSpec
-
 
 class Stated(NamedTuple):
     """What the schema states of plugins.
@@ -54,12 +52,6 @@ def stated() -> Stated:
                 seen.add(message.full_name)
                 waiting.append(message)
     return found
-
-
-def not_yet(kind: type[PluginSpec], block: str) -> tuple[str, str]:
-    """What a block asks for that no published plugin does yet, and what to do; empty texts where one does."""
-    rule = stated().blocks.get(block) if kind is StoreSpec else None
-    return (rule.not_yet, rule.instead) if rule is not None else ("", "")
 
 
 def distribution_for(block: str, enum_value: str = "") -> str:

@@ -155,9 +155,6 @@ class Registry:
             if block and isinstance(spec, kind) and spec.block == block:
                 allowed = ", ".join(spec.enum_values)
                 return f"{row.distribution} provides {block} for {allowed}, not for {enum_value}"
-        sentence, _ = hints.not_yet(kind, block)
-        if sentence:
-            return sentence
         if not distribution:
             return f"{what} requires a plugin that provides it, and {self._none_in_use()}"
         rows = [row for row in self._rows if row.distribution == distribution]
@@ -175,9 +172,6 @@ class Registry:
         """What to do where ``find`` has nothing."""
         if block and any(isinstance(offer, kind) and offer.block == block for offer, _ in self._usable):
             return "write one of the types that it takes, or another block"
-        _, instruction = hints.not_yet(kind, block)
-        if instruction:
-            return instruction
         distribution = hints.distribution_for(block, enum_value)
         rows = [row for row in self._rows if row.distribution == distribution or not distribution]
         if any(row.status is PluginStatus.BLOCKED for row in rows):

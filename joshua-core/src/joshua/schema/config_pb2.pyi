@@ -89,6 +89,34 @@ class DataStoreOperation(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     DATA_STORE_UPLOAD: _ClassVar[DataStoreOperation]
     DATA_STORE_REPLAY: _ClassVar[DataStoreOperation]
 
+class MissingPolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MISSING_UNSPECIFIED: _ClassVar[MissingPolicy]
+    MISSING_DROP: _ClassVar[MissingPolicy]
+    MISSING_HOLD: _ClassVar[MissingPolicy]
+    MISSING_FAIL: _ClassVar[MissingPolicy]
+
+class VideoCodec(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    VIDEO_UNSPECIFIED: _ClassVar[VideoCodec]
+    VIDEO_H264: _ClassVar[VideoCodec]
+    VIDEO_HEVC: _ClassVar[VideoCodec]
+    VIDEO_AV1: _ClassVar[VideoCodec]
+
+class JointPositionUnit(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    UNIT_AUTO: _ClassVar[JointPositionUnit]
+    UNIT_LEROBOT: _ClassVar[JointPositionUnit]
+    UNIT_DEGREES: _ClassVar[JointPositionUnit]
+    UNIT_RADIANS: _ClassVar[JointPositionUnit]
+
+class PictureStorage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PICTURES_UNSPECIFIED: _ClassVar[PictureStorage]
+    PICTURES_VIDEO: _ClassVar[PictureStorage]
+    PICTURES_PNG: _ClassVar[PictureStorage]
+    PICTURES_JPEG: _ClassVar[PictureStorage]
+
 class TrainingEnvironment(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     ENV_UNSPECIFIED: _ClassVar[TrainingEnvironment]
@@ -190,6 +218,22 @@ DATA_STORE_OPERATION_UNSPECIFIED: DataStoreOperation
 DATA_STORE_RECORD: DataStoreOperation
 DATA_STORE_UPLOAD: DataStoreOperation
 DATA_STORE_REPLAY: DataStoreOperation
+MISSING_UNSPECIFIED: MissingPolicy
+MISSING_DROP: MissingPolicy
+MISSING_HOLD: MissingPolicy
+MISSING_FAIL: MissingPolicy
+VIDEO_UNSPECIFIED: VideoCodec
+VIDEO_H264: VideoCodec
+VIDEO_HEVC: VideoCodec
+VIDEO_AV1: VideoCodec
+UNIT_AUTO: JointPositionUnit
+UNIT_LEROBOT: JointPositionUnit
+UNIT_DEGREES: JointPositionUnit
+UNIT_RADIANS: JointPositionUnit
+PICTURES_UNSPECIFIED: PictureStorage
+PICTURES_VIDEO: PictureStorage
+PICTURES_PNG: PictureStorage
+PICTURES_JPEG: PictureStorage
 ENV_UNSPECIFIED: TrainingEnvironment
 ENV_SIMULATION: TrainingEnvironment
 ENV_REAL: TrainingEnvironment
@@ -675,7 +719,7 @@ class SmolVlaConfig(_message.Message):
     def __init__(self, task: _Optional[str] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., actions_per_chunk: _Optional[int] = ...) -> None: ...
 
 class DataStore(_message.Message):
-    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes")
+    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed")
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     STORAGE_FIELD_NUMBER: _ClassVar[int]
     DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
@@ -685,6 +729,20 @@ class DataStore(_message.Message):
     OPERATION_FIELD_NUMBER: _ClassVar[int]
     TASK_FIELD_NUMBER: _ClassVar[int]
     EPISODES_FIELD_NUMBER: _ClassVar[int]
+    FPS_FIELD_NUMBER: _ClassVar[int]
+    TOLERANCE_S_FIELD_NUMBER: _ClassVar[int]
+    MISSING_FIELD_NUMBER: _ClassVar[int]
+    VIDEO_CODEC_FIELD_NUMBER: _ClassVar[int]
+    UNITS_FIELD_NUMBER: _ClassVar[int]
+    PICTURES_FIELD_NUMBER: _ClassVar[int]
+    RESUME_FIELD_NUMBER: _ClassVar[int]
+    EPISODE_DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    RESET_DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    WARMUP_S_FIELD_NUMBER: _ClassVar[int]
+    NUM_EPISODES_FIELD_NUMBER: _ClassVar[int]
+    MORE_TASKS_FIELD_NUMBER: _ClassVar[int]
+    AUTO_START_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
     format: DataFormat
     storage: StorageBackend
     dataset_name: str
@@ -694,7 +752,21 @@ class DataStore(_message.Message):
     operation: DataStoreOperation
     task: str
     episodes: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ...) -> None: ...
+    fps: int
+    tolerance_s: float
+    missing: MissingPolicy
+    video_codec: VideoCodec
+    units: JointPositionUnit
+    pictures: PictureStorage
+    resume: bool
+    episode_duration_s: float
+    reset_duration_s: float
+    warmup_s: float
+    num_episodes: int
+    more_tasks: _containers.RepeatedScalarFieldContainer[str]
+    auto_start: bool
+    speed: float
+    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ...) -> None: ...
 
 class Training(_message.Message):
     __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id")

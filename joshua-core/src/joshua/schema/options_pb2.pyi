@@ -136,7 +136,7 @@ class ValueForm(_message.Message):
     def __init__(self, pattern: _Optional[str] = ..., names: _Optional[_Union[Names, str]] = ..., identity: _Optional[str] = ...) -> None: ...
 
 class BlockRule(_message.Message):
-    __slots__ = ("plugin", "fits", "link", "virtual", "simulated", "publishes", "takes", "bus", "commands", "not_yet", "instead", "emulator")
+    __slots__ = ("plugin", "fits", "link", "virtual", "simulated", "publishes", "takes", "bus", "commands", "emulator")
     PLUGIN_FIELD_NUMBER: _ClassVar[int]
     FITS_FIELD_NUMBER: _ClassVar[int]
     LINK_FIELD_NUMBER: _ClassVar[int]
@@ -146,8 +146,6 @@ class BlockRule(_message.Message):
     TAKES_FIELD_NUMBER: _ClassVar[int]
     BUS_FIELD_NUMBER: _ClassVar[int]
     COMMANDS_FIELD_NUMBER: _ClassVar[int]
-    NOT_YET_FIELD_NUMBER: _ClassVar[int]
-    INSTEAD_FIELD_NUMBER: _ClassVar[int]
     EMULATOR_FIELD_NUMBER: _ClassVar[int]
     plugin: str
     fits: _containers.RepeatedScalarFieldContainer[str]
@@ -158,10 +156,8 @@ class BlockRule(_message.Message):
     takes: _containers.RepeatedScalarFieldContainer[str]
     bus: BusRule
     commands: _containers.RepeatedCompositeFieldContainer[CommandRule]
-    not_yet: str
-    instead: str
     emulator: str
-    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., not_yet: _Optional[str] = ..., instead: _Optional[str] = ..., emulator: _Optional[str] = ...) -> None: ...
+    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., emulator: _Optional[str] = ...) -> None: ...
 
 class BusRule(_message.Message):
     __slots__ = ("request", "reply", "feedback", "command")

@@ -101,8 +101,10 @@ class RunRequests:
         verb = pending.message.verb
         if verb != ipc.LIST_VERBS:
             text = str(reply.payload.get("text", "done")) if reply.ok else reply.text
-            severe = logging.WARNING if reply.ok else logging.ERROR
-            self._logbook.write(severe if reply.moves else logging.INFO, f"{verb}: {text}", reply.node)
+            level = logging.INFO if "text" in reply.payload or not reply.ok else logging.DEBUG
+            if reply.moves:
+                level = logging.WARNING if reply.ok else logging.ERROR
+            self._logbook.write(level, f"{verb}: {text}", reply.node)
         pending.client.send(
             {"reply": reply.payload, "node": reply.node}
             if reply.ok

@@ -1,0 +1,165 @@
+"""``joshua record``: start, stop, keep and discard episodes of a running recorder, by command or by key."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import select
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from joshua.tools import positive_seconds
+
+if TYPE_CHECKING:
+    from joshua.tools import RunningSystem
+
+SUMMARY = "control the episodes of a running recorder; without an action, by keys and with a live screen"
+
+NODE = "/data_store"
+
+ACTIONS = {
+    "start": "start an episode; one that was stopped is kept",
+    "stop": "end the episode; keep or discard it then",
+    "keep": "keep the episode, ending it where it is being recorded",
+    "discard": "discard the episode that is being recorded or was stopped",
+    "rerecord": "discard the episode and record it anew",
+    "task": "record another task from the next episode on",
+    "status": "show what the recorder does",
+}
+
+KEYS = {" ": "", "s": "start", "e": "stop", "k": "keep", "d": "discard", "r": "rerecord", "t": "task"}
+HELP = "space start/stop   k keep   d discard   r record anew   t next task   q quit (the run goes on)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the actions and options of ``joshua record``."""
+    parser.add_argument(
+        "action", nargs="?", choices=tuple(ACTIONS), metavar="ACTION", help=", ".join(ACTIONS)
+    )
+    parser.add_argument("text", nargs="?", default="", help="of the task; omitted, the next one of the file")
+    parser.add_argument("--system", default="", help="file or process id, where several recorders run")
+    parser.add_argument(
+        "--timeout", type=positive_seconds, default=30.0, metavar="SECONDS", help="how long to wait"
+    )
+    parser.epilog = "\n".join(f"{name}: {text}" for name, text in ACTIONS.items())
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Ask the recorder. Exit code 0; 1 where it refuses, or nothing records."""
+    from joshua.tools import CallError, ExitCode
+
+    if arguments.text and arguments.action != "task":
+        sys.stderr.write(f"joshua record {arguments.action or ''}: only `task` takes a text\n")
+        return ExitCode.INVALID
+    try:
+        system = _system(arguments.system)
+        if arguments.action is None:
+            return _interactive(system, arguments.timeout)
+        if arguments.action == "status":
+            sys.stdout.write(screen(_status(system), shutil.get_terminal_size().columns) + "\n")
+            return ExitCode.OK
+        payload = {"text": arguments.text} if arguments.action == "task" else {}
+        reply = system.call(NODE, arguments.action, payload, timeout_s=arguments.timeout)
+    except CallError as error:
+        sys.stderr.write(f"joshua record: {error}\n")
+        return ExitCode.FAILED
+    sys.stdout.write(f"{reply['text']}\n")
+    return ExitCode.OK
+
+
+def _system(word: str) -> RunningSystem:
+    from joshua.tools import CallError, RunningSystem
+
+    systems = [RunningSystem.find(word)] if word else RunningSystem.all()
+    systems = [item for item in systems if item.has(NODE)]
+    if len(systems) != 1:
+        raise CallError(
+            "unknown-node",
+            "several recorders run: name one with --system FILE"
+            if systems
+            else "no recorder runs: start a file with a data_store block, then run this in another terminal",
+        )
+    return systems[0]
+
+
+def _status(system: RunningSystem) -> dict[str, Any]:
+    return system.call(NODE, "status", {}, timeout_s=5.0)
+
+
+def screen(status: dict[str, Any], width: int) -> str:
+    """What a recorder does, as lines of at most ``width`` columns."""
+    wanted = f" of {status['wanted']}" if status["wanted"] else ""
+    left = f", {status['remaining_s']:.0f} s left" if status["remaining_s"] else ""
+    lines = [
+        f"episode {status['episode']}  {status['phase']}  {status['elapsed_s']:.0f} s{left}",
+        f"task: {status['task'] or 'none'}",
+        f"kept in this run: {status['kept']}{wanted}   frames: {status['frames']}   "
+        f"dropped: {status['dropped']}   held: {status['held']}",
+        f"worst alignment: {status['worst_alignment_s'] * 1000:.1f} ms   queue: {status['queue_s']:.1f} s   "
+        f"encoders: {status['encoder_load'] * 100:.0f} %",
+        f"disk: {status['free_bytes'] / 1e9:.1f} GB left   {status['folder']}",
+    ]
+    for key, rate in status["rates_hz"].items():
+        note = (
+            "   no message"
+            if not rate
+            else ("   missing in the last frame" if key in status["missing"] else "")
+        )
+        lines.append(f"  {key:<32} {rate:6.1f} Hz{note}")
+    if status["message"]:
+        lines.append(status["message"])
+    return "\n".join(line[:width] for line in lines)
+
+
+def _interactive(system: RunningSystem, timeout_s: float) -> int:
+    from joshua.tools import CallError, ExitCode
+
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        sys.stderr.write(
+            "joshua record: keys need a terminal: name an action, such as `joshua record start`\n"
+        )
+        return ExitCode.INVALID
+    said = ""
+    with _keys() as key:
+        while True:
+            status = _status(system)
+            sys.stdout.write("\x1b[H\x1b[J" + screen(status, shutil.get_terminal_size().columns))
+            sys.stdout.write(f"\n\n{HELP}\n{said}\n")
+            sys.stdout.flush()
+            pressed = key(0.5)
+            if pressed in ("q", "\x03", "\x04"):
+                return ExitCode.OK
+            if pressed not in KEYS:
+                continue
+            action = KEYS[pressed] or ("stop" if status["phase"] in ("recording", "warm-up") else "start")
+            try:
+                said = str(system.call(NODE, action, {}, timeout_s=timeout_s)["text"])
+            except CallError as error:
+                if error.code in ("unreachable", "gone"):
+                    raise
+                said = str(error)
+
+
+@contextlib.contextmanager
+def _keys() -> Iterator[Any]:
+    """Single keys from the terminal, which is restored at the end."""
+    import termios
+    import tty
+
+    before = termios.tcgetattr(sys.stdin)
+
+    def key(wait_s: float) -> str:
+        until = time.monotonic() + wait_s
+        while (left := until - time.monotonic()) > 0:
+            if select.select([sys.stdin], [], [], left)[0]:
+                return sys.stdin.read(1)
+        return ""
+
+    try:
+        tty.setcbreak(sys.stdin)
+        yield key
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -1,0 +1,565 @@
+"""Records what a robot shows and does, aligned by acquisition time, while the robot goes on.
+
+Transport threads only hand messages to the aligner. The node's timer takes complete frames from it. A thread
+of its own converts and writes them, and each camera has an encoder thread. A writer that falls behind ends
+the episode.
+
+Why one file: it is one class, whose threads share one lock and one queue.
+"""
+
+from __future__ import annotations
+
+import queue
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joshua.api import NodeContext, RefusedError, verb
+from joshua.api.nodes import ServiceFacts
+from joshua.features import (
+    Alignment,
+    DatasetLayout,
+    EpisodeError,
+    Feature,
+    FeatureError,
+    FeatureSet,
+    Frame,
+    JointUnits,
+    TimeAligner,
+    Unit,
+)
+from joshua.messages import MessageError
+from joshua.messages.arrays import array_of
+
+from joshua_dataset.open_episode import read_journal
+from joshua_dataset.pictures import QUEUE_S
+from joshua_dataset.reader import DatasetError
+from joshua_dataset.repair import repair
+from joshua_dataset.session import Phase, Session, Step
+from joshua_dataset.settings import StoreSettings
+from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task, picture
+from joshua_dataset.writer import DatasetWriter, writer_of
+
+#: Column of the acquisition of each value, ns since the epoch, in the order of the features.
+ACQUISITION = "acquisition_ns"
+
+COUNTERS = ("dropped", "held", "worst_alignment_ns")
+
+#: How long a frame waits for a value that is still on its way through a camera or a network.
+LATENCY_S = 0.25
+
+#: Space on the disk below which no episode starts, and below which one ends.
+LEAST_FREE_BYTES = 500 << 20
+
+
+class Recorder:
+    """Carries ``DATA_STORE_RECORD`` out.
+
+    Args:
+        context: of the node; settings: of the block; facts: what the robot shows and does.
+    """
+
+    def __init__(self, context: NodeContext, settings: StoreSettings, facts: ServiceFacts) -> None:
+        self._context, self._settings, self._facts = context, settings, facts
+        self._session = Session(settings)
+        self._streams = {feature.topic: Stream(feature) for feature in facts.features}
+        self._unit = settings.joint_unit(facts.robot_type)
+        self._units = {key: JointUnits.from_ranges(joints) for key, joints in facts.arms.items()}
+        self._aligner: TimeAligner | None = None
+        self._writer: DatasetWriter | None = None
+        self._work: queue.Queue[Callable[[], None] | None] = queue.Queue()
+        self._lock = threading.RLock()
+        self._wait_ns = 0
+        self._lost = False
+        self._last = Frame(0)
+        self._phase_began_s = time.monotonic()
+        self._counts = dict.fromkeys(COUNTERS, 0)
+        self._frames_waiting = 0
+        self._message = ""
+        self._busy = (0.0, 0.0)
+        self._load = 0.0
+        self._missing: tuple[str, ...] = ()
+        self._auto = settings.auto_start
+
+    def configure(self) -> None:
+        """Subscribe. Raises EpisodeError."""
+        context = self._context
+        if not self._streams:
+            raise EpisodeError(f"{context.spec.full_name} has nothing to record: no node publishes a topic")
+        if not self._settings.folder:
+            raise EpisodeError("a recording needs a folder: set local_path")
+        if self._facts.restarted and read_journal(Path(self._settings.folder)) is not None:
+            context.log.warning(repair(Path(self._settings.folder)))
+            self._settings = self._settings.model_copy(update={"resume": True})
+        for topic in context.spec.subscriptions:
+            if topic.name in self._streams:
+                context.subscribe(topic, self._taker(self._streams[topic.name]))
+
+    def activate(self) -> None:
+        """Start the threads."""
+        self._context.spawn_thread(self._write, name="writer", hang_after_s=60.0)
+        self._context.create_timer(1 / min(self._settings.fps, 100), self._tick, name="frames")
+        self._context.create_timer(0.5, self._show, name="display")
+
+    def deactivate(self) -> None:
+        """Keep an open episode."""
+        with self._lock:
+            if self._session.phase is Phase.DONE and not self._session.is_open:
+                return
+            self._end_time()
+            steps = self._session.finish()
+        done = self._do(steps, log=True)
+        if done is not None:
+            try:
+                done.result(timeout=20.0)
+            except (EpisodeError, TimeoutError) as error:
+                self._context.log.error("the open episode is not kept: %s", error)
+
+    def cleanup(self) -> None:
+        """Close the data set; the thread of the writer has ended."""
+        self._work.put(None)
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+
+    @verb(moves=False, runs="beside")
+    def start(self) -> str:
+        """Start an episode; one that waits for a decision is kept."""
+        with self._lock:
+            self._require_topics()
+            self._require_space()
+            self._open()
+            steps = self._session.start(time.monotonic())
+            self._phase_began_s = time.monotonic()
+        kept = self._answer(self._do(steps))
+        started = f"episode {self._number} starts: {self._session.task_text or 'no task'}"
+        return f"{kept}; {started}" if kept else started
+
+    @verb(moves=False, runs="beside")
+    def stop(self) -> str:
+        """End the episode; keep or discard it then."""
+        with self._lock:
+            steps = self._session.stop(time.monotonic())
+            self._end_time()
+        self._answer(self._do(steps))
+        frames = self._writer.open_frames if self._writer is not None else 0
+        return f"episode {self._number} is stopped with {frames} frames: keep or discard it"
+
+    @verb(moves=False, runs="beside")
+    def keep(self) -> str:
+        """Keep the episode, ending it first where it is being recorded."""
+        with self._lock:
+            steps = self._session.keep(time.monotonic())
+            self._end_time()
+        return self._answer(self._do(steps))
+
+    @verb(moves=False, runs="beside")
+    def discard(self) -> str:
+        """Discard the episode that is being recorded or was stopped."""
+        with self._lock:
+            steps = self._session.discard(time.monotonic())
+        self._answer(self._do(steps))
+        return f"episode {self._number} is discarded"
+
+    @verb(moves=False, runs="beside")
+    def rerecord(self) -> str:
+        """Discard the episode and record it anew."""
+        with self._lock:
+            steps = self._session.rerecord(time.monotonic())
+            self._phase_began_s = time.monotonic()
+        self._answer(self._do(steps))
+        return f"episode {self._number} is recorded anew"
+
+    @verb(moves=False, runs="beside")
+    def task(self, request: Task) -> str:
+        """Record another task from the next episode on; without a text, the next one of the file."""
+        with self._lock:
+            if request.text:
+                self._session.set_task(request.text)
+            else:
+                self._session.next_task()
+            return f"the task is {self._session.task_text!r}"
+
+    @verb(moves=False, runs="beside")
+    def status(self) -> RecorderStatus:
+        """What the recorder does just now."""
+        session, now_s = self._session, time.monotonic()
+        aligner = self._aligner
+        worst = max((counts.worst_ns for counts in aligner.counts.values()), default=0) if aligner else 0
+        folder = Path(self._settings.folder)
+        return RecorderStatus(
+            phase=session.phase.value,
+            task=session.task_text,
+            episode=self._number,
+            kept=session.kept,
+            wanted=self._settings.num_episodes,
+            frames=self._writer.open_frames if self._writer is not None else 0,
+            elapsed_s=now_s - self._phase_began_s,
+            remaining_s=max(0.0, session.until_s - now_s) if session.until_s else 0.0,
+            rates_hz={
+                item.feature.key: round(1 / item.period_s, 1) if item.period_s and not item.is_stale else 0.0
+                for item in self._streams.values()
+            },
+            worst_alignment_s=worst / NS_PER_S,
+            dropped=self._counts["dropped"],
+            held=self._counts["held"],
+            missing=self._missing,
+            queue_s=self._behind_s,
+            encoder_load=self._load,
+            free_bytes=_free_bytes(folder),
+            folder=str(folder),
+            message=self._message,
+        )
+
+    @property
+    def _number(self) -> int:
+        return self._writer.episodes if self._writer is not None else 0
+
+    @property
+    def _behind_s(self) -> float:
+        encoders = self._writer.waiting if self._writer is not None else 0
+        return (self._frames_waiting + encoders) / self._settings.fps
+
+    def _taker(self, stream: Stream) -> Callable[[Any, int], None]:
+        feature, names = stream.feature, stream.feature.names
+
+        def take(message: Any, received_ns: int) -> None:
+            stamp_ns = stream.take(message, received_ns)
+            aligner = self._aligner
+            if aligner is None:
+                return
+            if feature.is_picture:
+                aligner.push(feature.key, stamp_ns, message)  # becomes an array on the writer's thread
+                return
+            try:
+                aligner.push(feature.key, stamp_ns, np.asarray(array_of(message, names)))
+            except MessageError as error:
+                self._say(f"a message on {feature.topic} is not recorded: {error}")
+
+        return take
+
+    def _tick(self) -> None:
+        """Take the frames that are complete, and end phases whose time is over (on the node's thread)."""
+        now_ns = self._context.now_ns()
+        with self._lock:
+            if self._auto and not self._stale():
+                self._auto = False
+                try:
+                    self._require_space()
+                    self._open()
+                    self._do(self._session.start(time.monotonic()))
+                    self._phase_began_s = time.monotonic()
+                except (RefusedError, EpisodeError) as error:
+                    self._say(str(error))
+            self._flush(now_ns)
+            try:
+                before = self._session.phase
+                if before is Phase.RESET and self._session.until_s <= time.monotonic() and self._stale():
+                    return  # the next episode waits until every topic is there again
+                steps = self._session.tick(time.monotonic())
+            except RefusedError as error:
+                self._say(str(error))
+                steps = []
+            if self._session.phase is not before:
+                self._phase_began_s = time.monotonic()
+                if before is Phase.RECORDING:
+                    self._end_time()
+            self._do(steps, log=True)
+            if self._session.phase is Phase.RECORDING:
+                behind_s = self._behind_s
+                if behind_s > 2 * QUEUE_S:
+                    self._end_early(
+                        f"the writer is {behind_s:.1f} s behind: lower fps or the size of pictures"
+                    )
+                elif _free_bytes(Path(self._settings.folder)) < LEAST_FREE_BYTES:
+                    self._end_early("the disk is almost full: free some space")
+        if self._session.phase is Phase.DONE and self._work.empty() and self._settings.num_episodes:
+            self._context.end_run(f"{self._session.kept} episodes are in {self._settings.folder}")
+
+    def _flush(self, now_ns: int) -> None:
+        if self._aligner is not None and self._session.phase is Phase.RECORDING:
+            for frame in self._aligner.poll(now_ns):
+                self._enqueue(frame)
+
+    def _end_time(self) -> None:
+        """Make the last frames of the episode, as far as all their values are there."""
+        aligner, self._aligner = self._aligner, None
+        if aligner is not None:
+            for frame in aligner.poll(self._context.now_ns() + self._wait_ns):
+                if not frame.missing:
+                    self._enqueue(frame)
+
+    def _enqueue(self, frame: Frame) -> None:
+        for key in frame.values:
+            distance = abs(frame.offset_ns(key))
+            self._counts["worst_alignment_ns"] = max(self._counts["worst_alignment_ns"], distance)
+        self._missing = frame.missing
+        if frame.missing:
+            held = frame.missing if self._settings.missing == "hold" else ()
+            if self._settings.missing == "fail":
+                self._do(self._session.discard(time.monotonic()))
+                self._aligner = None
+                self._say(f"episode {self._number} is discarded: no value of {', '.join(frame.missing)}")
+                return
+            if not held or any(key not in self._last.values for key in held):
+                self._counts["dropped"] += 1
+                return
+            self._counts["held"] += 1
+            frame = replace(
+                frame,
+                values={**frame.values, **{key: self._last.values[key] for key in held}},
+                stamps_ns={**frame.stamps_ns, **{key: self._last.stamps_ns[key] for key in held}},
+            )
+        self._last = frame
+        self._frames_waiting += 1
+        self._work.put(lambda: self._add(frame))
+
+    def _end_early(self, why: str) -> None:
+        steps = self._session.stop(time.monotonic())
+        self._end_time()
+        self._do(steps)
+        self._say(f"episode {self._number} ended early: {why}")
+
+    def _do(self, steps: list[Step], *, log: bool = False) -> Future[str] | None:
+        """Hand steps to the writer's thread, in order; return the answer to the last one.
+
+        Args:
+            log: the answer; a verb's answer is logged by its node.
+        """
+        answer: Future[str] | None = None
+        for step in steps:
+            answer = Future()
+            if step is Step.BEGIN:
+                self._begin()
+            task, counts = self._session.task_text, self._counts
+            if log and step is Step.KEEP:
+                answer.add_done_callback(self._log)
+            self._work.put(self._carrying_out(step, task, counts, answer))
+        return answer
+
+    def _begin(self) -> None:
+        self._counts = dict.fromkeys(COUNTERS, 0)
+        self._last = Frame(0)
+        period_s = 1 / self._settings.fps
+        alignments = {}
+        for stream in self._streams.values():
+            feature = stream.feature
+            tolerance_s = self._settings.tolerance_s or max(period_s, stream.period_s)
+            smooth = feature.dtype.startswith("float") and not feature.key.startswith("action")
+            alignments[feature.key] = Alignment(
+                round(tolerance_s * NS_PER_S), "interpolated" if smooth else "nearest"
+            )
+        longest_ns = max(item.tolerance_ns for item in alignments.values())
+        self._wait_ns = longest_ns + round(LATENCY_S * NS_PER_S)
+        aligner = TimeAligner(alignments, self._settings.fps, wait_ns=self._wait_ns)
+        # so that the first frame has samples on both sides
+        aligner.start(self._context.now_ns() + longest_ns)
+        self._aligner = aligner
+
+    def _carrying_out(
+        self, step: Step, task: str, counts: dict[str, int], answer: Future[str]
+    ) -> Callable[[], None]:
+        def carry_out() -> None:
+            writer = self._writer
+            assert writer is not None
+            try:
+                if step is Step.BEGIN:
+                    writer.task, self._lost = task, False
+                    self._busy = (time.monotonic(), 0.0)
+                elif step is Step.KEEP:
+                    if writer.open_frames:
+                        number, frames = writer.episodes, writer.open_frames
+                        writer.end_episode(task, counts)
+                        text = _kept(number, frames, self._settings.fps, counts)
+                        self._message = text
+                        answer.set_result(text)
+                        return
+                    self._say(f"episode {writer.episodes} has no frame and is not kept")
+                    with self._lock:
+                        self._session.kept -= 1
+                elif step is Step.DISCARD:
+                    writer.drop_episode()
+                answer.set_result("")
+            except EpisodeError as error:
+                self._lose(error)
+                answer.set_exception(error)
+
+        return carry_out
+
+    def _add(self, frame: Frame) -> None:
+        """Convert and write a frame (on the writer's thread)."""
+        self._frames_waiting -= 1
+        writer = self._writer
+        if writer is None or self._lost:
+            return
+        try:
+            values = {key: self._value(key, value) for key, value in frame.values.items()}
+            values[ACQUISITION] = np.array([frame.stamps_ns[key] for key in self._keys], np.int64)
+            writer.add_frame(replace(frame, values=values))
+        except (MessageError, DatasetError, FeatureError) as error:
+            self._counts["dropped"] += 1
+            self._say(f"a frame is dropped: {error}")
+        except EpisodeError as error:
+            self._lose(error)
+
+    def _value(self, key: str, value: Any) -> Any:
+        feature = self._features[key]
+        if feature.is_picture:
+            return picture(value, feature)
+        if key in self._units and self._unit != "rad":
+            return self._units[key].from_radians(value, Unit(self._unit))
+        return value
+
+    def _lose(self, error: EpisodeError) -> None:
+        """An episode that cannot be written is discarded; the robot goes on."""
+        with self._lock:
+            self._session.lost()
+            self._aligner, self._lost = None, True
+        if self._writer is not None:
+            self._writer.drop_episode()
+        self._context.log.error("the episode is lost, %d are kept: %s", self._number, error)
+        self._message = str(error)
+
+    def _write(self) -> None:
+        """Carry out what waits, until the node has stopped (on a thread of its own)."""
+        while True:
+            try:
+                work = self._work.get(timeout=0.2)
+            except queue.Empty:
+                if self._context.stopping and self._session.phase is Phase.DONE:
+                    return
+                continue
+            if work is None:
+                return
+            work()
+            if self._writer is not None and self._busy[0]:
+                now_s, busy_s = time.monotonic(), self._writer.busy_s
+                if now_s - self._busy[0] > 1:
+                    self._load = max(0.0, busy_s - self._busy[1]) / (now_s - self._busy[0])
+                    self._busy = (now_s, busy_s)
+
+    def _open(self) -> None:
+        """Open the data set, when what every topic carries is known. Raises EpisodeError."""
+        if self._writer is not None:
+            return
+        features = [self._described(stream) for stream in self._streams.values()]
+        names = tuple(feature.key for feature in features)
+        self._keys = names
+        acquisition = Feature(ACQUISITION, "int64", (len(names),), names, "ns")
+        self._features = FeatureSet([*features, acquisition])
+        layout = DatasetLayout(
+            folder=Path(self._settings.folder),
+            robot_type=self._facts.robot_type,
+            fps=self._settings.fps,
+            features=self._features,
+            codec=self._settings.codec,
+            pictures=self._settings.pictures,
+            resume=self._settings.resume,
+            identity=self._identity(),
+            counters=COUNTERS,
+        )
+        writer = writer_of(self._settings.format)(layout)
+        writer.open()
+        self._writer = writer
+
+    def _described(self, stream: Stream) -> Feature:
+        """A feature as its first message shows it."""
+        feature = stream.feature
+        if feature.key in self._units and self._unit != "rad":
+            return self._units[feature.key].feature(feature, Unit(self._unit))
+        if 0 not in feature.shape:
+            return feature
+        try:
+            value = (
+                picture(stream.newest, feature)
+                if feature.is_picture
+                else array_of(stream.newest, feature.names)
+            )
+        except (MessageError, DatasetError) as error:
+            raise EpisodeError(f"{feature.topic} cannot be recorded: {error}") from error
+        names = feature.names
+        if feature.unit and not names:
+            names = tuple(getattr(stream.newest, "name", ()))
+        return replace(feature, shape=np.shape(value), names=names)
+
+    def _identity(self) -> dict[str, str]:
+        """What an appended episode must share: the calibrated ranges that the units are made of."""
+        return {
+            f"calibration of {key}": " ".join(f"{j.name}:{j.min_rad:.4f}:{j.max_rad:.4f}" for j in joints)
+            for key, joints in self._facts.arms.items()
+        }
+
+    def _stale(self) -> list[str]:
+        return [topic for topic, stream in self._streams.items() if stream.newest is None or stream.is_stale]
+
+    def _require_topics(self) -> None:
+        stale = self._stale()
+        if stale:
+            raise RefusedError(
+                f"no message received on {', '.join(stale)}: an episode needs every topic. "
+                "Check the node that publishes it with joshua status"
+            )
+
+    def _require_space(self) -> None:
+        free = _free_bytes(Path(self._settings.folder))
+        if free < LEAST_FREE_BYTES:
+            raise RefusedError(
+                f"the disk of {self._settings.folder} has {free >> 20} MB left; "
+                f"free some space, at least {LEAST_FREE_BYTES >> 20} MB"
+            )
+
+    def _answer(self, done: Future[str] | None) -> str:
+        if done is None:
+            return ""
+        try:
+            return done.result(timeout=20.0)
+        except EpisodeError as error:
+            raise RefusedError(str(error)) from error
+        except TimeoutError as error:
+            raise RefusedError("the writer has not answered within 20 s: the disk may hang") from error
+
+    def _log(self, answer: Future[str]) -> None:
+        if answer.exception() is None and answer.result():
+            self._context.log.info(answer.result())
+
+    def _say(self, text: str) -> None:
+        if text != self._message:
+            self._message = text
+            self._context.log.info(text)
+
+    def _show(self) -> None:
+        session, writer = self._session, self._writer
+        wanted = f"/{self._settings.num_episodes}" if self._settings.num_episodes else ""
+        parts = [f"episode {self._number}{wanted} {session.phase.value}"]
+        stale = self._stale()
+        if writer is not None and session.is_open:
+            parts.append(f"{writer.open_frames / self._settings.fps:.1f} s")
+            if self._counts["dropped"]:
+                parts.append(f"{self._counts['dropped']} dropped")
+            if self._behind_s > 0.5:
+                parts.append(f"{self._behind_s:.1f} s behind")
+        elif stale:
+            parts.append(f"waits for {', '.join(stale)}")
+        self._context.show(", ".join(parts))
+        self._context.progress("episodes", session.kept, self._settings.num_episodes or None, unit="episodes")
+
+
+def _kept(number: int, frames: int, fps: int, counts: dict[str, int]) -> str:
+    text = f"episode {number} is kept: {frames} frames ({frames / fps:.1f} s)"
+    for name in ("dropped", "held"):
+        if counts[name]:
+            text += f", {counts[name]} {name}"
+    return text
+
+
+def _free_bytes(folder: Path) -> int:
+    for path in (folder, *folder.parents):
+        if path.exists():
+            return shutil.disk_usage(path).free
+    return 0

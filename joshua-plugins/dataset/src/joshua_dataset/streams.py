@@ -1,0 +1,97 @@
+"""The topics of a recording: newest messages, rates and pictures, and the status of a recorder."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joshua.features import Feature
+from joshua.messages.arrays import acquired_ns, array_of
+
+from joshua_dataset.reader import picture_of
+
+NS_PER_S = 1_000_000_000
+
+#: Age of a topic's newest message at which it counts as missing.
+STALE_S = 1.0
+
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """What a recorder does just now.
+
+    Attributes:
+        phase: of the session; episode: number of the next or open episode; kept: episodes of this run.
+        frames: of the open episode; elapsed_s, remaining_s: of the phase, remaining_s 0 where it has no end.
+        rates_hz: of each topic; worst_alignment_s: largest distance of a value from its frame.
+        dropped, held: frames of this episode that lacked a value; missing: features that lack one just now.
+        queue_s: recording that waits to be written; encoder_load: share of a core; free_bytes: of the disk.
+    """
+
+    phase: str
+    task: str
+    episode: int
+    kept: int
+    wanted: int
+    frames: int
+    elapsed_s: float
+    remaining_s: float
+    rates_hz: dict[str, float]
+    worst_alignment_s: float
+    dropped: int
+    held: int
+    missing: tuple[str, ...]
+    queue_s: float
+    encoder_load: float
+    free_bytes: int
+    folder: str
+    message: str
+
+
+@dataclass
+class Task:
+    """What the user is asked to show; empty goes on to the next task of the file."""
+
+    text: str = ""
+
+
+class Stream:
+    """One feature's topic: its newest message and its rate."""
+
+    def __init__(self, feature: Feature) -> None:
+        self.feature = feature
+        self.newest: Any = None
+        self.stamp_ns = 0
+        self.seen_s = 0.0
+        self._stamps: deque[int] = deque(maxlen=30)
+
+    def take(self, message: Any, received_ns: int) -> int:
+        """Note a message; return its acquisition."""
+        self.stamp_ns = acquired_ns(message, received_ns)
+        self.newest, self.seen_s = message, time.monotonic()
+        self._stamps.append(self.stamp_ns)
+        return self.stamp_ns
+
+    @property
+    def period_s(self) -> float:
+        """Mean distance of its messages; 0 while it is unknown."""
+        span = self._stamps[-1] - self._stamps[0] if len(self._stamps) > 1 else 0
+        return span / (len(self._stamps) - 1) / NS_PER_S if span > 0 else 0.0
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether its messages stay away."""
+        return time.monotonic() - self.seen_s > max(STALE_S, 3 * self.period_s)
+
+
+def picture(message: Any, feature: Feature) -> Any:
+    """Picture of a message, (H, W, 3) RGB. Raises MessageError and DatasetError."""
+    if type(message).__msgtype__ != COMPRESSED_IMAGE:
+        return array_of(message)
+    height, width, _ = feature.shape
+    return picture_of(bytes(message.data), Path(feature.topic), height, width)

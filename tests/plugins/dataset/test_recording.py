@@ -1,0 +1,201 @@
+"""Recording and replaying through real runs: from devices and a camera to a data set, and back to an arm."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from eventually import eventually
+from joshua.testing.domain import reserved_domain
+from joshua.testing.program import JoshuaProgram
+from joshua_dataset.reader import Dataset
+from processes import descendants_of, title_of
+
+ROBOT = """
+robot {{
+  actions {{
+    node {{ node_name: "leader" node_id: 1
+      publishers {{ data_type: JOINT_STATE topic_name: "/leader/joint_states" publish_rate_hz: 50 }} }}
+    action_type: ACTION_LEADER
+    mock_motor_config {{ num_motors: 2 position_min: 1024 position_max: 3072 motion: MOCK_MOTION_SINE }}
+  }}
+  actions {{
+    node {{ node_name: "follower" node_id: 2
+      publishers {{ data_type: JOINT_STATE topic_name: "/follower/joint_states" publish_rate_hz: 50 }}
+      subscriptions {{ data_type: JOINT_STATE topic_name: "/leader/joint_states" }} }}
+    action_type: ACTION_FOLLOWER
+    mock_motor_config {{ num_motors: 2 position_min: 1024 position_max: 3072 }}
+  }}
+  perceptions {{
+    node {{ node_name: "camera_top" node_id: 3
+      publishers {{ data_type: IMAGE topic_name: "/top/image_raw" publish_rate_hz: 20 }} }}
+    perception_type: PERCEPTION_CAMERA
+    mock_camera_config {{ width: 64 height: 48 fps: 20 }}
+  }}
+}}
+general {{ mode: {mode} name: "cell" id: "cell" robot_type: "{robot_type}" }}
+ai {{ data_store {{
+  format: {format} storage: STORAGE_LOCAL dataset_name: "waves" local_path: "waves" task: "wave" fps: 20
+  {fields}
+}} }}
+"""
+TOP = "observation.images.top"
+
+
+def write(folder: Path, fields: str = "", **changes: str) -> Path:
+    values = {"mode": "MODE_DATA_STORE", "robot_type": "mock", "format": "FORMAT_HUGGINGFACE"} | changes
+    path = folder / "cell.pbtxt"
+    path.write_text(ROBOT.format(fields=fields, **values))
+    return path
+
+
+@pytest.fixture
+def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
+    with reserved_domain() as domain_id:
+        program = JoshuaProgram(tmp_path, domain_id, {"JOSHUA_RUN_DIR": str(tmp_path / "runs")})
+        yield program
+        program.close()
+
+
+def started(joshua: JoshuaProgram, path: Path) -> subprocess.Popen[str]:
+    """A run whose recorder has a message on every topic."""
+    process = joshua.start("--config", str(path))
+    eventually(lambda: ready(joshua), "every topic has a message")
+    return process
+
+
+def ready(joshua: JoshuaProgram) -> bool:
+    rates = status(joshua).get("rates_hz", {})
+    return bool(rates) and all(rates.values())
+
+
+def status(joshua: JoshuaProgram) -> dict[str, Any]:
+    found = joshua("call", "data_store", "status", "--format", "json")
+    return dict(json.loads(found.stdout)) if found.returncode == 0 else {}
+
+
+def record(joshua: JoshuaProgram, *words: str) -> str:
+    found = joshua("record", *words)
+    assert found.returncode == 0, found.stderr
+    return found.stdout
+
+
+def test_a_session_by_commands(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    process = started(joshua, write(tmp_path))
+    assert record(joshua, "start") == "episode 0 starts: wave\n"
+    eventually(lambda: status(joshua)["frames"] >= 20)
+    assert "ended" not in record(joshua, "status")
+    assert "keep or discard it" in record(joshua, "stop")
+    assert "episode 0 is kept: " in record(joshua, "keep")
+    refused = joshua("record", "keep")
+    assert refused.returncode == 1
+    assert "there is no episode to keep: start one first" in refused.stderr
+    assert record(joshua, "task", "point") == "the task is 'point'\n"
+    record(joshua, "start")
+    eventually(lambda: status(joshua)["frames"] >= 5)
+    assert record(joshua, "discard") == "episode 1 is discarded\n"
+    record(joshua, "start")
+    eventually(lambda: status(joshua)["frames"] >= 5)
+    _, errors = joshua.stop(process)  # Ctrl-C in the middle of an episode
+    assert "episode 1 is kept" in errors
+    assert process.returncode == 0
+    found = Dataset.read(tmp_path / "waves")
+    first, second = found.episode_list()
+    assert (found.tasks, first.tasks, second.tasks) == (("wave", "point"), ("wave",), ("point",))
+    columns = found.columns(first)
+    steps_ns = np.diff(columns["stamp_ns"])
+    assert np.all(steps_ns == 50_000_000)
+    assert columns["timestamp"][1] == pytest.approx(0.05)
+    acquired = columns["acquisition_ns"]
+    assert list(found.features["acquisition_ns"].names) == ["observation.state", TOP, "action"]
+    assert np.abs(acquired - columns["stamp_ns"][:, None]).max() <= 50_000_000
+    assert first.counts["worst_alignment_ns"] <= 50_000_000
+    # the follower's command is the action, and its state follows
+    assert np.ptp(columns["action"]) > 0.02
+    assert np.abs(columns["action"] - columns["observation.state"]).mean() < 0.2
+    assert sum(1 for _ in found.decoded(first, TOP)) == first.length
+
+
+def test_a_session_by_durations_ends_itself_and_is_appended_to(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    fields = "auto_start: true num_episodes: 2 episode_duration_s: 0.6 reset_duration_s: 0.1 resume: true "
+    path = write(tmp_path, fields + "units: UNIT_LEROBOT")
+    for total in (2, 4):
+        run = joshua("--config", str(path))
+        assert run.returncode == 0, run.stderr
+        assert "2 episodes are in" in run.stdout + run.stderr
+        assert Dataset.read(tmp_path / "waves").episodes == total
+    found = Dataset.read(tmp_path / "waves")
+    assert found.features["action"].names == ("joint_1.pos", "joint_2.pos")
+    assert found.features["action"].unit == "lerobot"
+    path = write(tmp_path, fields + "units: UNIT_DEGREES")
+    refused = joshua("--config", str(path), "--duration", "4")
+    assert "unit deg here and lerobot there" in refused.stdout + refused.stderr
+    assert Dataset.read(tmp_path / "waves").episodes == 4
+
+
+def test_a_killed_supervisor_leaves_a_complete_data_set(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    process = started(joshua, write(tmp_path))
+    record(joshua, "start")
+    eventually(lambda: status(joshua)["frames"] >= 10)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    eventually(lambda: (tmp_path / "waves/meta/info.json").exists(), "the recorder ends its episode")
+    (episode,) = Dataset.read(tmp_path / "waves").episode_list()
+    assert episode.length >= 10
+
+
+def test_a_killed_recorder_comes_back_and_completes_its_episode(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
+    process = started(joshua, write(tmp_path))
+    record(joshua, "start")
+    frames = eventually(lambda: (found := status(joshua)["frames"]) >= 30 and found)
+    (recorder,) = [pid for pid in descendants_of(process.pid) if "data_store" in title_of(pid)]
+    os.kill(recorder, signal.SIGKILL)
+    eventually(lambda: (tmp_path / "waves/meta/info.json").exists(), "the episode is completed")
+    (episode,) = Dataset.read(tmp_path / "waves").episode_list()
+    assert episode.length >= frames - 20
+    assert episode.tasks == ("wave",)
+    eventually(lambda: ready(joshua), "the recorder is back")
+    _, errors = joshua.stop(process)
+    assert "episode 0 is completed with" in errors
+    assert process.returncode == 0
+
+
+def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    path = write(tmp_path, mode="MODE_TELEOPERATE", format="FORMAT_CSV")
+    process = started(joshua, path)
+    assert not (tmp_path / "waves").exists()
+    record(joshua, "start")
+    eventually(lambda: status(joshua)["frames"] >= 5)
+    record(joshua, "keep")
+    joshua.stop(process)
+    (episode,) = Dataset.read(tmp_path / "waves").episode_list()
+    header = episode.table.read_text().partition("\n")[0]
+    assert '"action.joint_1"' in header
+    assert process.returncode == 0
+
+
+def test_a_replay_drives_the_arm_through_the_recording(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    fields = "auto_start: true num_episodes: 1 episode_duration_s: 1.5"
+    assert joshua("--config", str(write(tmp_path, fields, robot_type="so101"))).returncode == 0
+    recorded = Dataset.read(tmp_path / "waves")
+    assert recorded.features["action"].unit == "lerobot"
+    run = joshua("--config", str(write(tmp_path, "operation: DATA_STORE_REPLAY")))
+    text = run.stdout + run.stderr
+    assert run.returncode == 0, text
+    assert "1 episodes are replayed" in text
+    assert "/leader " not in text  # a replay takes the leader's place
+    lines = [line for line in text.splitlines() if "joint_1  " in line]
+    mean_rad = float(lines[0].split("joint_1")[1].split()[0])
+    assert mean_rad < 0.2
+    missing = joshua("--config", str(write(tmp_path, "operation: DATA_STORE_REPLAY episodes: [7]")))
+    assert missing.returncode != 0
+    assert "has no episode 7; allowed: 0 to 0" in missing.stdout + missing.stderr
