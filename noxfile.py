@@ -110,9 +110,10 @@ def coverage(session: nox.Session) -> None:
 
 @nox.session
 def soak(session: nox.Session) -> None:
-    """Ten minutes of teleoperation on bad lines, five of a held object; ``-- SECONDS`` for another length."""
+    """Ten minutes of teleoperation on bad lines and on a busy machine, five of a held object."""
     install(session, *group("test"), *editable(f"{CORE}[dds]", *PLUGINS))
     session.run("python", "tests/soak/teleoperation.py", *session.posargs)
+    session.run("python", "tests/soak/busy_machine.py", *session.posargs)
     session.run("python", "tests/soak/grip.py", *session.posargs)
 
 

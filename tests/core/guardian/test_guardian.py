@@ -147,6 +147,36 @@ def test_a_report_reaches_the_log_of_a_run_without_supervisor(order: Any, tmp_pa
     assert entry["node"] == "/arm"
 
 
+@pytest.mark.parametrize(
+    "blocks", ["time.sleep(60)", "while True: pass", "os.kill(os.getpid(), signal.SIGSTOP)"]
+)
+def test_a_driver_that_blocks_is_killed_after_its_limit(order: Any, tmp_path: Path, blocks: str) -> None:
+    program = (
+        "import sys, os, signal, threading, time, dataclasses\n"
+        "from joshua.guardian.link import GuardianLink\n"
+        "from joshua.guardian.order import BEAT_S, GuardianOrder\n"
+        "order = GuardianOrder.from_line(sys.argv[1].encode())\n"
+        "ids = {'process_id': os.getpid(), 'thread_id': threading.get_native_id(), 'hang_limit_s': 0.3}\n"
+        "link = GuardianLink(dataclasses.replace(order, **ids))\n"
+        "link.armed()\n"
+        "for _ in range(10):\n"
+        "    link.beat()\n"
+        "    time.sleep(BEAT_S)\n"
+        f"{blocks}\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program, order().to_line().decode()],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        timeout=60,
+    )
+    assert result.returncode == -signal.SIGKILL
+    log = tmp_path / "log.jsonl"
+    while not (log.exists() and log.read_text().endswith("\n")):
+        time.sleep(0.01)
+    text = "guardian: the driver hung: no heartbeat for 0.3 s; 1 released"
+    assert json.loads(log.read_text())["text"] == text
+
+
 def latched(order: GuardianOrder, tmp_path: Path) -> tuple[GuardianOrder, LatchFolder]:
     """An order of a robot that can be stopped."""
     release = {**order.request, "action": "RELEASE"}

@@ -60,30 +60,41 @@ print(sorted(os.waitstatus_to_exitcode(os.wait()[1]) for _ in range(2)))
     assert "".join(run(program)) == "[3,7]"
 
 
-def test_a_real_time_priority_needs_the_grant_of_the_system():
+def test_a_priority_needs_the_grant_of_the_system():
     program = """
 import os, resource
-from joshua.ipc.process_attributes import use_realtime_priority
-resource.setrlimit(resource.RLIMIT_RTPRIO, (0, resource.getrlimit(resource.RLIMIT_RTPRIO)[1]))
-print(use_realtime_priority(), os.sched_getscheduler(0) == os.SCHED_OTHER)
+from joshua.ipc.process_attributes import lock_memory, prefer_this_process
+for which in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE, resource.RLIMIT_MEMLOCK):
+    resource.setrlimit(which, (0, resource.getrlimit(which)[1]))
+print(repr(prefer_this_process()), os.sched_getscheduler(0), os.getpriority(0, 0), lock_memory())
 """
-    assert run(program) == ["False", "True"]
+    assert run(program) == ["''", "0", "0", "False"]
 
 
-def test_a_granted_real_time_priority_is_taken():
-    program = """
-import os, resource
-from joshua.ipc.process_attributes import use_realtime_priority
-try:
-    resource.setrlimit(resource.RLIMIT_RTPRIO, (1, 1))
-    os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-except (OSError, ValueError):
-    print("refused")
-else:
-    print(use_realtime_priority(), os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR)
+@pytest.mark.parametrize(
+    ("limits", "granted", "policy", "nice"),
+    [
+        ({"RTPRIO": 1, "NICE": 40}, "SCHED_FIFO 1", 1, 0),
+        ({"RTPRIO": 0, "NICE": 25}, "nice -5", 0, -5),
+        ({"RTPRIO": 0, "NICE": 40}, "nice -10", 0, -10),
+    ],
+)
+def test_a_granted_priority_counts_for_every_thread(limits, granted, policy, nice):
+    program = f"""
+import os, resource, threading
+from joshua.ipc.process_attributes import prefer_this_process
+limits = {{getattr(resource, "RLIMIT_" + name): value for name, value in {limits!r}.items()}}
+real = resource.getrlimit
+resource.getrlimit = lambda which: (limits[which], limits[which]) if which in limits else real(which)
+end = threading.Event()
+thread = threading.Thread(target=end.wait)
+thread.start()
+print(prefer_this_process() or "refused", sep="")
+for number in (threading.get_native_id(), thread.native_id):
+    print(os.sched_getscheduler(number), os.getpriority(os.PRIO_PROCESS, number))
+end.set()
 """
-    shown = run(program)
-    if shown == ["refused"]:
-        pytest.skip("this system grants no real-time priority")
-    assert shown == ["True", "True"]
+    shown = " ".join(run(program))
+    if shown.startswith("refused"):
+        pytest.skip("this user may not raise a priority")
+    assert shown == f"{granted} " + " ".join([f"{policy} {nice}"] * 2)

@@ -118,3 +118,9 @@ def test_settings_about_commands_that_have_no_effect_are_named(tmp_path: Path) -
     parks = planned(tmp_path, "on_stale: PARK_THEN_RELEASE", commanded=True)
     missing = finding(parks, "park-pose-missing")
     assert missing.field_path.endswith(".on_stale")
+
+
+def test_the_limit_of_a_hang_comes_from_the_file(tmp_path: Path) -> None:
+    assert facts(planned(tmp_path, "hang_after_s: 0.75")).hang_after_s == 0.75
+    assert facts(planned(tmp_path, "")).hang_after_s == 0.0
+    assert planned(tmp_path, "hang_after_s: 0.05").plan is None

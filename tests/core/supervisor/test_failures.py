@@ -237,6 +237,16 @@ def test_a_reader_thread_that_hangs_is_named(robot):
     assert "its thread 'reader' has not run" in report.reason
 
 
+def test_no_start_outlives_the_duration(robot, monkeypatch):
+    monkeypatch.setattr(supervisor, "LEAST_START_S", 0.0)
+    report = robot.run(robot.node("SlowStart"), robot.node("Quiet"), duration_s=5.0)
+
+    assert report.exit_code == 1
+    assert "/slowstart: not ready after 5 s: it is still in its configure step" in report.reason
+    assert "/quiet" not in report.reason
+    assert robot.ui.tables == []
+
+
 def test_a_node_that_does_not_get_ready_is_named_with_what_it_waits_for(robot):
     report = robot.run(robot.node("SlowStart", facts={"ready_timeout_s": 5.0}), robot.node("Quiet"))
 

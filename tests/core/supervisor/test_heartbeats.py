@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from joshua.guardian.order import HANG_LIMIT_S
 from joshua.guardian.silence import ThreadTime
 from joshua.ipc.messages import Heartbeat, ThreadAge
 from joshua.plan import ActuatorFacts, NodeKind, NodeSpec
+from joshua.schema import config_pb2 as pb
+from joshua.schema.rules import rule
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S, HANG_AFTER_S, HeartbeatWatch, hang_limit_s
 
 ARM = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="a:B", implementation="")
@@ -31,20 +34,21 @@ class Watched:
         return None
 
 
-def test_an_actuator_hangs_after_a_fifth_of_a_second():
-    assert HANG_AFTER_S[NodeKind.ACTUATOR] == 0.2
+def test_an_actuator_hangs_after_the_default_limit():
+    field = pb.SingleAction.DESCRIPTOR.fields_by_name["hang_after_s"]
+    assert HANG_AFTER_S[NodeKind.ACTUATOR] == HANG_LIMIT_S == float(rule(field).default)
     watched = Watched()
     watched.watch.hear(beat())
-    assert watched.hung_until(100.15) is None
-    assert watched.hung_until(100.25) == ("/arm", "its loop has not run for 0.25 s (limit 0.2 s)")
+    assert watched.hung_until(100.25) is None
+    assert watched.hung_until(100.35) == ("/arm", "its loop has not run for 0.35 s (limit 0.3 s)")
 
 
 def test_a_heartbeat_ends_a_silence():
     watched = Watched()
-    assert watched.hung_until(100.15) is None
+    assert watched.hung_until(100.25) is None
     watched.watch.hear(beat())
-    assert watched.hung_until(100.3) is None
-    assert watched.hung_until(100.4) is not None
+    assert watched.hung_until(100.5) is None
+    assert watched.hung_until(100.6) is not None
 
 
 def test_a_process_that_waits_for_a_processor_is_starved_not_hung_but_not_for_ever():
@@ -56,8 +60,8 @@ def test_a_process_that_waits_for_a_processor_is_starved_not_hung_but_not_for_ev
 
     watched = Watched(loop)
     watched.watch.hear(beat())
-    assert watched.hung_until(100.95) is None
-    assert watched.hung_until(101.05) is not None
+    assert watched.hung_until(101.45) is None
+    assert watched.hung_until(101.55) is not None
     assert set(asked) == {0, 7}, "the main thread before the first heartbeat, then the loop's"
 
 
@@ -76,7 +80,7 @@ def test_a_time_in_which_nobody_listened_is_excused():
     watched = Watched()
     watched.now_s = 150.0
     assert watched.watch.hung() is None
-    assert watched.hung_until(150.2) is not None
+    assert watched.hung_until(150.3) is not None
 
 
 def test_nothing_is_watched_before_the_begin_and_after_the_end():
@@ -90,6 +94,6 @@ def test_nothing_is_watched_before_the_begin_and_after_the_end():
     assert heart.hung() is None
 
 
-@pytest.mark.parametrize(("value", "limit"), [(3, 3.0), (0.05, 0.05), (0, 0.2), (-1, 0.2)])
+@pytest.mark.parametrize(("value", "limit"), [(3, 3.0), (0.05, 0.05), (0, 0.3), (-1, 0.3)])
 def test_the_plan_can_set_a_limit(value, limit):
     assert hang_limit_s(ARM.model_copy(update={"facts": ActuatorFacts(hang_after_s=value)})) == limit

@@ -9,7 +9,7 @@ from joshua.plan import NodeKind, NodeReport, NodeSpec, TopicSpec
 from joshua.plan.events import LogEntry
 from joshua.supervisor.ladder import LadderTimes
 from joshua.supervisor.managed_process import StackDump
-from joshua.supervisor.node_record import NodeRecord
+from joshua.supervisor.node_record import NodeRecord, priority_notes
 from joshua.supervisor.options import ladder_times, ready_timeout_s
 from joshua.supervisor.supervisor import process_groups
 
@@ -78,6 +78,16 @@ def test_the_report_of_the_node_gets_what_the_supervisor_knows():
     made.state, made.restarts = "stopped", 2
     report = made.final_report()
     assert (report.state, report.restarts, report.warnings) == ("stopped", 2, ("own",))
+
+
+def test_the_priority_of_control_loops_is_a_note_of_the_table():
+    records = [NodeRecord(node(name)) for name in ("left", "right", "camera")]
+    for made, text in zip(records, ("normal", "normal", ""), strict=True):
+        made.say("priority", text)
+    note = "priority of /left, /right: normal; a busy machine delays them: run `joshua doctor`"
+    assert priority_notes(records) == [note]
+    records[0].say("priority", "SCHED_FIFO 1, memory locked")
+    assert priority_notes(records)[0] == "priority of /left: SCHED_FIFO 1, memory locked"
 
 
 STACKS = """\

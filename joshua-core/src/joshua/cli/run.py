@@ -111,7 +111,7 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
     from joshua.supervisor.terminal import Terminal
 
     level = logging.getLevelName(arguments.log_level)
-    options = SupervisorOptions(log_level=level, began_s=began_s)
+    options = SupervisorOptions(log_level=level, duration_s=arguments.duration, began_s=began_s)
     return Supervisor(plan, server, options, Terminal(level)).run()
 
 

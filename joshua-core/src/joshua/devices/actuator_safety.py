@@ -12,7 +12,7 @@ from joshua.devices.actuator import Actuator
 from joshua.devices.errors import DeviceError
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.link import GuardianError, GuardianLink
-from joshua.guardian.order import GuardianOrder
+from joshua.guardian.order import HANG_LIMIT_S, GuardianOrder
 from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, SafeStop
 
@@ -130,6 +130,7 @@ class ActuatorSafety:
             timeout_s=stop.timeout_s,
             process_id=os.getpid(),
             thread_id=threading.get_native_id(),
+            hang_limit_s=self._facts.hang_after_s or HANG_LIMIT_S,
             log=run.log,
             control_socket=run.socket,
             robot=run.robot,

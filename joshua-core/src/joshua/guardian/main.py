@@ -33,6 +33,7 @@ from joshua.guardian.order import (
 from joshua.guardian.safe_stop import SafeStopRequest, perform
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, thread_time
 from joshua.ipc.client import ask
+from joshua.ipc.process_attributes import prefer_this_process
 from joshua.ipc.run_bases import socket_address
 
 Action = Callable[[dict[str, Any]], dict[str, Any]]
@@ -322,6 +323,7 @@ def main() -> int:
             return 0  # the driver ended before it sent its order
         line += part
     order = GuardianOrder.from_line(bytes(line))
+    prefer_this_process()
     return Guardian(sock, order, load_action(order.implementation)).run()
 
 

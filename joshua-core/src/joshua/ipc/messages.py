@@ -87,10 +87,11 @@ class Said(Message):
 
     ``waiting``: what it waits for ("" for nothing). ``shown``: text for its part of the status line.
     ``warning``: for its row of the start-up table. ``fault``: why its device is stopped until it is resumed
-    ("" ends the fault). ``stop-run``: its work is done and the whole run may stop, with the reason.
+    ("" ends the fault). ``priority``: of its control loop. ``stop-run``: its work is done and the whole run
+    may stop, with the reason.
     """
 
-    kind: Literal["waiting", "shown", "warning", "fault", "stop-run"]
+    kind: Literal["waiting", "shown", "warning", "fault", "priority", "stop-run"]
     node: str
     text: str
 

@@ -1,4 +1,4 @@
-"""Attributes of a process that only the kernel can set; each call does nothing where there are none."""
+"""Attributes of a process that the kernel sets. Each call does nothing on a system without them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import signal
 import sys
 from functools import lru_cache
 
-#: Signals that the supervisor answers for its children.
+#: Signals that the supervisor handles for its children.
 IGNORED_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 # Numbers of linux/prctl.h.
@@ -16,6 +16,12 @@ PR_SET_PDEATHSIG = 1
 PR_SET_NAME = 15
 PR_SET_TIMERSLACK = 29
 PR_SET_CHILD_SUBREAPER = 36
+
+# Flags of linux/mman.h.
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
+
+#: Nice value of a control loop without real-time priority, if the system grants it.
+NICE = -10
 
 
 @lru_cache(maxsize=1)
@@ -30,45 +36,65 @@ def _prctl(option: int, value: object) -> bool:
 
 
 def set_title(name: str) -> bool:
-    """Names the calling thread, and the process when called on its main thread; 15 bytes are kept."""
+    """Names the calling thread, or the process when called on its main thread. 15 bytes are kept."""
     return _prctl(PR_SET_NAME, ctypes.c_char_p(name.encode("utf-8", "replace")[:15]))
 
 
 def set_parent_death_signal(number: int) -> bool:
-    """Has the kernel send a signal when the parent dies; 0 takes that back. False where it cannot."""
+    """Makes the kernel send a signal when the parent dies, 0 for none."""
     return _prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(number))
 
 
 def set_timer_slack(nanoseconds: int) -> bool:
-    """Sets how far the kernel may delay this thread's wake-ups to bundle them (default 50 µs)."""
+    """Sets how long the kernel may delay this thread's wake-ups to bundle them (default 50 µs)."""
     return _prctl(PR_SET_TIMERSLACK, ctypes.c_ulong(nanoseconds))
 
 
 def set_child_subreaper(enabled: bool) -> bool:
-    """Has orphaned descendants become children of this process instead of the init process."""
+    """Makes orphaned descendants children of this process instead of the init process."""
     return _prctl(PR_SET_CHILD_SUBREAPER, ctypes.c_ulong(int(enabled)))
 
 
-def use_realtime_priority(priority: int = 1) -> bool:
-    """Gives the calling thread a real-time priority where the system's limits grant one to this user.
+def prefer_this_process(realtime: int = 1) -> str:
+    """Raises the priority of all threads of this process as far as the system's limits grant it to this user.
 
-    Without it a busy machine delays a thread that wakes up by several milliseconds. The grant is
-    ``RLIMIT_RTPRIO``, such as ``rtprio 1`` in limits.conf; root without it does not count as asked for.
+    All threads, because a thread that waits for a processor may hold the interpreter lock that the control
+    loop needs. ``RLIMIT_RTPRIO`` grants SCHED_FIFO, ``RLIMIT_NICE`` a nice value below 0. Privileges of root
+    do not count as a grant. Processes started later inherit the priority.
 
     Returns:
-        whether the thread has it now.
+        What was granted, such as ``SCHED_FIFO 1`` or ``nice -10``; "" for nothing.
+    """
+    if sys.platform != "linux":
+        return ""
+    import resource
+
+    rtprio, nice = (resource.getrlimit(which)[0] for which in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE))
+    threads = [int(name) for name in os.listdir("/proc/self/task")]  # noqa: PTH208 (names are all it needs)
+    try:
+        if rtprio == resource.RLIM_INFINITY or rtprio >= realtime:
+            for thread in threads:
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(realtime))
+            return f"SCHED_FIFO {realtime}"
+        lowest = -20 if nice == resource.RLIM_INFINITY else max(-20, 20 - nice)
+        if lowest < 0:
+            for thread in threads:
+                os.setpriority(os.PRIO_PROCESS, thread, max(lowest, NICE))
+            return f"nice {max(lowest, NICE)}"
+    except OSError:  # a container may refuse what its limits grant
+        return ""
+    return ""
+
+
+def lock_memory() -> bool:
+    """Keeps this process in memory where ``RLIMIT_MEMLOCK`` is unlimited. Returns whether it is locked.
+
+    Only pages in use are locked, because a child shares most pages with the fork server.
     """
     if sys.platform != "linux":
         return False
     import resource
 
-    granted, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    if granted != resource.RLIM_INFINITY and granted < priority:
-        return False
-    try:
-        # Programs that the thread starts do not inherit it.
-        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
-    except OSError:
-        return False
-    return True
+    if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY:
+        return False  # a limit that is reached later would make allocations fail
+    return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)

@@ -10,8 +10,8 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Literal
 
-from joshua.ipc.messages import Call, Failure, Heartbeat, Message, Report, Step, printable
-from joshua.ipc.process_attributes import set_timer_slack, use_realtime_priority
+from joshua.ipc.messages import Call, Failure, Heartbeat, Message, Report, Said, Step, printable
+from joshua.ipc.process_attributes import lock_memory, prefer_this_process, set_timer_slack
 from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.calls import Calls
@@ -20,7 +20,7 @@ from joshua.node.endpoints import Endpoints
 from joshua.node.errors import Cancelled, InterruptedLifecycleError, NodeError, exit_code_of
 from joshua.node.implementation import load_behaviour
 from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
-from joshua.plan import CheckResult, JointTrace, NodeKind, NodeReport, NodeSpec, installing
+from joshua.plan import ActuatorFacts, CheckResult, JointTrace, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
 
 #: Distance of two messages with running totals.
@@ -155,11 +155,17 @@ class NodeRuntime:
         self._enter("activate")
         self._behaviour.activate()
         self._serves_calls = True  # from the moment on in which the supervisor may pass one on
-        self._enter("active")
         set_timer_slack(TIMER_SLACK_NS)
-        if self._spec.kind is NodeKind.ACTUATOR and use_realtime_priority():
-            self._log.debug("the loop runs with real-time priority")
+        if self._controls_a_device():
+            text = f"{prefer_this_process() or 'normal'}, {'memory locked' if lock_memory() else ''}"
+            self._services.send(Said(kind="priority", node=self._spec.full_name, text=text.rstrip(", ")))
+        self._enter("active")
         self._loop()
+
+    def _controls_a_device(self) -> bool:
+        """Whether this process is the driver of an actuator, not a simulation with joints."""
+        facts = self._spec.facts
+        return isinstance(facts, ActuatorFacts) and facts.simulation is None
 
     def _enter(self, step: StepName) -> None:
         self._step = step

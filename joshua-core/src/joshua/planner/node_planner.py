@@ -136,7 +136,7 @@ def _facts(
     entry, spec, graph = item.want.entry, item.spec, draft.graph
     common: dict[str, Any] = {
         "testing": draft.mode.verdict,
-        "hang_after_s": spec.hang_after_s,
+        "hang_after_s": getattr(entry.owner, "hang_after_s", 0.0) or spec.hang_after_s,
         "ready_timeout_s": spec.ready_timeout_s,
     }
     if isinstance(spec, ModelSpec):

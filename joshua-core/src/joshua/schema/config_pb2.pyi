@@ -309,7 +309,7 @@ class Robot(_message.Message):
     def __init__(self, actions: _Optional[_Iterable[_Union[SingleAction, _Mapping]]] = ..., perceptions: _Optional[_Iterable[_Union[SinglePerception, _Mapping]]] = ...) -> None: ...
 
 class SingleAction(_message.Message):
-    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "dynamixel_config", "sim_config", "safe_state", "park_pose_rad", "on_stale", "park_timeout_s", "on_stale_after_s")
+    __slots__ = ("node", "action_type", "sts3215_config", "mock_motor_config", "spike_motor_config", "plugin_config", "dynamixel_config", "sim_config", "safe_state", "park_pose_rad", "on_stale", "park_timeout_s", "on_stale_after_s", "hang_after_s")
     NODE_FIELD_NUMBER: _ClassVar[int]
     ACTION_TYPE_FIELD_NUMBER: _ClassVar[int]
     STS3215_CONFIG_FIELD_NUMBER: _ClassVar[int]
@@ -323,6 +323,7 @@ class SingleAction(_message.Message):
     ON_STALE_FIELD_NUMBER: _ClassVar[int]
     PARK_TIMEOUT_S_FIELD_NUMBER: _ClassVar[int]
     ON_STALE_AFTER_S_FIELD_NUMBER: _ClassVar[int]
+    HANG_AFTER_S_FIELD_NUMBER: _ClassVar[int]
     node: Node
     action_type: ActionType
     sts3215_config: STS3215Config
@@ -336,7 +337,8 @@ class SingleAction(_message.Message):
     on_stale: SafeState
     park_timeout_s: float
     on_stale_after_s: float
-    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., dynamixel_config: _Optional[_Union[DynamixelConfig, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ..., safe_state: _Optional[_Union[SafeState, str]] = ..., park_pose_rad: _Optional[_Iterable[float]] = ..., on_stale: _Optional[_Union[SafeState, str]] = ..., park_timeout_s: _Optional[float] = ..., on_stale_after_s: _Optional[float] = ...) -> None: ...
+    hang_after_s: float
+    def __init__(self, node: _Optional[_Union[Node, _Mapping]] = ..., action_type: _Optional[_Union[ActionType, str]] = ..., sts3215_config: _Optional[_Union[STS3215Config, _Mapping]] = ..., mock_motor_config: _Optional[_Union[MockMotorConfig, _Mapping]] = ..., spike_motor_config: _Optional[_Union[SpikeMotorConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., dynamixel_config: _Optional[_Union[DynamixelConfig, _Mapping]] = ..., sim_config: _Optional[_Union[SimActuatorConfig, _Mapping]] = ..., safe_state: _Optional[_Union[SafeState, str]] = ..., park_pose_rad: _Optional[_Iterable[float]] = ..., on_stale: _Optional[_Union[SafeState, str]] = ..., park_timeout_s: _Optional[float] = ..., on_stale_after_s: _Optional[float] = ..., hang_after_s: _Optional[float] = ...) -> None: ...
 
 class STS3215Config(_message.Message):
     __slots__ = ("comm", "motor_ids", "position_min", "position_max", "velocity", "acceleration", "joint")

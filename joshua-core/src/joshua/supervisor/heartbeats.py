@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from joshua.guardian.order import HANG_LIMIT_S
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, ThreadTime
 from joshua.ipc.messages import Heartbeat
 from joshua.plan import NodeKind, NodeSpec
 
 #: Time without a heartbeat that counts as a hang, after activation. A model may compute for seconds.
 HANG_AFTER_S: dict[NodeKind, float] = {
-    NodeKind.ACTUATOR: 0.2,
+    NodeKind.ACTUATOR: HANG_LIMIT_S,
     NodeKind.SENSOR: 2.0,
     NodeKind.SERVICE: 5.0,
     NodeKind.MODEL: 20.0,

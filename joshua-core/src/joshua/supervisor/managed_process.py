@@ -402,14 +402,15 @@ class ManagedProcess:
     def _set_deadline(self) -> None:
         self._cancel_deadline()
         limit_s = max(ready_timeout_s(spec) for spec in self.specs)
-        self._deadline = self._reactor.call_later(limit_s, lambda: self._too_late(limit_s))
+        self._deadline = self._reactor.call_later(limit_s, lambda: self.fail_start(limit_s))
 
     def _cancel_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
 
-    def _too_late(self, limit_s: float) -> None:
+    def fail_start(self, limit_s: float) -> None:
+        """Fails the nodes that are not ready, and stops the process."""
         for name, record in self.records.items():
             if record.state in ("starting", "configured", "resuming"):
                 text = f"not ready after {limit_s:g} s: it is still {record.doing}"

@@ -36,6 +36,7 @@ class NodeRecord:
     Attributes:
         state: as in ``NodeStatus``; step: of the lifecycle; waiting: what the node waits for;
             shown: its text in the status line; progress: of its work, by name.
+        priority: what the system granted to its control loop, "" if it has none.
         fault: why its device is stopped although the node runs, "" for none.
         reason: why it failed; exit_code: of such a failure; kill_reason: why its guardian killed it.
         report: its own last report, None if it ended without one.
@@ -47,6 +48,7 @@ class NodeRecord:
     waiting: str = ""
     fault: str = ""
     shown: str = ""
+    priority: str = ""
     progress: dict[str, Progress] = field(default_factory=dict)
     process_id: int = 0
     restarts: int = 0
@@ -83,7 +85,7 @@ class NodeRecord:
         """Takes a text of the node, by the kind of ``Said``."""
         if kind == "warning":
             self.warnings.append(text)
-        elif kind in ("waiting", "shown", "fault"):
+        elif kind in ("waiting", "shown", "fault", "priority"):
             setattr(self, kind, text)
 
     def count(self, totals: Topics) -> None:
@@ -201,6 +203,19 @@ def visible_to(transport: TransportSettings) -> str:
             "defaults and for other machines, start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
         )
     return f"in the local network, with {domain}"
+
+
+def priority_notes(records: Sequence[NodeRecord]) -> list[str]:
+    """Notes for the start-up table: which priority the control loops have."""
+    nodes: dict[str, list[str]] = {}
+    for record in records:
+        if record.priority:
+            nodes.setdefault(record.priority, []).append(record.spec.full_name)
+    remedy = "; a busy machine delays them: run `joshua doctor`"
+    return [
+        f"priority of {', '.join(names)}: {text}{remedy if text.startswith('normal') else ''}"
+        for text, names in nodes.items()
+    ]
 
 
 def run_status(plan: Plan, records: Sequence[NodeRecord], phase: str, elapsed_s: float) -> RunStatus:

@@ -21,13 +21,18 @@ READY_TIMEOUT_S: dict[NodeKind, float] = {
 }
 
 
+#: Time that every start gets, however short the run is to be.
+LEAST_START_S = 20.0
+
+
 @dataclass(frozen=True)
 class SupervisorOptions:
     """Settings of a run.
 
     Attributes:
         log_level: minimum level that nodes report, as in ``logging``.
-        duration_s: length of the run after its start-up; None takes the plan's.
+        duration_s: length of the run after its start-up, which may take as long (at least ``LEAST_START_S``).
+            None takes the plan's, without a limit for the start.
         heartbeat_s: interval of the heartbeats.
         status_period_s: interval of the live status.
         ladder: times of the stop ladder; ``stop_timeout_s`` of a node's facts overrides the first.

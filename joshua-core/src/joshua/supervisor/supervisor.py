@@ -25,8 +25,8 @@ from joshua.supervisor.launcher import Launcher
 from joshua.supervisor.log_files import new_log
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.managed_process import Change, ManagedProcess
-from joshua.supervisor.node_record import NodeRecord, run_status, start_table
-from joshua.supervisor.options import SupervisorOptions
+from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
+from joshua.supervisor.options import LEAST_START_S, SupervisorOptions
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 from joshua.supervisor.run_place import RunPlace
@@ -190,6 +190,14 @@ class Supervisor:
             process.start()
         self._reactor.call_later(CHECK_PERIOD_S, self._check)
         self._reactor.call_later(options.status_period_s, self._show_status)
+        if options.duration_s is not None:
+            self._reactor.call_later(max(options.duration_s, LEAST_START_S), self._end_start)
+
+    def _end_start(self) -> None:
+        """Ends a start that takes longer than the run should: fails the nodes that the others wait for."""
+        for process in self._processes if self._phase is Phase.STARTING else ():
+            if not (process.ready if self._activated else process.configured):
+                process.fail_start(max(self._options.duration_s or 0.0, LEAST_START_S))
 
     def _open_router(self, closers: list[Callable[[], None]]) -> bool:
         from joshua.plugins.targets import TargetError
@@ -380,7 +388,7 @@ class Supervisor:
         )
 
     def _show_table(self, ready_s: float) -> None:
-        notes = [f"log: {self._logbook.path}"]
+        notes = [f"log: {self._logbook.path}", *priority_notes(self._records())]
         if self._router is not None:
             notes.append(str(self._router.description))
         table = start_table(self._plan, self._records(), ready_s, notes)

@@ -12,7 +12,8 @@ from usb_host import MakeHost
 
 LIMITS = """Limit                     Soft Limit           Hard Limit           Units
 Max nice priority         0                    0
-Max realtime priority     {}                    {}
+Max realtime priority     {0}                    {0}
+Max locked memory         {1}              {1}              bytes
 """
 
 
@@ -23,9 +24,16 @@ def only(findings: object) -> Finding:
 
 @pytest.mark.parametrize(("granted", "level"), [("0", Level.NOTE), ("1", Level.OK), ("unlimited", Level.OK)])
 def test_the_grant_of_real_time_priority(make_host: MakeHost, granted: str, level: Level) -> None:
-    found = only(check_realtime(make_host({"proc/self/limits": LIMITS.format(granted, granted)})))
+    found, _ = check_realtime(make_host({"proc/self/limits": LIMITS.format(granted, "unlimited")}))
     assert found.level is level
     assert ("rtprio 1" in found.remedy) is (level is Level.NOTE)
+
+
+@pytest.mark.parametrize(("granted", "level"), [("8388608", Level.NOTE), ("unlimited", Level.OK)])
+def test_the_grant_of_locked_memory(make_host: MakeHost, granted: str, level: Level) -> None:
+    _, found = check_realtime(make_host({"proc/self/limits": LIMITS.format("1", granted)}))
+    assert found.level is level
+    assert ("memlock unlimited" in found.remedy) is (level is Level.NOTE)
 
 
 def test_shared_memory_needs_a_place_and_room(tmp_path: Path, make_host: MakeHost) -> None:

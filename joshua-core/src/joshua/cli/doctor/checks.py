@@ -69,24 +69,30 @@ def _series(version: str) -> list[str]:
 
 
 REALTIME = "real-time priority"
+LOCKED_MEMORY = "locked memory"
+LIMITS_FILE = "/etc/security/limits.d/joshua.conf"
 
 
 def check_realtime(host: Host) -> Iterator[Finding]:
-    """Reads the limit that the system grants to this session."""
-    found = re.search(r"^Max realtime priority\s+(\S+)", host.read("proc/self/limits"), re.MULTILINE)
-    if found is None:
-        return  # no Linux
-    granted = found[1]
-    if granted != "0":
-        yield Finding(Level.OK, REALTIME, host.user, f"granted up to {granted}")
-        return
-    yield Finding(
-        Level.NOTE,
-        REALTIME,
-        host.user,
-        "is not granted: a busy machine delays control loops by some milliseconds now and then",
-        f'echo "{host.user} - rtprio 1" | sudo tee /etc/security/limits.d/joshua.conf, then log in again',
+    """Read the limits that the system grants to the control loops of this session."""
+    wanted = (
+        (REALTIME, "realtime priority", "rtprio 1", lambda limit: limit != "0", "delays control loops"),
+        (LOCKED_MEMORY, "locked memory", "memlock unlimited", "unlimited".__eq__, "may swap drivers out"),
     )
+    for check, name, line, is_enough, effect in wanted:
+        found = re.search(rf"^Max {name}\s+(\S+)", host.read("proc/self/limits"), re.MULTILINE)
+        if found is None:
+            continue  # not Linux
+        if is_enough(found[1]):
+            yield Finding(Level.OK, check, host.user, f"granted up to {found[1]}")
+            continue
+        yield Finding(
+            Level.NOTE,
+            check,
+            host.user,
+            f"not granted ({found[1]}): a busy machine {effect}",
+            f'echo "{host.user} - {line}" | sudo tee -a {LIMITS_FILE}, then log in again',
+        )
 
 
 SHARED_MEMORY = "shared memory"
