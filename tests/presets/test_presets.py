@@ -1,4 +1,4 @@
-"""The presets as a set: the names of the specification's table, honest headers, what ships."""
+"""The presets as a set: the names of the specification's table and our own, honest headers, what ships."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ TABLE = {
         "teleop_xbox_controller",
         "teleop_keyboard",
         "teleop_dual_arm",
+        "ros_follower",
     ],
     "INFERENCE": ["inference_smolvla", "inference_smolvla_jetson", "inference_random_noise"],
     "TRAINING": ["training_rl_mjx", "training_rl_isaac", "training_imitation", "training_eval"],

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from joshua.config import check, load
 from joshua.config.checks.paths import check_paths
+from joshua.config.checks.taint import one_of_each
 from joshua.config.loading import LoadedConfig
 from joshua.modes import check_mode
 from joshua.plan import Diagnostic
@@ -31,6 +32,7 @@ def findings_of(path: str) -> tuple[list[Diagnostic], dict[str, str]]:
     loaded = load_file(path)
     launch = any(line.startswith("# launch") for line in loaded.sources.get(path, "").splitlines())
     found = [*loaded.diagnostics, *check(loaded), *check_mode(loaded), *check_paths(loaded, launch=launch)]
+    found = one_of_each(found, [], loaded.positions)
     here = str(Path.cwd())
     return [
         replace(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from joshua.config.checks import Context
 from joshua.config.checks.device_table import block_of
 from joshua.config.checks.identity import title
-from joshua.config.checks.topics import unpublished
+from joshua.config.checks.topics import unfit_for, unpublished
 from joshua.modes.queries import lacks, mode_name
 from joshua.modes.services import DATA_STORE, SIMULATION
 from joshua.modes.spec import ModeSpec
@@ -28,7 +28,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
     leading = [item for group in sources.values() for item in group if item.entry.path not in followed]
     followers = [entry for entry in driven if entry.owner.action_type == pb.ACTION_FOLLOWER]
     if not leading and not (driven and all(map(context.graph.is_external, followers or driven))):
-        yield _no_leader(context)
+        yield from _no_leader(context)
     if not driven:
         yield lacks(
             context,
@@ -66,19 +66,21 @@ def leaders(context: Context) -> dict[str, list[Endpoint]]:
     return {topic: group for topic, group in found.items() if group}
 
 
-def _no_leader(context: Context) -> Diagnostic:
+def _no_leader(context: Context) -> Iterator[Diagnostic]:
     silent = next((entry for entry in context.graph.actuators if entry.leads), None)
     if silent is not None:
-        return lacks(
-            context,
-            "mode-lacks-publisher",
-            f"the leader {title(silent)} to publish its joints, and it publishes no JOINT_STATE",
-            silent.path,
-            position=context.position(silent.path),
-            remedy=f'Add publishers {{ data_type: JOINT_STATE topic_name: "/{title(silent)}/joint_states" '
-            "publish_rate_hz: 50.0 }",
-        )
-    return lacks(
+        if not any(map(unfit_for, context.graph.of_entry(silent))):  # else its wrong type is reported
+            yield lacks(
+                context,
+                "mode-lacks-publisher",
+                f"the leader {title(silent)} to publish its joints, but it publishes no JOINT_STATE",
+                silent.path,
+                position=context.position(silent.path),
+                remedy="Add publishers { data_type: JOINT_STATE "
+                f'topic_name: "/{title(silent)}/joint_states" publish_rate_hz: 50.0 }}',
+            )
+        return
+    yield lacks(
         context,
         "mode-lacks-leader",
         "something to drive with: a leader arm, a gamepad or a keyboard that publishes JOINT_STATE",
@@ -97,6 +99,8 @@ def _follower(
     if any(item.block.external or item.topic in sources for item in heard):
         return
     if not heard:
+        if any(map(unfit_for, context.graph.of_entry(entry))):
+            return  # its wrong type is reported
         yield context.error(
             "follower-without-leader",
             f"{title(entry)} has no leader: it subscribes to no JOINT_STATE topic",

@@ -19,13 +19,10 @@ _ONEOFS: dict[Any, tuple[str, str, Any]] = {
     pb.SingleAction: ("actuator_config", "action_type", pb.ActionType),
     pb.SinglePerception: ("device_config", "perception_type", pb.PerceptionType),
 }
-_MEMBERS = {
+MEMBERS = {
     owner: {field.name: field.message_type for field in owner.DESCRIPTOR.oneofs_by_name[oneof].fields}
     for owner, (oneof, _, _) in _ONEOFS.items()
 }
-
-ACTUATOR_BLOCKS = tuple(_MEMBERS[pb.SingleAction])
-DEVICE_BLOCKS = tuple(_MEMBERS[pb.SinglePerception])
 
 
 class Messages(NamedTuple):
@@ -76,7 +73,7 @@ def frame_rate(owner: Any) -> tuple[str, float]:
 
 @cache
 def _blocks_that_fit(owner: Any, type_name: str) -> tuple[str, ...]:
-    members = _MEMBERS[owner].items()
+    members = MEMBERS[owner].items()
     return tuple(name for name, message in members if type_name in block_rule(message).fits)
 
 
@@ -96,12 +93,12 @@ def fitting_blocks(owner: Any) -> tuple[str, ...]:
     own = _blocks_that_fit(kind, name)
     if isinstance(owner, pb.SinglePerception):
         return (*own, PLUGIN_BLOCK)
-    return own or ((PLUGIN_BLOCK,) if name.endswith("_PLUGIN") else ACTUATOR_BLOCKS)
+    return own or ((PLUGIN_BLOCK,) if name.endswith("_PLUGIN") else tuple(MEMBERS[kind]))
 
 
 def fitting_types(owner: Any, block_name: str) -> tuple[str, ...]:
     """Names of the action or perception types that a block fits, the usual one first."""
-    message = _MEMBERS[type(owner)].get(block_name)
+    message = MEMBERS[type(owner)].get(block_name)
     own = tuple(block_rule(message).fits) if message is not None else ()
     if isinstance(owner, pb.SinglePerception):
         return own
@@ -113,7 +110,7 @@ def calibratable_blocks() -> tuple[str, ...]:
 
     What is virtual and not simulated has its zero by definition, and nothing that a hand could move.
     """
-    rules = {name: block_rule(message) for name, message in _MEMBERS[pb.SingleAction].items()}
+    rules = {name: block_rule(message) for name, message in MEMBERS[pb.SingleAction].items()}
     found = [name for name, rule in rules.items() if rule.simulated or not rule.virtual]
     return tuple(
         sorted(found, key=lambda n: (n == PLUGIN_BLOCK, rules[n].simulated, rules[n].link != "serial"))
@@ -133,7 +130,7 @@ def messages_of(owner: Any) -> Messages:
     if isinstance(owner, pb.SingleAction):
         return _stated(rule, _ACTUATOR)
     own = [block for block in fitting_blocks(owner) if block != PLUGIN_BLOCK]
-    return _stated(block_rule(_MEMBERS[pb.SinglePerception][own[0]]), Messages(None, ())) if own else _ANY
+    return _stated(block_rule(MEMBERS[pb.SinglePerception][own[0]]), Messages(None, ())) if own else _ANY
 
 
 def _stated(rule: options_pb2.BlockRule, otherwise: Messages) -> Messages:

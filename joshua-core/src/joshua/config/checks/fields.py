@@ -143,6 +143,9 @@ def _value(context: Context, facts: FieldFacts, path: str, value: Any) -> Iterat
         for bound, is_past in ((facts.maximum, float.__gt__), (facts.minimum, float.__lt__)):
             if bound is not None and is_past(float(value), float(bound)):
                 remedy = f"Write a value in this range; the nearest is {number_text(bound)}"
+        radians = math.radians(value)
+        if facts.unit == "rad" and abs(value) > math.tau and facts.contains(radians):
+            remedy = f"Write {radians:.4f} if {number_text(value)} is in degrees; angles are in radians"
         yield context.error(
             "out-of-range", f"{subject} must be {limits}", path, allowed=(limits,), remedy=remedy
         )

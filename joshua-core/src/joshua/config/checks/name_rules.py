@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator
 
 from joshua.config.checks.blocks import Block
@@ -88,12 +89,27 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
             path,
             allowed=('"MJPG"', '"YUYV"', '"RGB3"', '"H264"'),
         )
+    elif facts.kind == rules.KIND_SERIAL_PORT and "/" not in value:
+        yield from _port(context, path, value)
     elif facts.name == "vid_pid" and not re.fullmatch(_VID_PID, value):
         yield context.error(
             "usb-id-invalid",
             "vid_pid must be vendor and product id, four hexadecimal digits each, with a colon between",
             path,
             allowed=(facts.example,) if facts.example else (),
+        )
+
+
+def _port(context: Context, path: str, value: str) -> Iterator[Diagnostic]:
+    """A name that is no path: of a Windows port, or of a device without its folder."""
+    if not re.fullmatch(r"(?i)COM[0-9]+", value):
+        allowed = (f'"/dev/{value}"',)
+        message = f"{value} is no path of a serial port: it lacks the folder"
+        yield context.error("serial-port-invalid", message, path, allowed=allowed)
+    elif sys.platform != "win32":
+        message = f"{value} is the name of a serial port on Windows; here a port is a path"
+        yield context.warning(
+            "serial-port-invalid", message, path, allowed=('"/dev/ttyACM0"', '"/dev/ttyUSB0"')
         )
 
 

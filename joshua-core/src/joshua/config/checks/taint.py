@@ -13,10 +13,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from joshua.config.checks.device_table import ACTUATOR_BLOCKS, DEVICE_BLOCKS
+from joshua.config.checks.device_table import MEMBERS
 from joshua.config.codes import CODES
 from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic, Position, Severity
+from joshua.schema import config_pb2 as pb
 from joshua.textproto.positions import Positions, parent
 
 # Fields that say which nodes, topics and blocks there are, and fields that decide which endpoints connect.
@@ -34,7 +35,8 @@ _LOCAL = (
 )
 # Errors whose path is that of a block which was read all the same.
 _IN_BLOCK = frozenset(("extension-field", "missing-brace", "unexpected-text"))
-_CHOICES = (*ACTUATOR_BLOCKS, *DEVICE_BLOCKS, "serial", "ble")
+_OWNERS = {"robot.actions": pb.SingleAction, "robot.perceptions": pb.SinglePerception}
+_CHOICES = (*(name for blocks in MEMBERS.values() for name in blocks), "serial", "ble")
 
 
 class Taint(NamedTuple):
@@ -95,13 +97,15 @@ _PACKAGED = "model_path"
 def one_of_each(
     known: Sequence[Diagnostic], findings: Sequence[Diagnostic], positions: Positions
 ) -> list[Diagnostic]:
-    """Puts the findings of checking and of planning together, without those that say the same.
+    """Put the findings of checking and of planning together, without those that say the same.
 
-    Where a model is not there, the plugin's words stand and weigh as the check says.
+    A settings block of the wrong device gives one error. Where a model file is missing, the plugin's words
+    stand, with the severity of the check.
 
     Args:
         known: findings of reading and checking; findings: of planning; positions: what is written.
     """
+    known = _one_for_a_wrong_block(known, positions)
     errors = [item for item in known if item.severity is Severity.ERROR and item.field_path]
     files = {
         item.field_path: item for item in known if item.code in _FILES and _leaf(item.field_path) == _PACKAGED
@@ -120,6 +124,38 @@ def one_of_each(
         elif not taint.repeats(item, positions):
             kept.append(item)
     return [*(item for item in known if not (item.code in _FILES and item.field_path in told)), *kept]
+
+
+def _one_for_a_wrong_block(known: Sequence[Diagnostic], positions: Positions) -> Sequence[Diagnostic]:
+    """Replace what is wrong inside a settings block of another device by one error about the block."""
+    wrong = {item.field_path: item for item in known if item.code == "block-unfit"}
+    unknown: dict[str, list[Diagnostic]] = {}
+    for item in known:
+        if item.code == "unknown-field":
+            unknown.setdefault(parent(item.field_path), []).append(item)
+    for path, items in unknown.items():
+        owner, name = parent(path), _leaf(path)
+        members = MEMBERS.get(_OWNERS.get(_without_index(owner)), {})
+        fields = [_leaf(item.field_path) for item in items]
+        # The block that has most of these fields is probably meant.
+        score = {other: sum(f in block.fields_by_name for f in fields) for other, block in members.items()}
+        meant = max(score, key=lambda other: score[other], default="")
+        if path in wrong or name not in members or len(fields) < 2 or 2 * score[meant] < len(fields):
+            continue
+        listed = " and ".join([", ".join(fields[:-1]), fields[-1]])
+        wrong[path] = replace(
+            items[0],
+            code="block-unfit",
+            message=f"{name} has no fields {listed}; they belong to {meant}.",
+            position=positions.name(path),
+            field_path=path,
+            found=name,
+            allowed=(meant,),
+            remedy=f"Write {meant} in its place, or remove these fields.",
+        )
+    inside = tuple(f"{path}." for path in wrong)
+    rest = [item for item in known if item.field_path not in wrong and not item.field_path.startswith(inside)]
+    return [*rest, *wrong.values()]
 
 
 def untainted(findings: Iterable[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from itertools import islice
 
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import block_of, fitting_blocks, messages_of, type_text
+from joshua.config.checks.device_table import block_of, fitting_blocks, frame_rate, messages_of, type_text
 from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic
 from joshua.plan.graph import Endpoint
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
+from joshua.textproto.field_facts import number_text
 from joshua.textproto.nearest import nearest
 
 # Every ROS 2 node has these without a publisher in any file.
@@ -35,8 +36,11 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
-    """The first publisher's type counts; without a publisher the first subscription's."""
-    typed = [item for item in group if item.block.data_type]
+    """The first publisher's type counts; without a publisher the first subscription's.
+
+    An endpoint whose device cannot take its type is reported for that alone.
+    """
+    typed = [item for item in group if item.block.data_type and unfit_for(item) is None]
     typed.sort(key=lambda item: not item.is_publisher)
     for item in typed[1:]:
         first = typed[0]
@@ -196,16 +200,21 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
         )
 
 
+def unfit_for(item: Endpoint) -> tuple[int, ...] | None:
+    """The types that the device of an endpoint takes, where its own is not among them; None where it fits."""
+    messages = messages_of(item.entry.owner)
+    allowed = messages.publishes if item.is_publisher else messages.hears
+    fits = not item.block.data_type or allowed is None or item.block.data_type in allowed
+    return None if fits else allowed
+
+
 def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     number = item.block.data_type
     owner = item.entry.owner
-    messages = messages_of(owner)
-    allowed = messages.publishes if item.is_publisher else messages.hears
-    if not number or allowed is None or number in allowed:
-        return
+    allowed = unfit_for(item)
     what, _ = block_of(owner)
-    if what and what not in fitting_blocks(owner):
-        return  # it is not known which of the two is meant
+    if allowed is None or (what and what not in fitting_blocks(owner)):
+        return  # where type and block do not fit, it is not known which of the two is meant
     device = title(item.entry) + (f" ({what})" if what else "")
     path = f"{item.path}.data_type"
     if not allowed:
@@ -230,12 +239,11 @@ def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
     for entry in context.graph.entries:
         if entry.is_sensor and not entry.node.publishers:
             messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
-            sample = (
-                f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}" publish_rate_hz: 30.0'
-            )
+            rate = number_text(frame_rate(entry.owner)[1] or 30)
+            sample = f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}"'
             yield context.warning(
                 "sensor-unpublished",
                 f"{title(entry)} publishes no topic, so nobody gets what it measures",
                 entry.path,
-                remedy=f"Add publishers {{ {sample} }}",
+                remedy=f"Add publishers {{ {sample} publish_rate_hz: {rate} }}",
             )
