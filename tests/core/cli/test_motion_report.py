@@ -72,12 +72,13 @@ def test_without_the_extra_the_data_are_written_and_a_line_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.chdir(Path(__file__).parents[3])
     draw(report(tmp_path / "run.jsonl", node("/arm", "pan"), node("/other", "pan")))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run-arm.csv", "run-other.csv"]
     output = capsys.readouterr().out.splitlines()
-    assert output[-1] == HINT
-    assert output.count(HINT) == 1
-    assert "pip install 'joshua-core[plots]'" in HINT
+    hint = HINT.format("pip install -e './joshua-core[plots]'")
+    assert output[-1] == hint
+    assert output.count(hint) == 1
 
 
 def test_half_a_file_is_not_left_on_a_full_disk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ Adder = Callable[..., None]
 def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
     """The core is installed from a package, so that plugins are named by their distribution."""
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+    monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: "")
 
 
 @pytest.fixture

@@ -29,10 +29,22 @@ def test_in_a_clone_nothing_of_ours_is_named_that_an_index_could_answer() -> Non
 
 
 @pytest.mark.usefixtures("_in_the_clone")
+def test_extras_are_installed_from_the_clone_too() -> None:
+    assert installing.install("joshua-core", "plots") == "pip install -e './joshua-core[plots]'"
+    assert installing.install("joshua-emulator", "spike") == "./run --with 'emulator[spike]'"
+
+
+@pytest.mark.usefixtures("_in_the_clone")
 def test_a_third_party_s_package_has_a_name_only() -> None:
-    assert installing.install("acme-gripper") == "pip install acme-gripper"
-    assert installing.reinstall("acme-gripper") == "pip install --force-reinstall acme-gripper"
-    assert installing.upgrade("acme-gripper") == "pip install --upgrade acme-gripper"
+    assert installing.install("acme-arm") == "pip install acme-arm"
+    assert installing.reinstall("acme-arm") == "pip install --force-reinstall acme-arm"
+    assert installing.upgrade("acme-arm") == "pip install --upgrade acme-arm"
+
+
+@pytest.mark.usefixtures("_in_the_clone")
+def test_a_third_party_s_package_comes_again_from_where_it_came() -> None:
+    folder = ROOT / "docs/examples/acme-gripper"
+    assert installing.reinstall("acme-gripper") == f"pip install --force-reinstall {folder}"
 
 
 def test_elsewhere_the_clone_is_named_in_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,9 +52,29 @@ def test_elsewhere_the_clone_is_named_in_full(tmp_path: Path, monkeypatch: pytes
     assert installing.install("joshua-lidar") == f"{ROOT}/run --with lidar"
 
 
-def test_without_a_clone_the_name_is_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_core_copied_out_of_a_clone_finds_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(installing, "__file__", str(tmp_path / "a/b/c/d/e.py"))
+    installing.clone.cache_clear()
+    assert installing.clone() == ROOT
+    installing.clone.cache_clear()
+
+
+def test_an_index_is_named_where_the_core_came_from_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installing, "clone", lambda: None)
+    monkeypatch.setattr(installing, "origin", lambda *_: "")
     assert installing.install("joshua-lidar") == "pip install joshua-lidar"
+    assert installing.install("joshua-core", "plots") == "pip install 'joshua-core[plots]'"
     assert installing.reinstall("joshua-lidar") == "pip install --force-reinstall joshua-lidar"
     assert installing.upgrade("joshua-lidar") == "pip install --upgrade joshua-lidar"
     assert installing.target("joshua-core") == "joshua-core"
+
+
+@pytest.mark.parametrize("url", ["git+https://git.example.org/joshua.git", "file:///wheels/core.whl", None])
+def test_no_index_is_named_where_the_core_came_from_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, url: str | None
+) -> None:
+    monkeypatch.setattr(installing, "clone", lambda: None)
+    monkeypatch.setattr(installing, "origin", lambda *_: url)
+    for command in (installing.install, installing.reinstall, installing.upgrade):
+        said = command("joshua-lidar")
+        assert said == "install joshua-lidar from the source that joshua-core was installed from"

@@ -27,6 +27,7 @@ SMOLVLA = ModelSpec(block="", implementation="a:Smol", enum_values=("SMOLVLA",))
 def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
     """The core is installed from a package, so that plugins are named by their distribution."""
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+    monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: "")
 
 
 def row(distribution: str, *specs: PluginSpec, status: PluginStatus = PluginStatus.OK) -> PluginRow:

@@ -81,6 +81,7 @@ def test_without_the_plugin_the_command_names_it(
 ):
     monkeypatch.setattr("joshua.cli.table.plugin_commands", list)
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+    monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: "")
     with pytest.raises(SystemExit, match="3"):
         main(["calibrate"])
     assert (

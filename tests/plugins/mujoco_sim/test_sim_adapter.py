@@ -25,6 +25,7 @@ CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
     """The core is installed from a package, so that plugins are named by their distribution."""
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+    monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: "")
 
 
 def loaded(preset: str, more: str = "") -> LoadedConfig:

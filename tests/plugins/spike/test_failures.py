@@ -224,7 +224,7 @@ def test_bumble_that_is_not_installed(make_actuator: MakeActuator, monkeypatch: 
     monkeypatch.delitem(sys.modules, "joshua_spike.bumble_backend", raising=False)
     monkeypatch.setitem(sys.modules, "bumble", None)
     text = refusal(make_actuator(adapter="usb:0"), AdapterUnusable)
-    assert "pip install 'joshua-spike[bumble]'" in text
+    assert "run --with 'spike[bumble]'" in text
 
 
 @on_linux

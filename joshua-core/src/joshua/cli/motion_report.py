@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from joshua.modes.test import RAN
-from joshua.plan import CheckResult, JointTrace, NodeReport, RunReport
+from joshua.plan import CheckResult, JointTrace, NodeReport, RunReport, installing
 from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Cell, Screen, columns
 
-HINT = "no picture of the test, which requires the extra plots: pip install 'joshua-core[plots]'"
+HINT = "no picture of the test, which requires the extra plots: {}"
 COLUMNS = ("joint", "time_s", "goal_rad", "position_rad", "effort", "temperature_c")
 BLUE, ORANGE, DARK_RED, DARK_GREEN = "#1f62be", "#e26e14", "#c4262e", "#22824c"
 MOST_JOINTS = 8  # side by side
@@ -63,7 +63,7 @@ def write_reports(report: RunReport) -> Iterator[str]:
         if draw is not None:
             yield _written("picture", picture, partial(draw, node))
     if moved and draw is None:
-        yield HINT
+        yield HINT.format(installing.install(installing.CORE, "plots"))
 
 
 def _written(what: str, path: Path, write: Callable[[Path], None]) -> str:

@@ -1,10 +1,12 @@
-"""How to install a distribution: out of the clone that this core runs from, else by its name.
+"""How to install a distribution: from where this core comes from, never by a name that an index may lack.
 
-In a clone nothing of this project is taken from a package index, where its names may be somebody else's.
+In a clone nothing of this project is taken from a package index, where its names may be somebody else's. An
+index is named only if the core itself came from one.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 from functools import cache
@@ -15,23 +17,40 @@ PREFIX = "joshua-"
 
 
 @cache
+def origin(distribution: str = CORE) -> str | None:
+    """URL that a distribution was installed from (PEP 610); "" for an index, None if it is not installed."""
+    from importlib import metadata
+
+    try:
+        record = metadata.distribution(distribution).read_text("direct_url.json")
+        return str(json.loads(record)["url"]) if record else ""
+    except (metadata.PackageNotFoundError, ValueError, KeyError):
+        return None
+
+
+@cache
 def clone() -> Path | None:
     """The root of the clone that this core is installed from; None where it comes from a package."""
-    root = Path(__file__).resolve().parents[4]
-    return root if (root / "run").is_file() and (root / "joshua-plugins").is_dir() else None
+    from urllib.parse import unquote, urlsplit
+
+    places = [Path(__file__).resolve().parents[4]]
+    if (url := urlsplit(origin() or "")).scheme == "file":
+        places.append(Path(unquote(url.path)).parent)
+    return next((at for at in places if (at / "run").is_file() and (at / "joshua-plugins").is_dir()), None)
 
 
-def install(distribution: str) -> str:
-    """The command that installs a distribution, or why there is none."""
-    root = clone()
-    if root is None or not distribution.startswith(PREFIX):
-        return f"pip install {distribution}"
+def install(distribution: str, extra: str = "") -> str:
+    """The command that installs a distribution, with one of its extras; or, if there is none, what to do."""
+    root, wanted = clone(), f"{distribution}[{extra}]" if extra else distribution
+    if not distribution.startswith(PREFIX) or (root is None and origin() == ""):
+        return f"pip install {shlex.quote(_origin_of(distribution) or wanted)}"
+    if root is None:
+        return f"install {wanted} from the source that {CORE} was installed from"
+    if not _folder(root, distribution).is_dir():
+        return f"this clone has no joshua-plugins/{distribution.removeprefix(PREFIX)}"
     if distribution == CORE:
-        return f"pip install {target(CORE)}"
-    name = distribution.removeprefix(PREFIX)
-    if _folder(root, distribution).is_dir():
-        return f"{_shown(root / 'run')} --with {name}"
-    return f"this clone has no joshua-plugins/{name}"
+        return f"pip install -e {_shown(root / wanted)}"
+    return f"{_shown(root / 'run')} --with {shlex.quote(wanted.removeprefix(PREFIX))}"
 
 
 def requires(distribution: str) -> str:
@@ -41,28 +60,34 @@ def requires(distribution: str) -> str:
 
 def reinstall(distribution: str) -> str:
     """The command that installs a broken distribution anew."""
-    options = "--force-reinstall" + (" --no-deps" if _is_cloned(distribution) else "")
-    return f"pip install {options} {target(distribution)}"
+    if is_cloned(distribution):
+        return f"pip install --force-reinstall --no-deps {target(distribution)}"
+    return install(distribution).replace("pip install", "pip install --force-reinstall", 1)
 
 
 def upgrade(distribution: str) -> str:
     """The command that brings a distribution up to date with the core."""
-    if _is_cloned(distribution):
+    if is_cloned(distribution):
         return f"git pull && {install(distribution)}"
-    return f"pip install --upgrade {distribution}"
+    return install(distribution).replace("pip install", "pip install --upgrade", 1)
 
 
 def target(distribution: str) -> str:
     """What pip is to be given for a distribution: its folder in the clone, else its name."""
     root = clone()
-    if root is None or not _is_cloned(distribution):
-        return distribution
-    return f"-e {_shown(_folder(root, distribution))}"
+    return f"-e {_shown(_folder(root, distribution))}" if root and is_cloned(distribution) else distribution
 
 
-def _is_cloned(distribution: str) -> bool:
+def is_cloned(distribution: str) -> bool:
+    """Whether the clone that this core is installed from holds a distribution."""
     root = clone()
     return root is not None and distribution.startswith(PREFIX) and _folder(root, distribution).is_dir()
+
+
+def _origin_of(distribution: str) -> str:
+    """Path or URL that a third party's distribution was installed from; "" for an index or none."""
+    url = (origin(distribution) or "") if not distribution.startswith(PREFIX) else ""
+    return url.removeprefix("file://")
 
 
 def _folder(root: Path, distribution: str) -> Path:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from joshua.tools import install
 from PIL import Image
 
 from joshua_mujoco_sim.opengl import RenderingError
@@ -55,7 +56,7 @@ class VideoWriter(PictureWriter):
         except ImportError as error:
             raise RenderingError(
                 f"{path.name} needs the library for videos, which is not installed",
-                "run pip install 'joshua-mujoco-sim[video]', or name PNG files",
+                f"run {install('joshua-mujoco-sim', 'video')}, or name PNG files",
             ) from error
         self._frame: Any = av.VideoFrame
         self._fault: type[Exception] = av.FFmpegError

@@ -72,9 +72,11 @@ async def open_adapter(spec: str) -> Adapter:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "bumble":
             raise
+        from joshua.tools import install
+
         raise AdapterUnusable(
             f"adapter {spec}: bumble, which drives such adapters, is not installed: "
-            "pip install 'joshua-spike[bumble]', or leave adapter out for the system's own"
+            f"{install('joshua-spike', 'bumble')}, or leave adapter out for the system's own"
         ) from error
     try:
         bumble = await BumbleAdapter.open(spec)

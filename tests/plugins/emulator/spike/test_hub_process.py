@@ -54,7 +54,7 @@ def test_without_bumble_the_message_says_what_to_install(tmp_path: Path) -> None
     )
     assert result.returncode == 2
     assert "needs bumble" in result.stderr
-    assert "pip install 'joshua-emulator[spike]'" in result.stderr
+    assert "run --with 'emulator[spike]'" in result.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 NOTHING = (
     "joshua plugins: no plugin is installed, not even joshua-core: its files are here without its metadata\n"
-    "  do: pip install joshua-core\n"
+    "  do: {}\n"
 )
 
 
@@ -52,13 +52,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the list; with ``--check`` the exit code is 1 if anything is wrong with a plugin."""
+    from joshua.plan import installing
     from joshua.plugins import PluginStatus, load_registry
 
     blocked = tuple(getattr(arguments, "blocked_plugins", ()))
     registry = load_registry(blocked=blocked)
     rows = registry.rows()
     if not rows:
-        sys.stderr.write(NOTHING)
+        sys.stderr.write(NOTHING.format(installing.install(installing.CORE)))
         return ExitCode.NOT_INSTALLED
     for name in blocked:
         if not registry.knows(name):

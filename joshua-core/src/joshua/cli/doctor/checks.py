@@ -59,9 +59,8 @@ def check_software(host: Host) -> Iterator[Finding]:
 
 
 def _upgrade(distribution: str) -> str:
-    if installing.target(distribution) != distribution:
-        return installing.upgrade(distribution)
-    return f"pip install --upgrade {installing.CORE} {distribution}"
+    command = installing.upgrade(distribution)
+    return command.replace("--upgrade", f"--upgrade {installing.CORE}", 1)
 
 
 def _series(version: str) -> list[str]:

@@ -36,9 +36,10 @@ def make_machine(options: argparse.Namespace, root: Path) -> HubMachine:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "bumble":
             raise
-        raise ControlError(
-            "an emulated hub needs bumble, which is not installed: pip install 'joshua-emulator[spike]'"
-        ) from error
+        from joshua.tools import install
+
+        command = install("joshua-emulator", "spike")
+        raise ControlError(f"an emulated hub needs bumble, which is not installed: {command}") from error
     from joshua_emulator.spike.operations import HubOperations
 
     try:

