@@ -199,6 +199,21 @@ def test_an_arm_with_torque_stays_and_a_released_one_falls() -> None:
         arm.disconnect()
 
 
+def test_shadows_are_drawn_unless_the_file_leaves_them_out(rendering) -> None:
+    shown = []
+    for shadows in (True, False):
+        eye = camera(context(shadows=shadows))
+        eye.connect()
+        try:
+            reading = eye.read(30)
+            assert reading is not None
+            shown.append(reading.data.astype(int))
+        finally:
+            eye.disconnect()
+    darker = (shown[1] - shown[0]).max(axis=2) > 30
+    assert 0.003 < darker.mean() < 0.3
+
+
 def test_wheels_turn_to_their_angle() -> None:
     wheels = actuator(context("lekoch/scene.xml"), "wheel_left", "wheel_right", "wheel_back")
     wheels.connect()

@@ -34,6 +34,19 @@ def test_simulated_devices_share_the_process_of_the_simulation(tmp_path) -> None
     assert arm.facts.joints[5].max_rad == pytest.approx(2.0)
 
 
+def test_shadows_and_the_unit_of_a_recording_come_from_the_file(tmp_path) -> None:
+    def simulation(text: str):
+        arm = next(node for node in examination(tmp_path, text).plan.nodes if node.name == "arm")
+        return arm.facts.simulation
+
+    plain = simulation(simulation_file())
+    assert (plain["shadows"], plain["trajectory_unit"]) == (True, "")
+    chosen = simulation(
+        simulation_file(simulation="shadows: false trajectory_unit: TRAJECTORY_UNIT_LEROBOT_DEGREES")
+    )
+    assert (chosen["shadows"], chosen["trajectory_unit"]) == (False, "lerobot_deg")
+
+
 def test_without_names_all_actuators_are_taken(tmp_path) -> None:
     plan = examination(tmp_path, simulation_file(arm="")).plan
     arm = next(node for node in plan.nodes if node.name == "arm")

@@ -10,6 +10,8 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
+from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
+from joshua_dataset import writer
 from joshua_mujoco_sim.trajectories import trajectory as recordings
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
 from joshua_mujoco_sim.trajectories.trajectory import Trajectory, TrajectoryError
@@ -243,6 +245,89 @@ def test_percent_of_lerobot_becomes_the_range() -> None:
     _, position = trajectory("shoulder_pan.pos", "gripper.pos", values=values).for_joints(RANGES)
     assert position[:, 0] == pytest.approx(np.linspace(-2, 2, 5))
     assert position[:, 1] == pytest.approx(np.linspace(0, 1, 5))
+
+
+def test_degrees_of_lerobot_are_about_the_middle_of_the_range() -> None:
+    values = np.column_stack([np.linspace(-114.592, 114.592, 5), np.linspace(0, 100, 5)])
+    _, position = trajectory("shoulder_pan.pos", "gripper.pos", values=values).for_joints(RANGES)
+    assert position[:, 0] == pytest.approx(np.linspace(-2, 2, 5), abs=2e-3)
+    assert position[:, 1] == pytest.approx(np.linspace(0, 1, 5))
+
+
+def test_a_stated_unit_replaces_the_one_of_the_names(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time_s,shoulder_pan.pos\n0,0\n1,90\n")
+    ends = {}
+    for unit in ("", "deg", "lerobot_deg", "rad"):
+        (found,) = read_trajectories(tmp_path / "a.csv", unit=unit)
+        ends[unit] = found.for_joints(RANGES)[1][-1, 0]
+    assert ends[""] == pytest.approx(1.8)  # of 2 rad, by LeRobot's percent
+    assert ends["deg"] == pytest.approx(np.pi / 2)
+    assert ends["lerobot_deg"] == pytest.approx(np.pi / 2, rel=1e-3)
+    assert ends["rad"] == 90
+
+
+@pytest.mark.parametrize("name", ["LeRobotWriter", "ParquetWriter", "CsvWriter", "JsonlWriter"])
+def test_our_own_data_sets_are_read_in_every_format(tmp_path: Path, name: str) -> None:
+    features = FeatureSet(
+        Feature(key, "float32", (2,), JOINTS, "rad") for key in ("observation.state", "action")
+    )
+    written = getattr(writer, name)(DatasetLayout(tmp_path / "data", "so_arm100", 10, features))
+    written.open()
+    for episode in range(2):
+        for index, position in enumerate(POSITIONS + 0.1 * episode):
+            values = {"observation.state": position - 0.5, "action": position}
+            written.add_frame(Frame(10**9 + index * 10**8, {k: v.astype("f4") for k, v in values.items()}))
+        written.end_episode("wave")
+    written.close()
+    first, second = read_trajectories(tmp_path / "data")
+    assert first.time_s == pytest.approx(TIMES, abs=1e-6)
+    joints, position = second.for_joints(RANGES)
+    assert joints == JOINTS
+    assert position == pytest.approx(POSITIONS + 0.1, abs=1e-6)  # what was commanded, in radians
+    (chosen,) = read_trajectories(tmp_path / "data", (1,))
+    assert chosen.position == pytest.approx(second.position)
+    with pytest.raises(TrajectoryError, match=r"has no episode 2: it has 0 to 1"):
+        read_trajectories(tmp_path / "data", (2,))
+
+
+@pytest.mark.parametrize("version", ["v3.0", "v2.1"])
+def test_a_data_set_that_lerobot_has_recorded_is_read(tmp_path: Path, version: str) -> None:
+    """Both layouts as LeRobot writes them: normalised joints, videos beside them, several episodes."""
+    data = tmp_path / "data" / "chunk-000"
+    data.mkdir(parents=True)
+    (tmp_path / "meta").mkdir()
+    joints = {"dtype": "float32", "shape": [2], "names": [f"{name}.pos" for name in JOINTS]}
+    video = {"dtype": "video", "shape": [480, 640, 3], "names": ["height", "width", "channels"]}
+    scalar = {"dtype": "int64", "shape": [1], "names": None}
+    features: dict[str, object] = {
+        "action": joints,
+        "observation.state": joints,
+        "observation.images.top": video,
+    }
+    features |= dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), scalar)
+    features["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
+    info = {"codebase_version": version, "robot_type": "so101_follower", "fps": 10, "features": features}
+    (tmp_path / "meta" / "info.json").write_text(json.dumps(info))
+    percent = np.column_stack([np.linspace(-100, 100, 5), np.linspace(0, 100, 5)]).astype("f4")
+    episodes = [
+        {
+            "action": pyarrow.FixedSizeListArray.from_arrays(percent.ravel(), 2),
+            "timestamp": TIMES.astype("f4"),
+            "episode_index": np.full(5, number),
+        }
+        for number in range(2)
+    ]
+    if version == "v2.1":
+        for number, columns in enumerate(episodes):
+            pyarrow.parquet.write_table(pyarrow.table(columns), data / f"episode_{number:06d}.parquet")
+    else:
+        tables = [pyarrow.table(columns) for columns in episodes]
+        pyarrow.parquet.write_table(pyarrow.concat_tables(tables), data / "file-000.parquet")
+    found = read_trajectories(tmp_path)
+    assert len(found) == 2
+    _, position = found[1].for_joints(RANGES)
+    assert position[:, 0] == pytest.approx(np.linspace(-2, 2, 5), abs=1e-5)
+    assert position[:, 1] == pytest.approx(np.linspace(0, 1, 5), abs=1e-5)
 
 
 def test_columns_that_fit_nothing_are_named() -> None:

@@ -17,6 +17,14 @@ class SimulationMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MIRROR: _ClassVar[SimulationMode]
     OFFSCREEN: _ClassVar[SimulationMode]
 
+class TrajectoryUnit(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    TRAJECTORY_UNIT_AUTO: _ClassVar[TrajectoryUnit]
+    TRAJECTORY_UNIT_RADIANS: _ClassVar[TrajectoryUnit]
+    TRAJECTORY_UNIT_DEGREES: _ClassVar[TrajectoryUnit]
+    TRAJECTORY_UNIT_LEROBOT: _ClassVar[TrajectoryUnit]
+    TRAJECTORY_UNIT_LEROBOT_DEGREES: _ClassVar[TrajectoryUnit]
+
 class DivergencePolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     DIVERGENCE_RESET: _ClassVar[DivergencePolicy]
@@ -26,11 +34,16 @@ INTERACTIVE: SimulationMode
 PASSIVE: SimulationMode
 MIRROR: SimulationMode
 OFFSCREEN: SimulationMode
+TRAJECTORY_UNIT_AUTO: TrajectoryUnit
+TRAJECTORY_UNIT_RADIANS: TrajectoryUnit
+TRAJECTORY_UNIT_DEGREES: TrajectoryUnit
+TRAJECTORY_UNIT_LEROBOT: TrajectoryUnit
+TRAJECTORY_UNIT_LEROBOT_DEGREES: TrajectoryUnit
 DIVERGENCE_RESET: DivergencePolicy
 DIVERGENCE_STOP_RUN: DivergencePolicy
 
 class SimulationConfig(_message.Message):
-    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "seed", "on_divergence", "joint_state_rate_hz", "use_sim_time", "renders", "attached", "generate", "variation")
+    __slots__ = ("mode", "model_path", "mirror_topic_mappings", "plugin_config", "trajectory_path", "replay_speed", "real_time_factor", "keyframe", "seed", "on_divergence", "joint_state_rate_hz", "use_sim_time", "renders", "attached", "generate", "variation", "trajectory_unit", "shadows")
     MODE_FIELD_NUMBER: _ClassVar[int]
     MODEL_PATH_FIELD_NUMBER: _ClassVar[int]
     MIRROR_TOPIC_MAPPINGS_FIELD_NUMBER: _ClassVar[int]
@@ -47,6 +60,8 @@ class SimulationConfig(_message.Message):
     ATTACHED_FIELD_NUMBER: _ClassVar[int]
     GENERATE_FIELD_NUMBER: _ClassVar[int]
     VARIATION_FIELD_NUMBER: _ClassVar[int]
+    TRAJECTORY_UNIT_FIELD_NUMBER: _ClassVar[int]
+    SHADOWS_FIELD_NUMBER: _ClassVar[int]
     mode: SimulationMode
     model_path: str
     mirror_topic_mappings: _containers.RepeatedCompositeFieldContainer[MirrorTopicMapping]
@@ -63,7 +78,9 @@ class SimulationConfig(_message.Message):
     attached: _containers.RepeatedCompositeFieldContainer[AttachedModel]
     generate: GeneratedEpisodes
     variation: SceneVariation
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., seed: _Optional[int] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ..., generate: _Optional[_Union[GeneratedEpisodes, _Mapping]] = ..., variation: _Optional[_Union[SceneVariation, _Mapping]] = ...) -> None: ...
+    trajectory_unit: TrajectoryUnit
+    shadows: bool
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., seed: _Optional[int] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ..., generate: _Optional[_Union[GeneratedEpisodes, _Mapping]] = ..., variation: _Optional[_Union[SceneVariation, _Mapping]] = ..., trajectory_unit: _Optional[_Union[TrajectoryUnit, str]] = ..., shadows: _Optional[bool] = ...) -> None: ...
 
 class GeneratedEpisodes(_message.Message):
     __slots__ = ("count", "duration_s", "fps", "cameras", "width", "height")

@@ -137,7 +137,9 @@ class SimCamera(Sensor):
         """Draws each frame that is due: on a thread of its own, because OpenGL binds its context to one."""
         size = self.settings
         try:
-            renderer = CameraRenderer(world.physics.model, size.camera, size.width, size.height)
+            renderer = CameraRenderer(
+                world.physics.model, size.camera, size.width, size.height, shadows=world.settings.shadows
+            )
         except Exception as error:  # noqa: BLE001 (connect waits for the renderer, whatever stops it)
             self._error = str(error)
             self._ready.set()

@@ -133,7 +133,7 @@ class CouplingServer:
                 f"the model has no camera named {hello['camera']!r}; it has {', '.join(known) or 'none'}"
             )
         with self._opening:  # each widens the buffers of the model; time goes on meanwhile
-            return CameraRenderer(model, hello["camera"], width, height)
+            return CameraRenderer(model, hello["camera"], width, height, shadows=self._world.settings.shadows)
 
     def _serve_camera(self, link: socket.socket, renderer: CameraRenderer) -> None:
         try:

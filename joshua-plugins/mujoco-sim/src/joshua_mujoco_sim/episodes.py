@@ -235,7 +235,9 @@ class EpisodeMaker:
         settings, model = self._settings, self._world.physics.model
         try:
             for camera in settings.cameras:
-                self._renderers[camera] = CameraRenderer(model, camera, settings.width, settings.height)
+                self._renderers[camera] = CameraRenderer(
+                    model, camera, settings.width, settings.height, shadows=self._world.settings.shadows
+                )
         except RenderingError as error:
             self.error = str(error)
 

@@ -183,7 +183,9 @@ class SimulatorNode(NodeBehaviour):
         if not settings.trajectory_path:
             raise DeviceError("PASSIVE replays a recording: name it in simulation.trajectory_path")
         try:
-            recordings = read_trajectories(Path(settings.trajectory_path), settings.episodes)
+            recordings = read_trajectories(
+                Path(settings.trajectory_path), settings.episodes, settings.trajectory_unit
+            )
             return Replay(world.physics, recordings, settings.replay_speed)
         except TrajectoryError as error:
             raise DeviceError(str(error)) from error
@@ -202,7 +204,8 @@ class SimulatorNode(NodeBehaviour):
         self, world: World, settings: SimulationSettings, made: DatasetSettings
     ) -> EpisodeMaker:
         try:
-            recordings = read_trajectories(Path(settings.trajectory_path)) if settings.trajectory_path else []
+            path, unit = settings.trajectory_path, settings.trajectory_unit
+            recordings = read_trajectories(Path(path), unit=unit) if path else []
             with world.lock:
                 return EpisodeMaker(world, made, recordings, self.context.log)
         except (ModelError, TrajectoryError, EpisodeError, TargetError) as error:

@@ -150,7 +150,9 @@ class RenderFile:
         """Makes the renderer; on the thread of the physics, to which OpenGL binds it."""
         size = self._render
         try:
-            self._renderer = CameraRenderer(self._model, size.camera, size.width, size.height)
+            self._renderer = CameraRenderer(
+                self._model, size.camera, size.width, size.height, shadows=self._world.settings.shadows
+            )
         except RenderingError as error:
             self.error = f"{self._render.output}: {error}"
 

@@ -43,6 +43,13 @@ from joshua_mujoco_sim.settings_parts import (
 if TYPE_CHECKING:
     from joshua_mujoco_sim.world import WorldSettings
 
+_UNITS = {
+    "TRAJECTORY_UNIT_AUTO": "",
+    "TRAJECTORY_UNIT_RADIANS": "rad",
+    "TRAJECTORY_UNIT_DEGREES": "deg",
+    "TRAJECTORY_UNIT_LEROBOT": "lerobot",
+    "TRAJECTORY_UNIT_LEROBOT_DEGREES": "lerobot_deg",
+}
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
 
 
@@ -59,6 +66,7 @@ class SimulationSettings(BlockSettings):
         joint_state_rate_hz: of ``~/joint_states``.
         attached: further models in the scene; renders: pictures that go into files.
         trajectory_path: recording that PASSIVE replays, absolute; episodes: of a data set, () for all.
+        trajectory_unit: of its positions, "" for what it states itself; shadows: cameras draw them.
         replay_speed: how many times faster than recorded; 0 for as fast as possible.
         seed: of the variation of the scene, None for none; variation: how far.
         generate: episodes that go into a data set.
@@ -77,6 +85,8 @@ class SimulationSettings(BlockSettings):
     attached: tuple[AttachedModel, ...] = ()
     renders: tuple[Render, ...] = ()
     trajectory_path: str
+    trajectory_unit: Annotated[str, FromField("trajectory_unit", lambda name: _UNITS.get(name, name))] = ""
+    shadows: bool = True
     replay_speed: float
     episodes: tuple[int, ...] = ()
     seed: int | None = None
@@ -131,7 +141,7 @@ class SimulationSettings(BlockSettings):
         if self.launching and self.generate is not None and self.generate.cameras:
             require_pictures("generate.cameras[0]")
         if self.examining and self.trajectory_path:
-            check_recording(self.trajectory_path, self.episodes, facts)
+            check_recording(self.trajectory_path, self.episodes, self.trajectory_unit, facts)
         if self.renders and self.mode != "OFFSCREEN":
             raise FieldError(
                 "renders",
@@ -194,6 +204,7 @@ class SimulationSettings(BlockSettings):
             real_time_factor=self.real_time_factor,
             reset_on_divergence=self.on_divergence == "DIVERGENCE_RESET",
             attached=attachments(self.attached),
+            shadows=self.shadows,
             variation=variation(self.seed, self.variation.model_dump() if self.variation else {}),
         )
 

@@ -149,7 +149,7 @@ def require_pictures(field: str) -> None:
         raise FieldError(field, error.problem, remedy=error.remedy) from error
 
 
-def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> None:
+def check_recording(path: str, episodes: Sequence[int], unit: str, facts: ModelFacts) -> None:
     """Refuses a recording that cannot be read or does not fit the model.
 
     One that is not there yet, is large, or needs an extra is left to the launch. Raises FieldError.
@@ -162,7 +162,7 @@ def check_recording(path: str, episodes: Sequence[int], facts: ModelFacts) -> No
         return
     ranges = {facts.joints[actuator]: limits for actuator, limits in facts.ranges.items()}
     try:
-        for recording in read_trajectories(place, episodes):
+        for recording in read_trajectories(place, episodes, unit):
             recording.for_joints(ranges)
     except MissingExtraError:
         return

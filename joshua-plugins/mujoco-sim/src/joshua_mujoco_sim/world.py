@@ -91,6 +91,7 @@ class WorldSettings:
         reset_on_divergence: start anew instead of ending with an error.
         attached: further models in the scene.
         variation: varies the scene at each start; None leaves it as it is.
+        shadows: cameras draw them.
     """
 
     model_path: str
@@ -100,6 +101,7 @@ class WorldSettings:
     reset_on_divergence: bool = True
     attached: tuple[Attachment, ...] = ()
     variation: Variation | None = None
+    shadows: bool = True
 
 
 class World:

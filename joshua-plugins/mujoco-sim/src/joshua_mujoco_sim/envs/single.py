@@ -107,7 +107,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
             gymnasium.logger.warn("render was called, and the environment was made without render_mode")
             return None
         if self._renderer is None:
-            self._renderer = CameraRenderer(self._state.model, self.task.camera, *self._size)
+            self._renderer = CameraRenderer(self._state.model, self.task.camera, *self._size, shadows=False)
         self._renderer.look(self._state.data)
         return self._renderer.draw()
 

@@ -1,20 +1,31 @@
-"""LeRobot data sets (v3 layout) and ROS 2 recordings (MCAP, rosbag2)."""
+"""Data sets in the layouts of LeRobot (v3 and v2), ours among them, and ROS 2 recordings (MCAP, rosbag2)."""
 
 from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.features import FeatureSet
+from joshua.features import Feature, FeatureSet, Unit
 
-from joshua_mujoco_sim.trajectories.tables import VECTOR_COLUMNS, from_columns, parquet_columns
+from joshua_mujoco_sim.trajectories.tables import (
+    VECTOR_COLUMNS,
+    from_columns,
+    parquet_columns,
+    read_csv,
+    read_json_lines,
+    read_parquet,
+)
 from joshua_mujoco_sim.trajectories.trajectory import Budget, Trajectory, TrajectoryError
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+
+#: Files of a data set, by their ending; those of Parquet may hold several episodes.
+_EPISODE_FILES = {".csv": read_csv, ".jsonl": read_json_lines, ".parquet": read_parquet}
 
 
 def is_lerobot(folder: Path) -> bool:
@@ -28,7 +39,7 @@ def is_rosbag(path: Path) -> bool:
 
 
 def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[Trajectory]:
-    """Reads the episodes of a data set, all of them where none is named.
+    """Read the episodes of a data set of LeRobot or of ours, all of them if none is named.
 
     Raises:
         TrajectoryError: the data set is damaged, or has no such episode.
@@ -36,17 +47,43 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
     try:
         info = json.loads((folder / "meta" / "info.json").read_text(encoding="utf-8"))
         features = FeatureSet.from_lerobot(info["features"])
-        key = next(name for name in VECTOR_COLUMNS if name in features)
-        names = features[key].names
+        feature = next(features[name] for name in VECTOR_COLUMNS if name in features)
+        unit = Unit(feature.unit).value if feature.unit else ""
     except (OSError, KeyError, TypeError, AttributeError, ValueError) as error:
-        raise TrajectoryError(f"{folder}/meta/info.json is no description of a data set: {error}") from error
+        raise TrajectoryError(f"{folder}/meta/info.json does not describe a data set: {error}") from error
     except StopIteration:
         raise TrajectoryError(
-            f"{folder} records neither {' nor '.join(VECTOR_COLUMNS)}, so that nothing can be replayed"
+            f"{folder} records neither {' nor '.join(VECTOR_COLUMNS)}: there is nothing to replay"
         ) from None
+    if unit == Unit.LEROBOT.value:  # what the names say as well; the values may be degrees
+        unit = ""
+    files = [file for file in sorted((folder / "data").glob("chunk-*/*")) if file.suffix in _EPISODE_FILES]
+    if files and files[0].suffix != ".parquet":
+        found = _from_text(folder, files, episodes, feature.names, budget)
+    else:
+        found = _from_parquet(folder, files, episodes, feature, budget)
+    return [replace(trajectory, unit=unit) for trajectory in found]
+
+
+def _from_text(
+    folder: Path, files: Sequence[Path], episodes: Sequence[int], names: tuple[str, ...], budget: Budget
+) -> list[Trajectory]:
+    """Read episodes of a data set of ours in text files, each of which holds one."""
+    _require(folder, episodes, range(len(files)))
+    found = [
+        _EPISODE_FILES[files[number].suffix](files[number], budget)
+        for number in list(episodes) or range(len(files))
+    ]
+    return [item if item.names else replace(item, names=names) for item in found]
+
+
+def _from_parquet(
+    folder: Path, files: Sequence[Path], episodes: Sequence[int], feature: Feature, budget: Budget
+) -> list[Trajectory]:
+    key = feature.key
     by_episode: dict[int, list[dict[str, Any]]] = {}
     numbers: set[int] = set()
-    for file in sorted((folder / "data").glob("chunk-*/file-*.parquet")):
+    for file in files:
         columns = parquet_columns(file, Budget(), "timestamp", "episode_index")  # one file after the other
         if not {"timestamp", "episode_index", key} <= columns.keys():
             raise TrajectoryError(f"{file} has no timestamp, no episode_index or no {key}: it is damaged")
@@ -60,14 +97,21 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
                 parts.append(part)
                 if part[key].shape[1:] != parts[0][key].shape[1:]:
                     raise TrajectoryError(f"{file}: {key} has another length than in the files before it")
-    missing = [number for number in episodes if number not in numbers]
-    if missing or not numbers:
-        have = f"0 to {max(numbers)}" if numbers else "none"
-        raise TrajectoryError(f"{folder} has no episode {', '.join(map(str, missing))}: it has {have}")
+    _require(folder, episodes, numbers)
     return [
-        from_columns(f"{folder} episode {number}", _joined(by_episode[number]), names)
+        from_columns(f"{folder} episode {number}", _joined(by_episode[number]), feature.names)
         for number in list(episodes) or sorted(numbers)
     ]
+
+
+def _require(folder: Path, episodes: Sequence[int], numbers: Collection[int]) -> None:
+    missing = [number for number in episodes if number not in numbers]
+    if not numbers:
+        raise TrajectoryError(f"{folder} holds no episode")
+    if missing:
+        raise TrajectoryError(
+            f"{folder} has no episode {', '.join(map(str, missing))}: it has 0 to {max(numbers)}"
+        )
 
 
 def read_rosbag(path: Path, budget: Budget) -> Trajectory:

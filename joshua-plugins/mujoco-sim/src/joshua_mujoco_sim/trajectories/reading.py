@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from joshua_mujoco_sim.trajectories.datasets import is_lerobot, is_rosbag, read_lerobot, read_rosbag
@@ -20,17 +21,19 @@ def size_bytes(path: Path) -> int:
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def read_trajectories(path: Path, episodes: Sequence[int] = ()) -> list[Trajectory]:
-    """Reads a recording.
+def read_trajectories(path: Path, episodes: Sequence[int] = (), unit: str = "") -> list[Trajectory]:
+    """Read a recording.
 
     Args:
         path: file or folder.
         episodes: of a data set, in the order in which they are replayed; () for all.
+        unit: of the positions, a value of ``joshua.features.Unit``; "" for what the recording states.
 
     Raises:
         TrajectoryError: it does not exist, has an unknown form, cannot be read, or is too long.
     """
-    return _read(path, episodes, Budget())
+    found = _read(path, episodes, Budget())
+    return [replace(trajectory, unit=unit) for trajectory in found] if unit else found
 
 
 def _read(path: Path, episodes: Sequence[int], budget: Budget) -> list[Trajectory]:

@@ -28,7 +28,7 @@ TIME_COLUMNS = ("time_s", "timestamp")
 VECTOR_COLUMNS = (ACTION, STATE)
 
 #: Columns that count and describe, and are no joints.
-_OTHER_COLUMNS = ("frame_index", "episode_index", "index", "task_index", "task", "next.done")
+_OTHER_COLUMNS = ("stamp_ns", "frame_index", "episode_index", "index", "task_index", "task", "next.done")
 
 
 def read_csv(path: Path, budget: Budget) -> Trajectory:
@@ -119,8 +119,15 @@ def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence
             position: FloatArray = np.asarray(columns[vector], dtype=np.float64)
             names = tuple(vector_names)
         else:
-            names = tuple(name for name in columns if name != time and name not in _OTHER_COLUMNS)
-            position = np.array([columns[name] for name in names], dtype=np.float64).T
+            chosen = [name for name in columns if name != time and name not in _OTHER_COLUMNS]
+            for prefix in (f"{name}." for name in VECTOR_COLUMNS):  # as our own CSV files name each number
+                if any(name.startswith(prefix) for name in chosen):
+                    chosen = [name for name in chosen if name.startswith(prefix)]
+                    names = tuple(name.removeprefix(prefix) for name in chosen)
+                    break
+            else:
+                names = tuple(chosen)
+            position = np.array([columns[name] for name in chosen], dtype=np.float64).T
     except (ValueError, TypeError) as error:
         raise TrajectoryError(f"{source}: a value is no number: {error}") from error
     if position.ndim != 2 or not position.shape[1]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,6 +18,9 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Numbers in memory at once, samples times columns: eight hours of six joints at 100 Hz, 160 MB.
 MOST_NUMBERS = 20_000_000
+
+#: LeRobot's normalised values end at 100; what is larger, but for rounding, are its degrees.
+LARGEST_NORMALISED = 101.0
 
 #: Characters of one sample in a text file.
 LONGEST_LINE = 1 << 20
@@ -55,13 +58,16 @@ class Trajectory:
         source: file that it comes from, for messages.
         names: joints, in the order of the columns; () where the recording names none.
         time_s: shape (T,), increasing, from 0.
-        position: radians, or LeRobot's units where the names end in ``.pos``, shape (T, N).
+        position: in ``unit``, shape (T, N).
+        unit: a value of ``joshua.features.Unit``; "" is LeRobot's for names that end in ``.pos``, radians
+            for others.
     """
 
     source: str
     names: tuple[str, ...]
     time_s: FloatArray
     position: FloatArray
+    unit: str = ""
 
     def __post_init__(self) -> None:
         if not len(self.time_s):
@@ -112,15 +118,32 @@ class Trajectory:
             plain = list(joints)
         columns = [index for index, name in enumerate(plain) if name in joints]
         moved = tuple(plain[index] for index in columns)
-        position = self.position[:, columns].copy()
-        for column, (index, joint) in enumerate(zip(columns, moved, strict=True)):
-            if self.names and self.names[index].endswith(LEROBOT_SUFFIX):
-                values = position[:, column : column + 1]
-                # data sets of other layouts have grippers from -100 to 100, too
-                percent = is_gripper(joint) and values.min() >= 0
-                try:
-                    units = JointUnits([CalibratedJoint(joint, *ranges[joint], percent=percent)])
-                except ValueError as error:
-                    raise TrajectoryError(f"{self.source}: {error}") from error
-                position[:, column : column + 1] = units.to_radians(values, Unit.LEROBOT)
-        return moved, position
+        lerobot = [bool(self.names) and self.names[index].endswith(LEROBOT_SUFFIX) for index in columns]
+        return moved, self._radians(self.position[:, columns], moved, lerobot, ranges)
+
+    def _radians(
+        self,
+        values: FloatArray,
+        joints: tuple[str, ...],
+        lerobot: Sequence[bool],
+        ranges: Mapping[str, tuple[float, float]],
+    ) -> FloatArray:
+        """Return the columns of some joints in radians; ``lerobot`` says whose name is LeRobot's."""
+        beyond = any(
+            is_lerobot and not is_gripper(joint) and np.abs(column).max() > LARGEST_NORMALISED
+            for joint, column, is_lerobot in zip(joints, values.T, lerobot, strict=True)
+        )
+        by_name = Unit.LEROBOT_DEGREES if beyond else Unit.LEROBOT
+        position = values.copy()
+        for column, (joint, is_lerobot) in enumerate(zip(joints, lerobot, strict=True)):
+            unit = Unit(self.unit) if self.unit else by_name if is_lerobot else Unit.RADIANS
+            if unit is Unit.RADIANS:
+                continue
+            # data sets of other layouts have grippers from -100 to 100, too
+            percent = is_gripper(joint) and values[:, column].min() >= 0
+            try:
+                units = JointUnits([CalibratedJoint(joint, *ranges[joint], percent=percent)])
+            except ValueError as error:
+                raise TrajectoryError(f"{self.source}: {error}") from error
+            position[:, column : column + 1] = units.to_radians(values[:, column : column + 1], unit)
+        return position
