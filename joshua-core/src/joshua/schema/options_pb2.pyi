@@ -136,7 +136,7 @@ class ValueForm(_message.Message):
     def __init__(self, pattern: _Optional[str] = ..., names: _Optional[_Union[Names, str]] = ..., identity: _Optional[str] = ...) -> None: ...
 
 class BlockRule(_message.Message):
-    __slots__ = ("plugin", "fits", "link", "virtual", "simulated", "publishes", "takes", "bus", "commands", "emulator")
+    __slots__ = ("plugin", "fits", "link", "virtual", "simulated", "publishes", "takes", "bus", "commands", "emulator", "adds_homing_offset")
     PLUGIN_FIELD_NUMBER: _ClassVar[int]
     FITS_FIELD_NUMBER: _ClassVar[int]
     LINK_FIELD_NUMBER: _ClassVar[int]
@@ -147,6 +147,7 @@ class BlockRule(_message.Message):
     BUS_FIELD_NUMBER: _ClassVar[int]
     COMMANDS_FIELD_NUMBER: _ClassVar[int]
     EMULATOR_FIELD_NUMBER: _ClassVar[int]
+    ADDS_HOMING_OFFSET_FIELD_NUMBER: _ClassVar[int]
     plugin: str
     fits: _containers.RepeatedScalarFieldContainer[str]
     link: str
@@ -157,7 +158,8 @@ class BlockRule(_message.Message):
     bus: BusRule
     commands: _containers.RepeatedCompositeFieldContainer[CommandRule]
     emulator: str
-    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., emulator: _Optional[str] = ...) -> None: ...
+    adds_homing_offset: bool
+    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., emulator: _Optional[str] = ..., adds_homing_offset: _Optional[bool] = ...) -> None: ...
 
 class BusRule(_message.Message):
     __slots__ = ("request", "reply", "feedback", "command")

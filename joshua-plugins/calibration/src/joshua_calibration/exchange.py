@@ -16,6 +16,7 @@ from joshua.tools import (
     Purpose,
     calibration_place,
     check_file,
+    device_block,
     exit_code_of,
     request_of,
     show_findings,
@@ -157,9 +158,9 @@ def _actuators(checked: Checked) -> dict[str, list[int]]:
 
 
 def _adds_offset(checked: Checked, node: str) -> bool:
-    """Whether the servos of an actuator add their homing offset, as Dynamixel servos do."""
+    """Whether the motors of an actuator add their homing offset, as its block declares."""
     return any(
-        entry.node.node_name == node and entry.owner.HasField("dynamixel_config")
+        entry.node.node_name == node and device_block(entry.owner)[2].adds_homing_offset
         for entry in checked.loaded.graph.actuators
     )
 
