@@ -11,6 +11,7 @@ import pytest
 from joshua.plan import TopicSpec
 from joshua.supervisor import managed_process, supervisor
 from joshua.supervisor.ladder import LadderTimes
+from joshua.supervisor.tables import report_lines
 
 SHORT_LADDER = LadderTimes(request_s=0.3, terminate_s=0.3)
 
@@ -28,6 +29,17 @@ def test_a_missing_device_at_the_start_is_exit_4_with_its_message_and_nothing_mo
     assert "Traceback" not in "\n".join(e.text for e in robot.ui.entries if e.level >= 20)
     assert robot.ui.tables == []
     assert [node.state for node in report.nodes] == ["stopped", "failed"]
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "text"), [("NoDevice", "does not answer"), ("Unplugged", "is disconnected")]
+)
+def test_a_missing_device_has_one_line_when_it_is_missed_and_one_at_the_end(robot, behaviour, text):
+    report = robot.run(robot.node(behaviour, restart="stop-run"), robot.node("Quiet"), duration_s=60.0)
+
+    assert text in report.reason
+    assert sum(text in entry.text for entry in robot.ui.entries if entry.level >= 20) == 1, robot.ui.text()
+    assert "\n".join(report_lines(report)).count(text) == 1
 
 
 def test_every_missing_device_is_named_in_one_run(robot, monkeypatch):

@@ -271,7 +271,8 @@ class NodeRuntime:
             action()
         except Exception as error:  # noqa: BLE001 (the remaining parts must run)
             if isinstance(error, NodeError):  # its message says all that a user can do
-                self._log.error("%s failed: %s", what, error)
+                is_new = str(error) != str(self.context.failure)
+                (self._log.error if is_new else self._log.debug)("%s failed: %s", what, error)
             else:
                 self._log.exception("%s failed", what)
             if self.context.failure is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from pydantic import BaseModel, ConfigDict
 
 
@@ -112,3 +114,16 @@ class RunReport(Value):
     first_message_s: float | None = None
     stop_s: float | None = None
     log: str = ""
+
+    @property
+    def headline(self) -> str:
+        """The reason without those of the nodes, for a table that names these."""
+        return without_reasons(self.reason, ((node.full_name, node.reason) for node in self.nodes))
+
+
+def without_reasons(text: str, reasons: Iterable[tuple[str, str]]) -> str:
+    """Cut the reasons of nodes out of a sentence: «failed: /arm: no such port» ends after the name."""
+    for name, reason in reasons:
+        if reason:
+            text = text.replace(f"{name}: {reason.rstrip('.')}", name)
+    return text

@@ -18,6 +18,7 @@ from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import RunDirectoryError
 from joshua.plan import NodeKind, NodeSpec, Plan, RunFacts, RunReport
 from joshua.plan.events import RunEvent, RunStatus
+from joshua.plan.report import without_reasons
 from joshua.supervisor.event_bus import EventBus, Subscriber
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S
@@ -276,7 +277,9 @@ class Supervisor:
         if self._phase is Phase.STOPPING:
             self._finish_if_stopped()
             return
-        reasons = "; ".join(f"{name}: {record.reason}" for name, record in process.records.items())
+        reasons = "; ".join(
+            f"{name}: {record.reason.rstrip('.')}" for name, record in process.records.items()
+        )
         if self._phase is Phase.STARTING:
             self._settle()
         elif process.policy.stops_run:
@@ -353,7 +356,11 @@ class Supervisor:
         self._reason, self._exit_code, self._interrupted = reason, exit_code, interrupted
         self._stop_began_s = time.monotonic()
         in_order = exit_code in (EXIT_OK, EXIT_INTERRUPTED)
-        self._logbook.write(logging.INFO if in_order else logging.ERROR, f"stopping: {reason}")
+        known = [  # each has a line of its own
+            (record.spec.full_name, record.reason) for record in self._records()
+        ]
+        text = f"stopping: {without_reasons(reason, known)}"
+        self._logbook.write(logging.INFO if in_order else logging.ERROR, text)
         self._event("stopping", "", reason)
         for process in self._processes:
             process.stop(reason)

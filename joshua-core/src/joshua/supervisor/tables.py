@@ -296,7 +296,7 @@ def report_lines(report: RunReport, screen: Screen = PLAIN) -> list[str]:
         if node.state == "stopped" and node.reason:
             lines += screen.wrap(node.reason, f"{node.full_name}: fault: ", RED)
     open_end = report.judged and not report.exit_code
-    ending = f"ended: {report.reason}" if open_end else f"ended with {report.exit_code}: {report.reason}"
+    ending = f"ended: {report.headline}" if open_end else f"ended with {report.exit_code}: {report.headline}"
     if report.stop_s is not None:
         ending += f" (stopped in {report.stop_s:.2f} s)"
     return [*lines, *screen.wrap(ending)]

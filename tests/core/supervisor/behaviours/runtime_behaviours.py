@@ -129,6 +129,17 @@ class NoDevice(Quiet):
         raise DeviceError("the arm on /dev/ttyACM7 does not answer: plug it in or correct comm.serial.port")
 
 
+class Unplugged(Quiet):
+    """Its device disconnects while it runs, so that it cannot be brought into its safe state."""
+
+    def activate(self) -> None:
+        super().activate()
+        self.context.create_timer(0.01, self.deactivate, name="control")
+
+    def deactivate(self) -> None:
+        raise DeviceError("the adapter on /dev/ttyACM7 is disconnected: check its cable")
+
+
 class MissingModule(Quiet):
     """Needs a module that is not installed."""
 
