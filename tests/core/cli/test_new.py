@@ -43,7 +43,7 @@ def test_the_copy_speaks_of_itself_and_the_next_steps_are_said(capsys: pytest.Ca
     assert out.startswith(
         "my_robot.pbtxt written, from the preset teleop_so_arm100\n  change: the two serial"
     )
-    assert "  needs:  joshua-sts3215\n" in out
+    assert "  needs:  joshua-sts3215 (installed)\n" in out
     assert "  check:  joshua --config my_robot.pbtxt --validate-only\n" in out
 
 
@@ -58,8 +58,7 @@ def test_a_file_that_is_there_stays_unless_forced(capsys: pytest.CaptureFixture[
     assert run("mine", "--from", "test_camera") == 2
     assert Path("mine.pbtxt").read_text() == "precious"
     assert capsys.readouterr().err == (
-        "joshua new: mine.pbtxt is there already\n"
-        "  nothing was written\n"
+        "joshua new: mine.pbtxt exists already, so nothing was written\n"
         "  choose another name, or replace the file with --force\n"
     )
     assert run("mine", "--from", "test_camera", "--force") == 0
@@ -69,7 +68,7 @@ def test_a_file_that_is_there_stays_unless_forced(capsys: pytest.CaptureFixture[
 def test_a_misspelt_preset_names_the_nearest(capsys: pytest.CaptureFixture[str]):
     assert run("mine", "--from", "test_camra") == 2
     err = capsys.readouterr().err
-    assert err.startswith("joshua new: there is no preset 'test_camra'\n  nearest: test_camera")
+    assert err.startswith("joshua new: no preset is named 'test_camra'\n  nearest: test_camera")
     assert not Path("mine.pbtxt").exists()
 
 
@@ -77,8 +76,8 @@ def test_without_a_preset_one_is_proposed(capsys: pytest.CaptureFixture[str]):
     assert run("mine") == 2
     assert capsys.readouterr().err == (
         "joshua new: no preset given\n"
-        "  add --from PRESET, such as: joshua new mine --from test_mock_hardware\n"
-        "  joshua presets lists all of them\n"
+        "  name one: joshua new mine --from test_mock_hardware\n"
+        "  see: joshua presets\n"
     )
 
 

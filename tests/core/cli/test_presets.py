@@ -33,6 +33,14 @@ def test_the_list_keeps_to_the_width_of_the_terminal(width: int):
     assert widest <= max(width, names + 34)
 
 
+def test_a_preset_says_which_of_its_plugins_are_not_installed(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("importlib.metadata.distributions", lambda name: ["it"] * (name == "joshua-sts3215"))
+    camera, teleop = read_preset("teleop_so_arm100_camera"), read_preset("teleop_so_arm100")
+    assert command.needs(camera).endswith("(not installed: joshua-camera, joshua-dataset)")
+    assert command.needs(teleop) == "needs joshua-sts3215 (installed)"
+    assert command.needs(read_preset("test_mock_hardware")) == "needs no plugin"
+
+
 def test_one_preset_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]):
     assert run("test_mock_hardware") == 0
     assert capsys.readouterr().out == read_preset("test_mock_hardware").text
@@ -43,7 +51,7 @@ def test_a_misspelt_preset_names_the_nearest(capsys: pytest.CaptureFixture[str])
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err == (
-        "joshua presets: there is no preset 'teleop_so_arm10'\n"
+        "joshua presets: no preset is named 'teleop_so_arm10'\n"
         "  nearest: teleop_so_arm100, teleop_so_arm100_camera, teleop_dual_arm\n"
         "  see: joshua presets\n"
     )

@@ -27,7 +27,7 @@ def test_a_file_is_checked_and_planned():
 def test_a_field_is_explained_and_a_wrong_name_gets_the_nearest():
     assert "general" in explain()
     assert "MODE_TEST" in explain("MODE_TEST")
-    with pytest.raises(LookupError, match="nothing named 'MODE_TESTT'; nearest: "):
+    with pytest.raises(LookupError, match="nothing is named 'MODE_TESTT'\n  nearest: "):
         explain("MODE_TESTT")
 
 
@@ -37,6 +37,8 @@ def test_spans_say_where_values_stand():
     arms = [text[start:end] for start, end in spans(text, "calibration.arms")]
     assert arms == ['{ node_name: "a" }', '{ node_name: "b" }', "{ }"]
     assert spans(text, "general.id") == []
+    with pytest.raises(ValueError, match="The block general is not closed"):
+        spans("general {", "general.id")
 
 
 def test_every_name_can_be_had_and_none_is_loaded_before():

@@ -99,7 +99,7 @@ def test_a_calibrated_arm_of_a_file_is_opened_and_left_without_torque(
     arm_emulator: EmulatedBus, config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(arm_emulator, "--config", str(config)) == 0
-    assert "ok       devices: /arm: answers: shoulder_pan, shoulder_lift" in capsys.readouterr().out
+    assert "ok       devices: /arm: replies: shoulder_pan, shoulder_lift" in capsys.readouterr().out
     assert {servo["torque_enable"] for servo in arm_emulator.servos()} == {0}
     assert not arm_emulator.log("write")
 
@@ -137,4 +137,4 @@ def test_a_hot_joint_and_a_missing_calibration_are_warnings(
     text = config.read_text()
     config.write_text(text[: text.index("calibration {")])
     assert run(arm_emulator, "--config", str(config)) == 0
-    assert "warning  devices: /arm: is not calibrated, so it gets no torque" in capsys.readouterr().out
+    assert "warning  devices: /arm: is not calibrated, so its torque stays off" in capsys.readouterr().out

@@ -1,10 +1,10 @@
-"""What editors, dashboards, scripts and the commands of plugins use: load, check, plan, explain, take nodes.
+"""For editors, dashboards, scripts and the commands of plugins: load, check, plan, explain, hold nodes.
 
 Nothing is imported before it is used. ``check(path)`` finds every problem of a file, ``plan(path)`` says what
-would be started, ``explain(name)`` documents a field; ``check_file`` and ``finish`` are the same road in two
-steps, for a program that changes the configuration between them. ``RunningSystem`` finds what runs, asks its
-nodes and hears its events; ``ForegroundJob`` lets a program hold nodes of a robot as a run does. A command of
-a plugin takes its options, its exit codes and its stand-ins from here.
+it starts, ``explain(name)`` documents a field. ``check_file`` and ``finish`` do the same in two steps, for a
+program that changes the configuration between them. ``RunningSystem`` finds what runs, calls its nodes and
+receives its ``events``; ``ForegroundJob`` lets a program hold nodes of a robot as a run does. A command of a
+plugin takes its options, its exit codes and its emulators from here.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from joshua.plan.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from joshua.cli.commands.explain import explain as explain
     from joshua.cli.doctor.finding import Finding as Finding
     from joshua.cli.doctor.finding import Level as Level
     from joshua.cli.doctor.host import Host as Host
-    from joshua.cli.doctor.permissions import may_open as may_open
+    from joshua.cli.doctor.host import may_open as may_open
     from joshua.cli.exit_codes import ExitCode as ExitCode
     from joshua.cli.options import FAULT_ALONE as FAULT_ALONE
     from joshua.cli.options import add_config_options as add_config_options
@@ -46,16 +47,7 @@ if TYPE_CHECKING:
     from joshua.plan import NodeKind as NodeKind
     from joshua.plan import NodeSpec as NodeSpec
     from joshua.plan import Plan as Plan
-    from joshua.plan.events import Event as Event
-    from joshua.plan.events import Gap as Gap
-    from joshua.plan.events import LogEntry as LogEntry
-    from joshua.plan.events import NodeRow as NodeRow
-    from joshua.plan.events import NodeStatus as NodeStatus
-    from joshua.plan.events import Progress as Progress
-    from joshua.plan.events import RunEvent as RunEvent
-    from joshua.plan.events import RunStatus as RunStatus
-    from joshua.plan.events import StartTable as StartTable
-    from joshua.plan.events import event_record as event_record
+    from joshua.plan import events as events
     from joshua.plan.installing import install as install
     from joshua.planner.calibration_place import FileRefused as FileRefused
     from joshua.planner.calibration_place import kept_calibrations as kept_calibrations
@@ -74,16 +66,11 @@ if TYPE_CHECKING:
     from joshua.supervisor.log_files import log_directory as log_directory
     from joshua.supervisor.tables import clean as clean
     from joshua.supervisor.tables import columns as columns
-    from joshua.textproto.diagnostics import Diagnostics as Diagnostics
-    from joshua.textproto.lexer import tokenize as tokenize
     from joshua.textproto.nearest import nearest_first as nearest_first
-    from joshua.textproto.parser import Parser as Parser
     from joshua.textproto.positions import Entry as Entry
     from joshua.textproto.positions import Positions as Positions
-    from joshua.textproto.source import Source as Source
     from joshua.tools.configuration import calibration_place as calibration_place
     from joshua.tools.configuration import check as check
-    from joshua.tools.configuration import explain as explain
     from joshua.tools.configuration import plan as plan
     from joshua.tools.configuration import spans as spans
     from joshua.tools.foreground import ForegroundJob as ForegroundJob
@@ -94,11 +81,11 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.tools.configuration": (
             "check",
             "plan",
-            "explain",
             "spans",
             "calibration_place",
         ),
         "joshua.devices.context": ("open_driver",),
+        "joshua.cli.commands.explain": ("explain",),
         "joshua.planner.request": ("Request", "Purpose"),
         "joshua.planner.pipeline": ("PipelineResult", "Checked", "check_file", "finish"),
         "joshua.planner.calibration_place": ("kept_calibrations", "FileRefused"),
@@ -115,18 +102,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "A running system": {
         "joshua.ipc.client": ("RunningSystem", "RunInfo", "CallError", "is_named"),
-        "joshua.plan.events": (
-            "Event",
-            "RunStatus",
-            "NodeStatus",
-            "RunEvent",
-            "Progress",
-            "LogEntry",
-            "StartTable",
-            "NodeRow",
-            "Gap",
-            "event_record",
-        ),
+        "joshua.plan": ("events",),
         "joshua.supervisor.log_files": ("log_directory",),
     },
     "Programs that take nodes": {
@@ -141,17 +117,12 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.cli.running": ("node_that_holds",),
     },
     "Configuration text": {
-        "joshua.textproto.source": ("Source",),
-        "joshua.textproto.lexer": ("tokenize",),
-        "joshua.textproto.parser": ("Parser",),
-        "joshua.textproto.diagnostics": ("Diagnostics",),
         "joshua.textproto.positions": ("Positions", "Entry"),
         "joshua.config.format_file": ("replace_file",),
     },
     "Checks of `joshua doctor`": {
         "joshua.cli.doctor.finding": ("Finding", "Level"),
-        "joshua.cli.doctor.host": ("Host",),
-        "joshua.cli.doctor.permissions": ("may_open",),
+        "joshua.cli.doctor.host": ("Host", "may_open"),
     },
 }
 """The names by the heading that the reference lists them under, and the module that each stands in."""

@@ -25,37 +25,17 @@ def plan(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
     return _examined(path, "SHOW", options)
 
 
-def explain(name: str = "", width: int = 80) -> str:
-    """The documentation of a block, field, value or diagnostic code; "" lists the blocks of a file.
-
-    Raises:
-        LookupError: there is nothing of that name; the message names the nearest.
-    """
-    from joshua.config.explain import Catalogue, overview
-    from joshua.config.explain import explain as page
-    from joshua.plugins import load_registry
-    from joshua.textproto.plugin_types import PluginTypes
-
-    if not name:
-        return overview(width)
-    catalogue = Catalogue(lambda: PluginTypes(load_registry().message_modules()))
-    found = catalogue.find(name)
-    if not found:
-        near = catalogue.suggestions(name)
-        raise LookupError(
-            f"there is nothing named {name!r}" + (f"; nearest: {', '.join(near)}" if near else "")
-        )
-    return page(found, catalogue, width)
-
-
 def spans(text: str, field_path: str) -> list[tuple[int, int]]:
     """Where the values of a field stand in a configuration text, for a program that edits one.
 
     Args:
-        text: that ``check`` has no errors for; field_path: such as ``calibration.arms``, without indices.
+        text: of a file; field_path: such as ``calibration.arms``, without indices.
 
     Returns:
         Start and end offset of each value, brackets of blocks included, in the order of the text.
+
+    Raises:
+        ValueError: the text is not readable; the message says why.
     """
     from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import tokenize
@@ -64,7 +44,10 @@ def spans(text: str, field_path: str) -> list[tuple[int, int]]:
     from joshua.textproto.syntax import Block, ListValue
 
     source = Source("", text)
-    fields = Parser(source, tokenize(source), Diagnostics()).document()
+    problems = Diagnostics()
+    fields = Parser(source, tokenize(source), problems).document()
+    if len(problems):
+        raise ValueError(problems.items[0].message)
     values: list[Any] = []
     for name in field_path.split("."):
         named = [field.value for field in fields if field.name == name]

@@ -32,7 +32,7 @@ def test_plugins_are_asked_for_blocks_of_their_own(capsys: pytest.CaptureFixture
 def test_an_unknown_name_ends_with_the_nearest_and_code_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("general.mod") == 2
     assert capsys.readouterr().err == (
-        "joshua explain: there is nothing named 'general.mod'\n"
+        "joshua explain: nothing is named 'general.mod'\n"
         "  nearest: general.mode\n"
         "  do:      run `joshua explain` for the blocks of a file\n"
     )

@@ -11,6 +11,7 @@ from joshua.cli.commands import doctor
 from joshua.cli.doctor.finding import Finding, Level, exit_code, lines, summary
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.parser import parse
+from joshua.supervisor.tables import Screen
 from usb_host import MakeHost, plug
 
 
@@ -55,4 +56,13 @@ def test_what_is_in_the_way_first_decides_the_exit_code() -> None:
     assert exit_code([hardware, finding(Level.ERROR, ExitCode.NOT_INSTALLED)]) == 3
     assert exit_code([hardware, finding(Level.ERROR, ExitCode.INVALID)]) == 2
     assert lines(hardware) == ["error    c: s: first", "           second"]
+    assert lines(hardware, Screen(20, colour=True)) == [
+        "\x1b[31merror  \x1b[0m  c: s: first",
+        "           second",
+    ]
+    assert lines(finding(Level.OK, ExitCode.OK), Screen(15)) == [
+        "ok       c: s:",
+        "           first",
+        "           second",
+    ]
     assert summary([hardware, hardware]) == "2 errors"

@@ -1,4 +1,4 @@
-"""``joshua doctor``: what of this machine and its devices is in order, and what to do about the rest."""
+"""``joshua doctor``: check this machine and its devices, and say how to solve each problem."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua doctor``, and those of what plugins add to it."""
+    """Add the options of ``joshua doctor`` and of the plugins' checks."""
     from joshua.cli.doctor.parts import installed_parts
 
     parser.add_argument("--no-scan", action="store_true", help="open no device and send nothing")
@@ -29,14 +29,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
-    """Prints the findings. Exit code 0 without errors; else 2 (file), 3 (plugin) or 4 (hardware).
+    """Print the findings. Exit code 0 without errors, else 2 (file), 3 (plugin) or 4 (hardware).
 
     Args:
-        host: the machine to look at; None for this one.
+        host: the machine to check; None for this one.
     """
     from joshua.cli.doctor.finding import as_json, exit_code, lines, summary
     from joshua.cli.doctor.host import Host
     from joshua.cli.doctor.parts import installed_parts
+    from joshua.supervisor.tables import Screen
 
     host = host or Host()
     parts = installed_parts()
@@ -44,11 +45,12 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
         if part.begin is not None and (code := part.begin(arguments, host)) is not None:
             return code
     as_text = arguments.format == "text"
+    screen = Screen.of(sys.stdout)
     findings = []
     for finding in _findings(arguments, host, parts):
         findings.append(finding)
         if as_text:
-            sys.stdout.write("\n".join(lines(finding)) + "\n")
+            sys.stdout.writelines(f"{line}\n" for line in lines(finding, screen))
             sys.stdout.flush()
     if as_text:
         sys.stdout.write(f"{summary(findings)}\n")

@@ -11,46 +11,49 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.textproto.plugin_types import PluginTypes
-
-_WIDEST = 110
-_NARROWEST = 50
+_WIDEST, _NARROWEST = 110, 50
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua explain``."""
+    """Add the options of ``joshua explain``."""
     parser.add_argument(
         "name",
         nargs="?",
+        default="",
         metavar="NAME",
         help="field path such as robot.actions.node.qos, message, enum, enum value or diagnostic code; "
-        "without it the blocks of a file are listed",
+        "omitted lists the blocks of a file",
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints one page; exit code 2 with the nearest names where the name is unknown."""
-    from joshua.config.explain import Catalogue, explain, overview
-
+    """Print one page; exit code 2 with the nearest names if the name is unknown."""
     width = max(_NARROWEST, min(shutil.get_terminal_size().columns, _WIDEST))
-    if not arguments.name:
-        sys.stdout.write(overview(width))
-        return ExitCode.OK
-    catalogue = Catalogue(_plugin_types)
-    found = catalogue.find(arguments.name)
-    if found:
-        sys.stdout.write(explain(found, catalogue, width))
-        return ExitCode.OK
-    near = catalogue.suggestions(arguments.name)
-    sys.stderr.write(f"joshua explain: there is nothing named {arguments.name!r}\n")
-    if near:
-        sys.stderr.write(f"  nearest: {', '.join(near)}\n")
-    sys.stderr.write("  do:      run `joshua explain` for the blocks of a file\n")
-    return ExitCode.INVALID
+    try:
+        sys.stdout.write(explain(arguments.name, width))
+    except LookupError as error:
+        sys.stderr.write(
+            f"joshua explain: {error.args[0]}\n  do:      run `joshua explain` for the blocks of a file\n"
+        )
+        return ExitCode.INVALID
+    return ExitCode.OK
 
 
-def _plugin_types() -> PluginTypes:
+def explain(name: str = "", width: int = 80) -> str:
+    """Return the documentation of a block, field, value or diagnostic code; "" lists the blocks of a file.
+
+    Raises:
+        LookupError: nothing has that name; the message names the nearest.
+    """
+    from joshua.config.explain import Catalogue, overview
+    from joshua.config.explain import explain as page
     from joshua.plugins import load_registry
     from joshua.textproto.plugin_types import PluginTypes
 
-    return PluginTypes(load_registry().message_modules())
+    if not name:
+        return overview(width)
+    catalogue = Catalogue(lambda: PluginTypes(load_registry().message_modules()))
+    if found := catalogue.find(name):
+        return page(found, catalogue, width)
+    near = catalogue.suggestions(name)
+    raise LookupError(f"nothing is named {name!r}" + (f"\n  nearest: {', '.join(near)}" if near else ""))

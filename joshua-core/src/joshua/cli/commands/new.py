@@ -1,4 +1,4 @@
-"""``joshua new``: copy a preset into the current folder, under a name of its own."""
+"""``joshua new``: copy a preset into the current folder under a new name."""
 
 from __future__ import annotations
 
@@ -19,34 +19,33 @@ _GENERAL = re.compile(r"^general \{.*?^\}", re.DOTALL | re.MULTILINE)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua new``."""
+    """Add the options of ``joshua new``."""
     parser.add_argument("name", metavar="NAME", help="name of the copy: NAME.pbtxt in the current folder")
     parser.add_argument("--from", dest="preset", metavar="PRESET", help="the preset to copy")
     parser.add_argument(
         "--id", metavar="ID", help="general.id of the copy, shared by the files of one robot; default: NAME"
     )
-    parser.add_argument("--force", action="store_true", help="replace the file if it is there")
+    parser.add_argument("--force", action="store_true", help="replace the file if it exists")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the copy and says what to do next."""
+    """Write the copy and say what to do next."""
     from joshua.cli.commands.presets import unknown_preset
     from joshua.cli.presets import SUFFIX, preset_names, read_preset
 
     if not arguments.preset:
         return _refuse(
             "no preset given",
-            f"add --from PRESET, such as: joshua new {arguments.name} --from test_mock_hardware",
-            "joshua presets lists all of them",
+            f"name one: joshua new {arguments.name} --from test_mock_hardware",
+            "see: joshua presets",
         )
     name = arguments.name.removesuffix(SUFFIX)
     robot_id = arguments.id or name
     for text in (name, robot_id):
         if not _NAME.fullmatch(text):
             return _refuse(
-                f"{text!r} cannot name a robot",
-                "allowed: letters, digits, _ and -, a letter or digit first",
-                "the file is written to the current folder; change to another one first if you want it there",
+                f"{text!r} is not a valid name",
+                "allowed: letters, digits, _ and -, a letter or digit first; no folder",
             )
     preset_name = arguments.preset.removesuffix(SUFFIX)
     if preset_name not in preset_names():
@@ -59,8 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
             file.write(copy_of(preset, name, robot_id))
     except FileExistsError:
         return _refuse(
-            f"{target} is there already",
-            "nothing was written",
+            f"{target} exists already, so nothing was written",
             "choose another name, or replace the file with --force",
         )
     except OSError as error:
@@ -70,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def copy_of(preset: Preset, name: str, robot_id: str) -> str:
-    """Returns a preset's text with ``general.name`` and ``general.id`` replaced, its own commands too."""
+    """Return a preset's text with ``general.name``, ``general.id`` and its own commands replaced."""
     text = preset.text.replace(f"--config {preset.name}.pbtxt", f"--config {name}.pbtxt")
 
     def rename(match: re.Match[str]) -> str:
@@ -81,12 +79,14 @@ def copy_of(preset: Preset, name: str, robot_id: str) -> str:
 
 
 def next_steps(preset: Preset, target: Path) -> str:
-    """Words what to change in the copy and which commands come next."""
+    """Return what to change in the copy and which commands come next."""
+    from joshua.cli.commands.presets import needs
+
     lines = [f"{target} written, from the preset {preset.name}"]
     rows = preset.sections.get("Change", ())
     lines += [f"  {'change:' if index == 0 else '':8}{row}" for index, row in enumerate(rows)]
     if preset.plugins:
-        lines.append(f"  needs:  {preset.plugins}")
+        lines.append(f"  needs:  {needs(preset).removeprefix('needs ')}")
     lines.append(f"  check:  joshua --config {target} --validate-only")
     lines.append(f"  run:    joshua --config {target}")
     return "\n".join(lines) + "\n"

@@ -1,15 +1,16 @@
-"""``joshua plugins``: what is installed, what each plugin provides, and what is wrong with a broken one."""
+"""``joshua plugins``: the installed plugins, what each provides, and the problems of each."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from typing import TYPE_CHECKING, Any
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.cli.options import add_format
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable, Sequence
 
     from joshua.plugins import PluginRow, PluginSpec
@@ -21,25 +22,21 @@ NOTHING = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua plugins``."""
-    import argparse
-
+    """Add the options of ``joshua plugins``."""
     parser.add_argument(
         "--block-plugin",
         dest="blocked_plugins",
         metavar="NAME",
         action="append",
         default=argparse.SUPPRESS,
-        help="leave a plugin out, by the name in the first column",
+        help="ignore a plugin, named as in the first column",
     )
     parser.add_argument(
         "--check",
         action="store_true",
-        help="also import what each plugin names, and check that it is what it claims to be",
+        help="also import what each plugin names, and check it",
     )
-    parser.add_argument(
-        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
-    )
+    add_format(parser)
     parser.add_argument(
         "--json",
         dest="format",
@@ -51,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the list; with ``--check`` the exit code is 1 if anything is wrong with a plugin."""
+    """Print the list; with ``--check`` the exit code is 1 if a plugin has a problem."""
     from joshua.plan import installing
     from joshua.plugins import PluginStatus, load_registry
 
@@ -91,7 +88,7 @@ def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
 
 
 def checked(row: PluginRow) -> PluginRow:
-    """The same plugin after a look at everything that it names; imports drivers."""
+    """The same plugin, with everything that it names imported and checked."""
     from dataclasses import replace
 
     from joshua.plugins import PluginStatus
@@ -102,12 +99,12 @@ def checked(row: PluginRow) -> PluginRow:
 
 
 def subject(spec: PluginSpec) -> str:
-    """What something of a plugin answers for, in words of the configuration file."""
+    """What a spec stands for in a configuration file."""
     return getattr(spec, "name", "") or spec.block or ", ".join(spec.enum_values)
 
 
 def listing(rows: Sequence[PluginRow]) -> str:
-    """Prints plugins for people: one block of lines for each, reasons before what it provides."""
+    """Lay out plugins: one block of lines for each, problems before what it provides."""
     from joshua.cli.table import commands_by_distribution
     from joshua.supervisor.tables import Screen, columns
 

@@ -1,7 +1,8 @@
-"""``joshua presets``: list the configurations that ship with the core, or print one."""
+"""``joshua presets``: list the configurations that come with the core, or print one."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 import textwrap
@@ -20,12 +21,12 @@ MODES = ("TELEOPERATE", "INFERENCE", "TRAINING", "CALIBRATION", "TEST", "DATA_ST
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua presets``."""
-    parser.add_argument("name", nargs="?", metavar="PRESET", help="print this preset's file")
+    """Add the options of ``joshua presets``."""
+    parser.add_argument("name", nargs="?", metavar="PRESET", help="print the file of this preset")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the list of presets, or the file of one."""
+    """Print the list of presets, or the file of one."""
     from joshua.cli.presets import preset_names, read_preset, read_presets
 
     if not arguments.name:
@@ -40,41 +41,43 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def listing(presets: Iterable[Preset], width: int) -> str:
-    """Prints presets for people, grouped by mode: name, summary, and the plugins that each needs.
-
-    Args:
-        width: columns of the terminal.
-    """
+    """Lay out presets by mode: name, summary, and the plugins that each needs, in a width of columns."""
     presets = list(presets)
     column = max(len(preset.name) for preset in presets) + 4
+    width = max(width, column + 30) - column
     lines = []
     for mode in MODES:
         lines.append(f"MODE_{mode}")
         for preset in presets:
             if preset.mode == mode:
-                lines += _entry(preset, column, max(width, column + 30))
+                texts = [preset.summary, needs(preset)]
+                first, *rest = [
+                    line for text in texts for line in textwrap.wrap(text, width, break_on_hyphens=False)
+                ]
+                lines += [f"  {preset.name}".ljust(column) + first, *(" " * column + line for line in rest)]
         lines.append("")
     lines.append("Copy one to change it:  joshua new my_robot --from PRESET")
     return "\n".join(lines) + "\n"
 
 
-def _entry(preset: Preset, column: int, width: int) -> list[str]:
-    plugins = f"needs {preset.plugins}" if preset.plugins else "needs no plugin"
-    wrapped = [
-        line
-        for text in (preset.summary, plugins)
-        for line in textwrap.wrap(text, width - column, break_on_hyphens=False)
-    ]
-    first = f"  {preset.name}".ljust(column) + wrapped[0]
-    return [first, *(" " * column + line for line in wrapped[1:])]
+def needs(preset: Preset) -> str:
+    """What a preset needs, and what of it is not installed."""
+    from importlib import metadata
+
+    if not preset.plugins:
+        return "needs no plugin"
+    names = dict.fromkeys(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))
+    missing = [name for name in names if not any(metadata.distributions(name=name))]
+    state = f"not installed: {', '.join(missing)}" if missing else "installed"
+    return f"needs {preset.plugins} ({state})"
 
 
 def unknown_preset(command: str, name: str, names: list[str]) -> str:
-    """Words the error that there is no preset of a name, the nearest names first."""
+    """Return the error that no preset has a name, with the nearest names."""
     import difflib
 
     nearest = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    lines = [f"{command}: there is no preset {name!r}"]
+    lines = [f"{command}: no preset is named {name!r}"]
     if nearest:
         lines.append(f"  nearest: {', '.join(nearest)}")
     lines.append("  see: joshua presets")

@@ -1,14 +1,14 @@
-"""What the doctor finds: one sentence about one thing, and the remedy; as text, JSON and an exit code."""
+"""A finding of the doctor: one sentence about one thing, and the remedy."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.supervisor.tables import clean
+from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Screen
 
 
 class Level(str, Enum):
@@ -29,8 +29,8 @@ class Finding:
 
     Attributes:
         check: name of the check; subject: what it is about, such as ``/dev/ttyACM0``.
-        message: what was found; remedy: what to do, "" where nothing is to be done.
-        code: exit code of the command where this is an error.
+        message: what was found; remedy: what to do, "" if nothing.
+        code: exit code of the command if this is an error.
     """
 
     level: Level
@@ -42,21 +42,24 @@ class Finding:
 
 
 _WIDTH = max(len(level.value) for level in Level)
+_STYLES = {Level.OK: GREEN, Level.WARNING: YELLOW, Level.ERROR: RED}
 
 
-def lines(finding: Finding) -> list[str]:
-    """One finding."""
-    first, *rest = finding.message.splitlines() or [""]
-    indentation = " " * (_WIDTH + 2)
-    text = [f"{finding.level.value:<{_WIDTH}}  {finding.check}: {finding.subject}: {first}"]
-    text += [f"{indentation}  {line.strip()}" for line in rest]
+def lines(finding: Finding, screen: Screen = PLAIN) -> list[str]:
+    """Lay out one finding."""
+    indent = " " * (_WIDTH + 2)
+    inner = replace(screen, columns=max(screen.columns - len(indent), 0))
+    texts = f"{finding.check}: {finding.subject}: {finding.message}".splitlines()
+    first, *rest = [line for text in texts for line in inner.wrap(text.strip())]
+    label = screen.paint(f"{finding.level.value:<{_WIDTH}}", _STYLES.get(finding.level, ""))
+    text = [f"{label}  {first}", *(f"{indent}  {line.strip()}" for line in rest)]
     if finding.remedy:
-        text.append(f"{indentation}do: {finding.remedy}")
-    return [clean(line) for line in text]
+        text += [f"{indent}{line}" for line in inner.wrap(f"do: {finding.remedy}")]
+    return text
 
 
 def summary(findings: Sequence[Finding]) -> str:
-    """How many of each level."""
+    """Count the findings of each level."""
     counts = [(sum(finding.level is level for finding in findings), level.value) for level in reversed(Level)]
     parts = [f"{count} {name}{'s' if count != 1 and name != 'ok' else ''}" for count, name in counts if count]
     return ", ".join(parts)
@@ -68,7 +71,7 @@ def as_json(finding: Finding) -> dict[str, Any]:
 
 
 def exit_code(findings: Iterable[Finding]) -> ExitCode:
-    """0 without errors; else what comes first in the way to a run: the file, the plugins, the hardware."""
+    """0 without errors; else that of the first obstacle to a run: the file, the plugins, the hardware."""
     codes = {finding.code for finding in findings if finding.level is Level.ERROR}
     order = (ExitCode.INVALID, ExitCode.NOT_INSTALLED, ExitCode.HARDWARE)
     return next((code for code in order if code in codes), ExitCode.OK)

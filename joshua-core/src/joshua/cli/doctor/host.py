@@ -1,13 +1,16 @@
-"""The machine that is looked at: its files below a root, and the user who asks."""
+"""The machine that the doctor checks: its files, its user, and what that user may open."""
 
 from __future__ import annotations
 
 import grp
 import os
 import pwd
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from joshua.cli.doctor.finding import Finding, Level
 
 
 def _user_name() -> str:
@@ -32,14 +35,14 @@ class Host:
     user: str = field(default_factory=_user_name)
 
     def read(self, path: str) -> str:
-        """Content of a file below the root without white space at its ends; "" where there is none."""
+        """Read a file below the root, without white space at its ends; "" if there is none."""
         try:
             return (self.root / path).read_text(encoding="utf-8", errors="replace").strip()
         except OSError:
             return ""
 
     def process_names(self) -> Iterator[str]:
-        """Names of the processes that run."""
+        """Names of the running processes."""
         for file in (self.root / "proc").glob("[0-9]*/comm"):
             try:
                 yield file.read_text(encoding="utf-8", errors="replace").strip()
@@ -47,7 +50,7 @@ class Host:
                 continue  # it has just ended
 
     def group_name(self, number: int) -> str:
-        """Name of a group by the machine's own list, else its number."""
+        """Name of a group in the machine's list, else its number."""
         for line in self.read("etc/group").splitlines():
             name, _, rest = line.partition(":")
             if rest.split(":")[1:2] == [str(number)]:
@@ -58,7 +61,7 @@ class Host:
             return str(number)
 
     def members(self, group: str) -> tuple[str, ...]:
-        """Members of a group by the machine's list, which a session takes over at its next log-in."""
+        """Members of a group in the machine's list; a session has them from its next log-in on."""
         for line in self.read("etc/group").splitlines():
             parts = line.split(":")
             if parts[0] == group and len(parts) > 3:
@@ -70,3 +73,30 @@ class Host:
         folders = ("etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d")
         files = [file for folder in folders for file in sorted((self.root / folder).glob("*.rules"))]
         return "\n".join(self.read(str(file.relative_to(self.root))) for file in files)
+
+
+def may_open(host: Host, path: str) -> Finding:
+    """Compare owner, group and mode of a device with the user's session."""
+
+    def error(message: str, remedy: str) -> Finding:
+        return Finding(Level.ERROR, "permissions", path, message, remedy)
+
+    try:
+        status = Path(path).stat()
+    except OSError as problem:
+        return error(f"cannot be checked: {problem.strerror}", "plug it in again")
+    if host.uid == 0 or _allows(status.st_mode, status.st_uid == host.uid, status.st_gid in host.groups):
+        return Finding(Level.OK, "permissions", path, "can be opened")
+    group = host.group_name(status.st_gid)
+    found = f"{stat.filemode(status.st_mode)}, group {group}: {host.user} may not open it"
+    if not _allows(status.st_mode, False, True):
+        return error(found, "install the rules that joshua doctor --udev prints, and plug it in again")
+    if host.user in host.members(group):
+        return error(f"{found} in this session", f"{host.user} is in {group} already: log in again")
+    return error(found, f"sudo usermod -aG {group} {host.user}, then log in again")
+
+
+def _allows(mode: int, is_owner: bool, is_member: bool) -> bool:
+    """Whether a mode allows reading and writing; the first class that fits decides, as in the kernel."""
+    shift = 6 if is_owner else 3 if is_member else 0
+    return mode >> shift & 0o6 == 0o6

@@ -2,12 +2,12 @@
 
 The entry point names a light module. Each of these names may stand in it:
 
-- ``CHECKS``: functions that look at the machine and open no device: ``check(host)`` yields findings.
-- ``DEVICE_CHECKS``: functions that open devices: ``check(host, arguments)``. They are left out with
-  ``--no-scan``, and with ``--config``, where the drivers of the file open theirs.
-- ``NODE_CHECKS``: functions that look at one actuator of a file: ``check(spec, settings)``.
+- ``CHECKS``: functions that check the machine and open no device: ``check(host)`` yields findings.
+- ``DEVICE_CHECKS``: functions that open devices: ``check(host, arguments)``. They do not run with
+  ``--no-scan``, nor with a file, whose drivers open its devices.
+- ``NODE_CHECKS``: functions that check one actuator of a file: ``check(spec, settings)``.
 - ``add_arguments(parser)``: adds options to the command.
-- ``begin(arguments, host)``: runs first; an exit code in place of None ends the command with it.
+- ``begin(arguments, host)``: runs first; the command exits with the code that it returns, None continues.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Part:
     """What one plugin adds.
 
     Attributes:
-        problem: why it cannot be used, as a finding; None where it can.
+        problem: why it cannot be used, as a finding; None if it can.
     """
 
     checks: tuple[Check, ...] = ()
@@ -48,7 +48,7 @@ class Part:
 
 
 def installed_parts() -> list[Part]:
-    """The parts of all installed plugins by name; one that cannot be imported is a problem only."""
+    """The parts of all installed plugins by name; one that cannot be imported is only a problem."""
     points = {(point.name, point.value): point for point in metadata.entry_points(group=ENTRY_POINT_GROUP)}
     return [_load(points[key]) for key in sorted(points)]
 
@@ -61,10 +61,8 @@ def _load(point: metadata.EntryPoint) -> Part:
         text = f"its checks cannot be loaded ({type(error).__name__}: {error})"
         remedy = installing.reinstall(name)
         return Part(problem=Finding(Level.ERROR, "software", name, text, remedy, ExitCode.NOT_INSTALLED))
-    return Part(
-        tuple(getattr(module, "CHECKS", ())),
-        tuple(getattr(module, "DEVICE_CHECKS", ())),
-        tuple(getattr(module, "NODE_CHECKS", ())),
-        getattr(module, "add_arguments", None),
-        getattr(module, "begin", None),
+    checks, device_checks, node_checks = (
+        tuple(getattr(module, name, ())) for name in ("CHECKS", "DEVICE_CHECKS", "NODE_CHECKS")
     )
+    hooks = (getattr(module, name, None) for name in ("add_arguments", "begin"))
+    return Part(checks, device_checks, node_checks, *hooks)

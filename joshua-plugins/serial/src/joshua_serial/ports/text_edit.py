@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from joshua.tools import Diagnostics, Parser, Source, tokenize
+from joshua.tools import spans
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,10 +57,10 @@ def apply_edits(text: str, edits: Iterable[Edit]) -> str:
     for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]
         name = edit.file
-    source, problems = Source(name, text), Diagnostics()
-    Parser(source, tokenize(source), problems).document()
-    if len(problems):
-        raise EditError(f"{name}: the change would make the file unreadable: {problems.items[0].message}")
+    try:
+        spans(text, "")
+    except ValueError as error:
+        raise EditError(f"{name}: the change would make the file unreadable: {error}") from error
     return text
 
 
