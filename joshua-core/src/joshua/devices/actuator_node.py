@@ -9,10 +9,11 @@ from joshua.devices.actuator import Actuator, FloatArray, JointReading
 from joshua.devices.actuator_safety import ActuatorSafety
 from joshua.devices.actuator_status import ActuatorStatus
 from joshua.devices.actuator_test import ActuatorTest
+from joshua.devices.arrivals import Arrivals
 from joshua.devices.command_intake import JOINT_STATE, JOINT_TRAJECTORY, Commanders, CommandIntake
 from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
-from joshua.devices.errors import DeviceError, DeviceSilent, SafetyTripped
+from joshua.devices.errors import DeviceError, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState, StalePolicy
 from joshua.devices.joint_command import CommandReader
 from joshua.guardian.order import BEAT_S
@@ -22,6 +23,7 @@ from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.node.endpoints import MessagePublisher, Outputs
 from joshua.node.implementation import load_implementation
+from joshua.node.timers import Timer
 from joshua.node.verbs import RefusedError, verb
 from joshua.plan import ActuatorFacts, JointTrace, TopicSpec
 
@@ -51,6 +53,8 @@ class ActuatorNode(NodeBehaviour):
         self._is_leader = spec.role == "ACTION_LEADER"
         states_hz = [topic.rate_hz for topic in spec.publishers if topic.type_name == JOINT_STATE]
         self._rate_hz = max(states_hz, default=CONTROL_RATE_HZ)
+        self._arrivals = Arrivals(1 / self._rate_hz)
+        self._cycle: Timer | None = None
         self._actuator: Actuator | None = None
         self._goals: GoalGenerator | None = None
         self._commands: list[tuple[CommandReader, TrafficFigures]] = []
@@ -109,7 +113,7 @@ class ActuatorNode(NodeBehaviour):
         if not self._is_leader:
             facts = self._facts
             self._commanders = Commanders(facts.commanders, facts.external, self._goals, self.context.log)
-            intake = CommandIntake(self.context, self._goals, self._commanders, lambda _: None)
+            intake = CommandIntake(self.context, self._goals, self._commanders, self._arrivals.arrived)
             self._commands = [intake.subscribe(topic, actuator.joint_names) for topic in spec.subscriptions]
 
     def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
@@ -137,7 +141,7 @@ class ActuatorNode(NodeBehaviour):
             self.energise()
         if not self._timer_runs:
             self._timer_runs = True
-            self.context.create_timer(1 / self._rate_hz, self._control, name="control")
+            self._cycle = self.context.create_timer(1 / self._rate_hz, self._control, name="control")
             self.context.create_timer(BEAT_S, self._watch, name="safety")
             if self._diagnostics is not None:
                 self._diagnostics.start()
@@ -270,8 +274,9 @@ class ActuatorNode(NodeBehaviour):
     def _control(self) -> None:
         """One control cycle: read, publish, write. Whatever else the device raises fails the node."""
         actuator, goals = self._device()
+        self._arrivals.begin()
         try:
-            reading = self._read(actuator)
+            reading = self._status.read(actuator, self.context.log)
         except SafetyTripped as error:
             self._trip(error)
             return
@@ -283,6 +288,7 @@ class ActuatorNode(NodeBehaviour):
             return
         if actuator.relaxed and not self._status.fault:
             self._enter_fault(f"{'; '.join(actuator.relaxed.values())}. Only this joint lost its torque")
+        self._arrivals.wait()
         now_ns, stamp_ns = time.monotonic_ns(), self.context.now_ns()
         written = actuator.write(goals.step(now_ns))
         self._publish_written(written, stamp_ns)
@@ -291,23 +297,8 @@ class ActuatorNode(NodeBehaviour):
         self._report_state(goals.state)
         if self._on_stale is not None:
             self._obey(self._on_stale, actuator, reading)
-
-    def _read(self, actuator: Actuator) -> JointReading | None:
-        """Reads; None where the device did not answer, which it must do again soon. Raises DeviceError."""
-        patience = self._status.patience
-        patience.begin()
-        try:
-            reading = actuator.read()
-        except DeviceSilent as error:
-            if not patience.miss():
-                raise
-            self.context.log.debug("this cycle is left out: %s", error)
-            return None
-        silence_s = patience.hear()
-        if silence_s:
-            self.context.log.warning("no answer for %.2f s: the cycles in between were left out", silence_s)
-        self._status.reading = reading
-        return reading
+        if self._cycle is not None:
+            self._arrivals.end(self._cycle)
 
     def _watch(self) -> None:
         """Shows the guardian a sign of life, and obeys an e-stop."""

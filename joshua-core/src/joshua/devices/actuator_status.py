@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 from joshua.devices.actuator import Actuator, JointReading
 from joshua.devices.command_intake import Commanders
 from joshua.devices.diagnostics import DiagnosticStatus
+from joshua.devices.errors import DeviceSilent
 from joshua.guardian.silence import AwakeClock
 from joshua.plan import NodeSpec
 
@@ -81,6 +83,22 @@ class ActuatorStatus:
         self.reading: JointReading | None = None
         self.patience = Patience()
         self._missed_reported = 0
+
+    def read(self, actuator: Actuator, log: Any) -> JointReading | None:
+        """Reads the device; None if it did not reply, which is tolerated for a moment. Raises DeviceError."""
+        self.patience.begin()
+        try:
+            reading = actuator.read()
+        except DeviceSilent as error:
+            if not self.patience.miss():
+                raise
+            log.debug("this cycle is skipped: %s", error)
+            return None
+        silence_s = self.patience.hear()
+        if silence_s:
+            log.warning("no reply for %.2f s: the cycles in between were skipped", silence_s)
+        self.reading = reading
+        return reading
 
     def rows(self, actuator: Actuator, commanders: Commanders | None = None) -> list[DiagnosticStatus]:
         """A row of the whole actuator, and the driver's; one for each joint if the driver has none."""

@@ -97,13 +97,15 @@ class NodeContext:
         """
         return self._declared().subscribe_named(topic, callback)
 
-    def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
+    def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
         """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.
 
         The first tick comes one period after ``activate`` has returned. Ticks that a long callback
         overruns are skipped and counted. Raises ValueError if the period is not a positive number.
         """
-        self.timer_queue.add(Timer(period_s, callback, name or f"timer {len(self.timer_queue.timers) + 1}"))
+        timer = Timer(period_s, callback, name or f"timer {len(self.timer_queue.timers) + 1}")
+        self.timer_queue.add(timer)
+        return timer
 
     def spawn_thread(
         self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None

@@ -43,6 +43,10 @@ class Timer:
         if self._deadline_ns is None:
             self._deadline_ns = now_ns + self._period_ns
 
+    def schedule(self, deadline_ns: int) -> None:
+        """Moves the next deadline, from which the period counts on; on the node's thread."""
+        self._deadline_ns = deadline_ns
+
     def run_if_due(self, now_ns: int) -> bool:
         """Calls back if the deadline has come and sets the next one; returns whether it was called."""
         deadline_ns = self._deadline_ns

@@ -12,6 +12,7 @@ from typing import Any
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.node.endpoints import MessagePublisher
+from joshua.node.timers import Timer
 from joshua.plan import NodeSpec, TopicSpec
 from joshua.plan.events import Progress
 
@@ -70,8 +71,9 @@ class RecordingContext(NodeContext):
         self.named_subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
-    def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> None:
+    def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
         self.timers[name] = (period_s, callback)
+        return Timer(period_s, callback, name)
 
     def spawn_thread(
         self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
