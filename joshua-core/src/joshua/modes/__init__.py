@@ -108,12 +108,9 @@ def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
     elif general.mode and general.mode != pb.MODE_PLUGIN:
         for name in ("plugin_mode", "plugin_config"):
             if context.loaded.positions.is_set(f"general.{name}"):
-                yield context.note(
-                    "field-unused",
-                    f"{name} has no effect: it belongs to MODE_PLUGIN",
-                    f"general.{name}",
-                    remedy="Remove it, or set mode: MODE_PLUGIN in general",
-                )
+                message = f"{name} has no effect: it belongs to MODE_PLUGIN"
+                remedy = "Remove it, or set mode: MODE_PLUGIN in general"
+                yield context.note("field-unused", message, f"general.{name}", remedy=remedy)
 
 
 def _without_plugin(context: Context, registry: Registry, reason: str | None, launch: bool) -> Diagnostic:

@@ -18,14 +18,12 @@ _STORE = "ai.data_store"
 def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for the store and for what its operation works on."""
     if not context.config.ai.HasField("data_store"):
-        yield lacks(
-            context,
-            "mode-lacks-block",
-            "the block ai.data_store, which says where episodes are kept",
-            _STORE,
-            remedy="Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
-            "dataset_name: ... local_path: ... } }",
+        what = "the block ai.data_store, which says where episodes are kept"
+        remedy = (
+            "Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
+            "dataset_name: ... local_path: ... } }"
         )
+        yield lacks(context, "mode-lacks-block", what, _STORE, remedy=remedy)
         return
     store = context.config.ai.data_store
     if store.operation == pb.DATA_STORE_UPLOAD:
@@ -40,47 +38,33 @@ def _record(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if store.storage == pb.STORAGE_LOCAL and not store.local_path:
         yield _lacks_path(context, "Recording to this machine")
     if not any(item.is_publisher for item in context.graph.usable):
-        yield lacks(
-            context,
-            "mode-lacks-publisher",
-            "topics to record, and no node of this file publishes any",
-            "robot",
-            remedy="Add the robot's actuators and cameras with their publishers",
-        )
+        what = "topics to record, and no node of this file publishes any"
+        remedy = "Add the robot's actuators and cameras with their publishers"
+        yield lacks(context, "mode-lacks-publisher", what, "robot", remedy=remedy)
 
 
 def _upload(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if not store.local_path:
         yield _lacks_path(context, "An upload")
     if not store.remote_url:
-        yield context.error(
-            "mode-lacks-field",
-            "An upload needs remote_url, the address that the data set is sent to",
-            f"{_STORE}.remote_url",
-            remedy='Add remote_url: "hf://datasets/my-name/my-data"',
-        )
+        message = "An upload needs remote_url, the address that the data set is sent to"
+        remedy = 'Add remote_url: "hf://datasets/my-name/my-data"'
+        yield context.error("mode-lacks-field", message, f"{_STORE}.remote_url", remedy=remedy)
 
 
 def _replay(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if not store.local_path and not store.remote_url:
         yield _lacks_path(context, "A replay")
     if not any(context.graph.commands(entry) for entry in context.graph.actuators):
-        yield lacks(
-            context,
-            "mode-lacks-actuator",
-            "an actuator to replay on that takes commands from a topic",
-            "robot.actions",
-            remedy="Add an actions block whose node subscribes to a JOINT_STATE topic",
-        )
+        what = "an actuator to replay on that takes commands from a topic"
+        remedy = "Add an actions block whose node subscribes to a JOINT_STATE topic"
+        yield lacks(context, "mode-lacks-actuator", what, "robot.actions", remedy=remedy)
 
 
 def _lacks_path(context: Context, what: str) -> Diagnostic:
-    return context.error(
-        "mode-lacks-field",
-        f"{what} needs local_path, the folder of the data set",
-        f"{_STORE}.local_path",
-        remedy='Add local_path: "datasets/my_data"',
-    )
+    message = f"{what} needs local_path, the folder of the data set"
+    remedy = 'Add local_path: "datasets/my_data"'
+    return context.error("mode-lacks-field", message, f"{_STORE}.local_path", remedy=remedy)
 
 
 def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:

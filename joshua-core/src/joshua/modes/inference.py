@@ -28,13 +28,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
             context, "mode-lacks-model", "a model that drives the robot", "ai.models", allowed=_model_types()
         )
     if not context.graph.actuators:
-        yield lacks(
-            context,
-            "mode-lacks-actuator",
-            "an actuator that a model can drive",
-            "robot.actions",
-            remedy="Add robot { actions { ... } } with a node that subscribes to the model's topic",
-        )
+        what = "an actuator that a model can drive"
+        remedy = "Add robot { actions { ... } } with a node that subscribes to the model's topic"
+        yield lacks(context, "mode-lacks-actuator", what, "robot.actions", remedy=remedy)
     yield from _commands(context)
     heard = {item.topic for entry in context.graph.actuators for item in context.graph.commands(entry)}
     pictures = (item.topic for item in context.graph.usable if item.is_publisher and _is_picture(item.block))

@@ -61,10 +61,7 @@ def unused(context: Context, spec: ModeSpec) -> Iterator[Diagnostic]:
 
 
 def _unused(context: Context, path: str, place: str, reason: str) -> Diagnostic:
-    return context.note(
-        "block-unused",
-        f"{path.rpartition('.')[2]} has no effect in {mode_name(context.config)}; {reason}",
-        path,
-        remedy="Remove it, or change general.mode",
-        related=context.see("general.mode", "mode"),
-    )
+    message = f"{path.rpartition('.')[2]} has no effect in {mode_name(context.config)}; {reason}"
+    remedy = "Remove it, or change general.mode"
+    related = context.see("general.mode", "mode")
+    return context.note("block-unused", message, path, remedy=remedy, related=related)

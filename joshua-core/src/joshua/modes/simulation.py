@@ -24,13 +24,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for the simulation block and what its own mode needs."""
     simulation = context.config.simulation
     if not context.config.HasField("simulation"):
-        yield lacks(
-            context,
-            "mode-lacks-block",
-            "the block simulation, which names the model and how it is shown",
-            "simulation",
-            remedy="Add simulation { mode: INTERACTIVE model_path: ... }",
-        )
+        what = "the block simulation, which names the model and how it is shown"
+        remedy = "Add simulation { mode: INTERACTIVE model_path: ... }"
+        yield lacks(context, "mode-lacks-block", what, "simulation", remedy=remedy)
         return
     stored = context.config.ai.HasField("data_store")
     if simulation.mode == sim.PASSIVE and not stored and not simulation.trajectory_path:
@@ -44,31 +40,26 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
     recording = simulation.trajectory_path or context.config.ai.data_store.local_path
     if simulation.mode == sim.PASSIVE and stored and not recording:
-        yield context.error(
-            "mode-lacks-field",
-            "PASSIVE replays the data set of ai.data_store, which has no local_path",
-            "ai.data_store.local_path",
-            remedy='Add local_path: "datasets/my_data"',
-        )
+        message = "PASSIVE replays the data set of ai.data_store, which has no local_path"
+        remedy = 'Add local_path: "datasets/my_data"'
+        yield context.error("mode-lacks-field", message, "ai.data_store.local_path", remedy=remedy)
     if simulation.HasField("generate") and not context.config.ai.data_store.local_path:
-        yield context.error(
-            "mode-lacks-block",
-            "generate makes episodes, and no ai.data_store with a local_path says where they are kept",
-            "ai.data_store",
-            remedy="Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
-            'dataset_name: ... local_path: "datasets/mine" task: ... } }',
+        message = "generate makes episodes, and no ai.data_store with a local_path says where they are kept"
+        remedy = (
+            "Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
+            'dataset_name: ... local_path: "datasets/mine" task: ... } }'
         )
+        yield context.error("mode-lacks-block", message, "ai.data_store", remedy=remedy)
     if simulation.mode == sim.MIRROR:
         yield from _mirror(context, simulation)
     elif simulation.mirror_topic_mappings and simulation.mode in sim.SimulationMode.values()[1:]:
-        yield context.note(
-            "block-unused",
+        message = (
             f"mirror_topic_mappings have an effect only with mode: MIRROR, and the mode is "
-            f"{sim.SimulationMode.Name(simulation.mode)}",
-            f"{_MAPPINGS}[0]",
-            remedy="Remove them, or set mode: MIRROR in simulation",
-            related=context.see("simulation.mode", "mode"),
+            f"{sim.SimulationMode.Name(simulation.mode)}"
         )
+        remedy = "Remove them, or set mode: MIRROR in simulation"
+        related = context.see("simulation.mode", "mode")
+        yield context.note("block-unused", message, f"{_MAPPINGS}[0]", remedy=remedy, related=related)
 
 
 def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diagnostic]:
@@ -88,12 +79,9 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
         path = f"{_MAPPINGS}[{index}]"
         name = mapping.mujoco_actuator
         if name and first.setdefault(name, index) != index:
-            yield context.error(
-                "mapping-duplicate",
-                f"The actuator {name} of the model is driven twice",
-                f"{path}.mujoco_actuator",
-                related=context.see(f"{_MAPPINGS}[{first[name]}].mujoco_actuator", "first mapping"),
-            )
+            message = f"The actuator {name} of the model is driven twice"
+            related = context.see(f"{_MAPPINGS}[{first[name]}].mujoco_actuator", "first mapping")
+            yield context.error("mapping-duplicate", message, f"{path}.mujoco_actuator", related=related)
         yield from _topic(context, f"{path}.ros_topic", mapping.ros_topic, published, noted)
 
 
@@ -110,13 +98,9 @@ def _topic(
             return
         noted.add(name)
         make = context.warning if similar else context.note
-        yield make(
-            "mapping-unpublished",
-            f"No node of this file publishes {name}; the mirror waits for a robot that runs elsewhere",
-            path,
-            allowed=tuple(similar),
-            remedy=f"Did you mean {similar[0]}?" if similar else "Start the robot's own file beside this one",
-        )
+        message = f"No node of this file publishes {name}; the mirror waits for a robot that runs elsewhere"
+        remedy = f"Did you mean {similar[0]}?" if similar else "Start the robot's own file beside this one"
+        yield make("mapping-unpublished", message, path, allowed=tuple(similar), remedy=remedy)
     elif published[name] not in (types.JOINT_STATE, types.DATA_TYPE_UNSPECIFIED):
         yield context.error(
             "mapping-type",

@@ -17,14 +17,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
     """Asks for what the chosen method and environment need."""
     ai = context.config.ai
     if not ai.HasField("training"):
-        yield lacks(
-            context,
-            "mode-lacks-block",
-            "the block ai.training, which says what is trained and how",
-            "ai.training",
-            remedy="Add ai { training { environment: ... method: ... } }; "
-            "`joshua explain ai.training` lists its fields",
+        what = "the block ai.training, which says what is trained and how"
+        remedy = (
+            "Add ai { training { environment: ... method: ... } }; "
+            "`joshua explain ai.training` lists its fields"
         )
+        yield lacks(context, "mode-lacks-block", what, "ai.training", remedy=remedy)
         return
     on_robot = ai.training.method in (pb.METHOD_RL, pb.METHOD_EVAL)  # imitation learns from a data set
     if ai.training.environment == pb.ENV_REAL and on_robot and not context.graph.actuators:
@@ -41,12 +39,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
         ai.training.environment == pb.ENV_REAL or ai.training.method == pb.METHOD_IMITATION
     ):
         path = "ai.training.environment_id"
-        yield context.note(
-            "block-unused",
-            "environment_id has no effect here: environments are simulated, and a data set needs none",
-            path,
-            remedy="Remove it, or set environment: ENV_SIMULATION with METHOD_RL or METHOD_EVAL",
-        )
+        message = "environment_id has no effect here: environments are simulated, and a data set needs none"
+        remedy = "Remove it, or set environment: ENV_SIMULATION with METHOD_RL or METHOD_EVAL"
+        yield context.note("block-unused", message, path, remedy=remedy)
 
 
 def _data_set(context: Context) -> Iterator[Diagnostic]:
@@ -56,13 +51,9 @@ def _data_set(context: Context) -> Iterator[Diagnostic]:
     if ai.training.method != pb.METHOD_IMITATION or not wanted or not stored or wanted == stored:
         return
     path = "ai.training.imitation_config.dataset_name"
-    yield context.error(
-        "dataset-mismatch",
-        f"The data store beside the training holds {stored}, not {wanted}",
-        path,
-        allowed=(f'"{stored}"',),
-        related=context.see("ai.data_store.dataset_name", "data set of the store"),
-    )
+    message = f"The data store beside the training holds {stored}, not {wanted}"
+    related = context.see("ai.data_store.dataset_name", "data set of the store")
+    yield context.error("dataset-mismatch", message, path, allowed=(f'"{stored}"',), related=related)
 
 
 def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:

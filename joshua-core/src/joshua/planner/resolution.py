@@ -84,13 +84,10 @@ def _plugin_missing(draft: Draft, wants: list[Wanted]) -> Diagnostic:
     # Several nodes with one block may have different roles, none of which matters here.
     same_role = len({want.enum_value for want in wants}) == 1
     enum_value = first.enum_value if same_role or not first.block_name else ""
-    return draft.missing(
-        "plugin-missing",
-        draft.registry.missing(names, first.kind, first.block_name, enum_value),
-        first.block_path,
-        remedy=draft.registry.remedy(first.kind, first.block_name, enum_value),
-        related=also_needed_by(draft, others),
-    )
+    message = draft.registry.missing(names, first.kind, first.block_name, enum_value)
+    remedy = draft.registry.remedy(first.kind, first.block_name, enum_value)
+    related = also_needed_by(draft, others)
+    return draft.missing("plugin-missing", message, first.block_path, remedy=remedy, related=related)
 
 
 def also_needed_by(draft: Draft, wants: list[Wanted]) -> tuple[Related, ...]:

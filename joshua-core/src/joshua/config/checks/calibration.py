@@ -23,12 +23,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
             continue
         other = first.setdefault(arm.node_name, path)
         if other != path:
-            yield context.error(
-                "calibration-duplicate",
-                f"{arm.node_name} is calibrated twice, and only one calibration can hold",
-                f"{path}.node_name",
-                related=context.see(f"{other}.node_name", "first calibration"),
-            )
+            message = f"{arm.node_name} is calibrated twice, and only one calibration can hold"
+            related = context.see(f"{other}.node_name", "first calibration")
+            yield context.error("calibration-duplicate", message, f"{path}.node_name", related=related)
         elif arm.node_name not in actuators:
             if _is_shared(context, path):
                 continue  # the file of the robot holds all its arms, and this configuration has some of them
@@ -53,12 +50,9 @@ def _joints(context: Context, path: str, arm: calibration_pb.ArmCalibration) -> 
         name = motor.joint_name
         if name and first.setdefault(name, index) != index:
             field = f"{path}.motors[{index}].joint_name"
-            yield context.error(
-                "duplicate-joint-name",
-                f"Two motors of one arm move the joint {name}; joints are matched by name",
-                field,
-                related=context.see(f"{path}.motors[{first[name]}].joint_name", "first use of this name"),
-            )
+            message = f"Two motors of one arm move the joint {name}; joints are matched by name"
+            related = context.see(f"{path}.motors[{first[name]}].joint_name", "first use of this name")
+            yield context.error("duplicate-joint-name", message, field, related=related)
 
 
 def _motors(

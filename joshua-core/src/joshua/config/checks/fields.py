@@ -92,14 +92,12 @@ def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
     count = len(values)
     if not facts.required or count:
         if count < facts.min_items:
-            yield context.error(
-                "too-few-entries",
+            message = (
                 f"{facts.name} of {_name(block)} needs at least {facts.min_items} "
-                f"entr{'y' if facts.min_items == 1 else 'ies'}",
-                path,
-                found=f"{count} entries",
-                remedy=f"Add {facts.sample()}",
+                f"entr{'y' if facts.min_items == 1 else 'ies'}"
             )
+            remedy = f"Add {facts.sample()}"
+            yield context.error("too-few-entries", message, path, found=f"{count} entries", remedy=remedy)
         if facts.max_items is not None and count > facts.max_items:
             last = f"{path}[{facts.max_items}]"
             yield context.error(

@@ -49,15 +49,13 @@ def _device(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
     blocks = fitting_blocks(owner)
     if not name:
         needed = _one_of(_samples(field_facts(owner.DESCRIPTOR), blocks) if len(blocks) == 1 else blocks)
-        yield context.error(
-            "block-missing",
+        message = (
             f"{title(entry)} has no settings block, so nothing says which device it drives"
             if is_action
-            else f"{title(entry)} has no settings block, so nothing says which device it reads",
-            entry.owner_path,
-            allowed=blocks,
-            remedy=f"Add {needed}" + (f", which {type_name} needs" if chosen and len(blocks) == 1 else ""),
+            else f"{title(entry)} has no settings block, so nothing says which device it reads"
         )
+        remedy = f"Add {needed}" + (f", which {type_name} needs" if chosen and len(blocks) == 1 else "")
+        yield context.error("block-missing", message, entry.owner_path, allowed=blocks, remedy=remedy)
     elif chosen and name not in blocks:
         path = f"{entry.owner_path}.{name}"
         others = fitting_types(owner, name)
@@ -81,12 +79,8 @@ def _simulated(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
     name, _, rule = device_block(entry.owner)
     if rule.simulated and not context.config.HasField("simulation"):
         path = f"{entry.owner_path}.{name}"
-        yield context.error(
-            "simulation-missing",
-            f"{title(entry)} is part of a simulated robot, and the file has no simulation block",
-            path,
-            found=name,
-        )
+        message = f"{title(entry)} is part of a simulated robot, and the file has no simulation block"
+        yield context.error("simulation-missing", message, path, found=name)
 
 
 def _link(context: Context, block: Block, device: Block) -> Iterator[Diagnostic]:
@@ -95,23 +89,14 @@ def _link(context: Context, block: Block, device: Block) -> Iterator[Diagnostic]
     link = block.message.WhichOneof("interface")
     if link is None:
         allowed = (needed,) if needed else ("serial", "ble")
-        yield context.error(
-            "link-missing",
-            "comm names no link to the device",
-            block.path,
-            allowed=allowed,
-            remedy="Add " + _one_of(_samples(block.facts, allowed)),
-        )
+        message = "comm names no link to the device"
+        remedy = "Add " + _one_of(_samples(block.facts, allowed))
+        yield context.error("link-missing", message, block.path, allowed=allowed, remedy=remedy)
     elif needed and link != needed:
         path = f"{block.path}.{link}"
-        yield context.error(
-            "link-unfit",
-            f"{owner} needs a {needed} link; the device has no other",
-            path,
-            found=link,
-            allowed=(needed,),
-            remedy=f"Write {_samples(block.facts, (needed,))[0]} in its place, or choose another device",
-        )
+        message = f"{owner} needs a {needed} link; the device has no other"
+        remedy = f"Write {_samples(block.facts, (needed,))[0]} in its place, or choose another device"
+        yield context.error("link-unfit", message, path, found=link, allowed=(needed,), remedy=remedy)
 
 
 def _samples(facts: tuple[FieldFacts, ...], names: tuple[str, ...]) -> tuple[str, ...]:
@@ -157,14 +142,10 @@ def _lacks_plugin(context: Context, owner_path: str, type_path: str, value: str)
 
 def _unused(context: Context, path: str, needed: str, type_path: str) -> Diagnostic:
     name = path.rpartition(".")[2]
-    return context.error(
-        "block-unfit",
-        f"{name} has an effect only with {needed}",
-        path,
-        found=name,
-        remedy=f"Remove {name}, or change {type_path.rpartition('.')[2]} to {needed}",
-        related=context.see(type_path, type_path.rpartition(".")[2]),
-    )
+    message = f"{name} has an effect only with {needed}"
+    remedy = f"Remove {name}, or change {type_path.rpartition('.')[2]} to {needed}"
+    related = context.see(type_path, type_path.rpartition(".")[2])
+    return context.error("block-unfit", message, path, found=name, remedy=remedy, related=related)
 
 
 def _data_store(context: Context) -> Iterator[Diagnostic]:
@@ -211,13 +192,12 @@ def _training(context: Context) -> Iterator[Diagnostic]:
     for number, name in _METHOD_BLOCKS.items():
         if name in (needed, "plugin_config") or not _has(training, name):
             continue
-        yield context.note(
-            "block-unused",
+        message = (
             f"{name} has no effect: it belongs to {pb.TrainingMethod.Name(number)}, "
-            f"and the method is {method}",
-            f"{path}.{name}",
-            remedy="Remove it, or change the method",
+            f"and the method is {method}"
         )
+        remedy = "Remove it, or change the method"
+        yield context.note("block-unused", message, f"{path}.{name}", remedy=remedy)
     if training.environment == pb.ENV_SIMULATION and training.method == pb.METHOD_RL:
         yield from _backend(context, training)
 

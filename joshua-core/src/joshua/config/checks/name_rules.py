@@ -70,18 +70,11 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
         elif facts.kind == rules.KIND_TOPIC:
             yield from _unwise_topic(context, path, value)
     elif facts.kind == rules.KIND_UUID and not re.fullmatch(_UUID, value):
-        yield context.error(
-            "uuid-invalid",
-            f"{facts.name} must be a UUID of 36 characters: 8-4-4-4-12 hexadecimal digits",
-            path,
-            allowed=(facts.example,) if facts.example else (),
-        )
+        message = f"{facts.name} must be a UUID of 36 characters: 8-4-4-4-12 hexadecimal digits"
+        yield context.error("uuid-invalid", message, path, allowed=(facts.example,) if facts.example else ())
     elif facts.kind == rules.KIND_HOST and not re.fullmatch(_HOST, value):
-        yield context.error(
-            "host-invalid",
-            "A host name may contain only letters, digits, underscores, dots and hyphens",
-            path,
-        )
+        message = "A host name may contain only letters, digits, underscores, dots and hyphens"
+        yield context.error("host-invalid", message, path)
     elif facts.name == "pixel_format" and not (len(value) == 4 and value.isascii() and value.isprintable()):
         yield context.error(
             "pixel-format-invalid",
@@ -123,26 +116,23 @@ def _unwise_topic(context: Context, path: str, value: str) -> Iterator[Diagnosti
             position=context.name_position(path, value, NameFault("", at, 2, "")),
         )
     elif is_hidden(value):
-        yield context.note(
-            "topic-name-hidden",
+        message = (
             "A topic with a part that starts with an underscore is hidden: "
-            "ROS 2 tools list it only on request",
-            path,
+            "ROS 2 tools list it only on request"
         )
+        yield context.note("topic-name-hidden", message, path)
 
 
 def _robot_id(context: Context) -> Iterator[Diagnostic]:
     """``general.id`` names a folder and a file, so it may not lead elsewhere."""
     value = context.config.general.id
     if value and (not re.fullmatch(_FILE_NAME, value) or len(value) > 100):
-        yield context.error(
-            "robot-id-invalid",
+        message = (
             "general.id names the run directory and the calibration file, so it may contain only letters, "
             "digits, underscores, dots and hyphens, must start with a letter or digit, "
-            "and has at most 100 characters",
-            "general.id",
-            allowed=(f'"{_as_file_name(value)}"',),
+            "and has at most 100 characters"
         )
+        yield context.error("robot-id-invalid", message, "general.id", allowed=(f'"{_as_file_name(value)}"',))
 
 
 def _as_file_name(value: str) -> str:

@@ -98,12 +98,11 @@ def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
             remedy = f"Add publishers {{ data_type: {needed} … }} to the node, or remove {facts.name}"
             yield _note(context, block, facts.name, f"the node publishes no {needed}", remedy)
     elif sent != {types.JOY}:
-        yield context.warning(
-            "controls-missing",
-            f"{block.path.rpartition('.')[2]} has no controls, so nothing that a person does moves a joint",
-            block.path,
-            remedy=f"Add {facts.sample()} for each joint",
+        message = (
+            f"{block.path.rpartition('.')[2]} has no controls, so nothing that a person does moves a joint"
         )
+        remedy = f"Add {facts.sample()} for each joint"
+        yield context.warning("controls-missing", message, block.path, remedy=remedy)
 
 
 def _operation(context: Context) -> Iterator[Diagnostic]:

@@ -150,21 +150,11 @@ class _Search:
         if label == _LABELS["model_path"]:
             remedy += "; the simulator's plugin brings models such as so_arm100/scene.xml"
         if _is_directory(place):
-            yield self._missing(
-                "input-file-is-folder",
-                f"The {label} is a folder, and a file is needed",
-                path,
-                value,
-                f"Name a file in {place}",
-            )
+            message = f"The {label} is a folder, and a file is needed"
+            yield self._missing("input-file-is-folder", message, path, value, f"Name a file in {place}")
         elif not _exists(place):
-            yield self._missing(
-                "input-file-missing",
-                f"The {label} does not exist: looked for {place}{extra}",
-                path,
-                value,
-                remedy,
-            )
+            message = f"The {label} does not exist: looked for {place}{extra}"
+            yield self._missing("input-file-missing", message, path, value, remedy)
         elif not os.access(place, os.R_OK):
             yield self._missing(
                 "input-file-unreadable",

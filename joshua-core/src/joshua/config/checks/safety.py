@@ -32,29 +32,19 @@ def check(context: Context) -> Iterator[Diagnostic]:
         elif action.on_stale == pb.PARK_THEN_RELEASE:
             yield from _pose(context, action, path, "on_stale")
         elif action.on_stale != pb.RELEASE and action.HasField("on_stale_after_s"):
-            yield context.note(
-                "field-unused",
-                "on_stale_after_s has no effect: joints that hold go on holding",
-                f"{path}.on_stale_after_s",
-                remedy="Remove it, or set on_stale: RELEASE or on_stale: PARK_THEN_RELEASE",
-            )
+            message = "on_stale_after_s has no effect: joints that hold go on holding"
+            remedy = "Remove it, or set on_stale: RELEASE or on_stale: PARK_THEN_RELEASE"
+            yield context.note("field-unused", message, f"{path}.on_stale_after_s", remedy=remedy)
         if action.park_pose_rad and pb.PARK_THEN_RELEASE not in (action.safe_state, action.on_stale):
-            yield context.note(
-                "field-unused",
-                "park_pose_rad has no effect: it belongs to safe_state: PARK_THEN_RELEASE",
-                f"{path}.park_pose_rad",
-                remedy="Remove it, or set safe_state: PARK_THEN_RELEASE",
-            )
+            message = "park_pose_rad has no effect: it belongs to safe_state: PARK_THEN_RELEASE"
+            remedy = "Remove it, or set safe_state: PARK_THEN_RELEASE"
+            yield context.note("field-unused", message, f"{path}.park_pose_rad", remedy=remedy)
 
 
 def _pose(context: Context, action: pb.SingleAction, path: str, field: str) -> Iterator[Diagnostic]:
     if not action.park_pose_rad:
-        yield context.error(
-            "park-pose-missing",
-            "PARK_THEN_RELEASE needs park_pose_rad, the pose in which the joints may lose their torque",
-            f"{path}.{field}",
-            found="PARK_THEN_RELEASE",
-        )
+        message = "PARK_THEN_RELEASE needs park_pose_rad, the pose in which the joints may lose their torque"
+        yield context.error("park-pose-missing", message, f"{path}.{field}", found="PARK_THEN_RELEASE")
 
 
 def _unused(context: Context, action: pb.SingleAction, path: str) -> Iterator[Diagnostic]:

@@ -67,11 +67,8 @@ def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoi
         same = [item for item in publishers if bool(item.block.override) is kind]
         if kind and commanded is None:
             for item in same:
-                yield context.note(
-                    "field-unused",
-                    f"override has no effect: {item.topic} commands no actuator of this file",
-                    f"{item.path}.override",
-                )
+                message = f"override has no effect: {item.topic} commands no actuator of this file"
+                yield context.note("field-unused", message, f"{item.path}.override")
             continue
         if len(same) < 2:
             continue
@@ -96,12 +93,8 @@ def _external(context: Context, publishers: list[Endpoint], group: list[Endpoint
                 related=related,
             )
         else:
-            yield context.note(
-                "field-unused",
-                f"external has no effect: {title(first.entry)} publishes {item.topic}",
-                path,
-                related=related,
-            )
+            message = f"external has no effect: {title(first.entry)} publishes {item.topic}"
+            yield context.note("field-unused", message, path, related=related)
 
 
 def _two_publishers(
@@ -113,12 +106,8 @@ def _two_publishers(
     if first.entry is item.entry:
         names = f"Two publishers of {title(item.entry)}"
     if commanded is None:
-        return context.warning(
-            "topic-two-publishers",
-            f"{names} publish {item.topic}: subscribers get both streams mixed",
-            path,
-            related=related,
-        )
+        message = f"{names} publish {item.topic}: subscribers get both streams mixed"
+        return context.warning("topic-two-publishers", message, path, related=related)
     message = (
         f"{names} both command {title(commanded.entry)} on {item.topic}, which would jerk between the two"
     )
@@ -241,9 +230,6 @@ def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
             messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
             rate = number_text(frame_rate(entry.owner)[1] or 30)
             sample = f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}"'
-            yield context.warning(
-                "sensor-unpublished",
-                f"{title(entry)} publishes no topic, so nobody gets what it measures",
-                entry.path,
-                remedy=f"Add publishers {{ {sample} publish_rate_hz: {rate} }}",
-            )
+            message = f"{title(entry)} publishes no topic, so nobody gets what it measures"
+            remedy = f"Add publishers {{ {sample} publish_rate_hz: {rate} }}"
+            yield context.warning("sensor-unpublished", message, entry.path, remedy=remedy)

@@ -105,12 +105,10 @@ def _tls(
             allowed=('listen_endpoints: "tls/0.0.0.0:7447"', 'connect_endpoints: "tls/robot.local:7447"'),
         )
     if secure and transport.kind == pb.TRANSPORT_AUTO:
-        yield context.warning(
-            "tls-may-not-hold",
-            "tls protects Zenoh only; without a kind the environment may choose DDS, which is not encrypted",
-            "transport.kind",
-            allowed=("TRANSPORT_ZENOH",),
+        message = (
+            "tls protects Zenoh only; without a kind the environment may choose DDS, which is not encrypted"
         )
+        yield context.warning("tls-may-not-hold", message, "transport.kind", allowed=("TRANSPORT_ZENOH",))
 
 
 def _dds(context: Context, transport: pb.TransportConfig) -> Iterator[Diagnostic]:
