@@ -38,6 +38,13 @@ def with_absolute_paths(block: _Block, block_path: str, positions: Positions, so
     return copy
 
 
+def folder_of(positions: Positions, path: str, source: str) -> Path:
+    """The folder of the file that holds a field; that of the configuration for values that stand in none."""
+    position = positions.value(path)
+    is_in_file = position is not None and Path(position.file).is_file()
+    return Path(position.file if position is not None and is_in_file else source).absolute().parent
+
+
 def _absolute(
     block: Message, block_path: str, positions: Positions, source: str
 ) -> Iterator[tuple[str, str]]:
@@ -51,9 +58,8 @@ def _absolute(
         if expanded.is_absolute():
             absolute = expanded
         else:
-            position = positions.value(f"{block_path}.{facts.name}")
-            named_in = position.file if position is not None and Path(position.file).is_file() else source
-            absolute = Path(os.path.normpath(Path(named_in).parent.absolute() / expanded))
+            folder = folder_of(positions, f"{block_path}.{facts.name}", source)
+            absolute = Path(os.path.normpath(folder / expanded))
         if str(absolute) != value:
             yield facts.name, str(absolute)
 

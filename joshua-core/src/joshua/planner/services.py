@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from joshua.config.checks.device_table import value_name
 from joshua.config.graph import offered_profile
+from joshua.config.input_paths import folder_of
 from joshua.modes import ServiceSpec
 from joshua.modes.services import makes_episodes
 from joshua.plan.graph import GraphService, RobotGraph, ServiceTopic
@@ -115,11 +116,7 @@ def _data_store(draft: Draft) -> DataStoreContext:
 
 
 def _folder(draft: Draft, path: str) -> str:
-    """Folder of the file that holds a block or field."""
-    position = draft.loaded.positions.value(path)
-    is_in_file = position is not None and Path(position.file).is_file()
-    named_in = position.file if position is not None and is_in_file else draft.request.path
-    return str(Path(named_in).absolute().parent)
+    return str(folder_of(draft.loaded.positions, path, draft.request.path))
 
 
 def physics_of(services: Iterable[ResolvedService]) -> dict[str, Any] | None:

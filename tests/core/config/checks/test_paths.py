@@ -124,7 +124,7 @@ def test_a_packaged_model_needs_no_file(tmp_path: Path) -> None:
     assert examine(path, text, is_packaged=lambda name: name == "so_arm100/scene.xml") == []
     (unknown,) = examine(path, text, is_packaged=lambda name: False, launch=True)
     assert (unknown.code, unknown.severity) == ("input-file-missing", Severity.ERROR)
-    assert "no simulator that is installed brings a model of this name" in unknown.message
+    assert "no installed simulator brings a model of this name" in unknown.message
 
 
 def test_whether_a_model_is_packaged_is_left_open_where_no_simulator_is_installed(tmp_path: Path) -> None:
@@ -133,7 +133,9 @@ def test_whether_a_model_is_packaged_is_left_open_where_no_simulator_is_installe
     for launch in (False, True):
         (item,) = examine(path, text, launch=launch)
         assert (item.code, item.severity) == ("input-file-missing", Severity.NOTE)
-        assert "shows when the simulator's plugin is installed" in item.message
+        assert (
+            "The simulator's plugin may bring a model of this name, but it is not installed" in item.message
+        )
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab/scene.xml").touch()
     assert examine(path, text, launch=True) == []
