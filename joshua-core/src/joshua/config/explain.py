@@ -1,33 +1,200 @@
-"""The pages of ``joshua explain``, as text."""
+"""``joshua explain``: the documentation of every block, field and value, taken from the schema."""
 
 from __future__ import annotations
 
+import re
 import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from joshua.config.codes import CODES
-from joshua.config.explain.catalogue import Catalogue, Place
 from joshua.schema import options_pb2
 from joshua.schema.comments import comment
+from joshua.schema.config_pb2 import Config
 from joshua.schema.extensions import is_extension
 from joshua.textproto.field_facts import field_facts
-from joshua.textproto.field_table import ANY, Kind, field_table
+from joshua.textproto.field_table import ANY, field_table
+from joshua.textproto.nearest import nearest
+from joshua.textproto.plugin_types import PluginTypes
 
 _LABEL = 10
 _MOST_USERS = 4
-_TYPES = {
-    Kind.INTEGER: "whole number",
-    Kind.FLOAT: "number",
-    Kind.BOOL: "true or false",
-    Kind.STRING: "string",
-    Kind.BYTES: "bytes",
-}
+_MOST_SUGGESTIONS = 6
+_PART = 400
+_INDEX = re.compile(r"\[[^\]]*\]")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A field and the path by which a file reaches it, such as ``robot.actions.node.qos``."""
+
+    path: str
+    field: Any
+
+
+class Catalogue:
+    """The schema as a list of names.
+
+    Args:
+        plugin_types: gives the messages of plugins; called only when a name is not the core's own.
+    """
+
+    def __init__(self, plugin_types: Callable[[], PluginTypes] = lambda: PluginTypes(())) -> None:
+        self._plugin_types = plugin_types
+
+    @cached_property
+    def places(self) -> list[Place]:
+        """Every field of a file, from the root down."""
+        return _places(Config.DESCRIPTOR, "")
+
+    @cached_property
+    def plugin_messages(self) -> list[Any]:
+        """Descriptors of the messages that plugins bring."""
+        types = self._plugin_types()
+        found = [types.find(name) for name in types.names()]
+        return [item.DESCRIPTOR for item in found if item is not None]
+
+    @cached_property
+    def messages(self) -> dict[str, Any]:
+        """Blocks of the core, by the name of their message."""
+        fields = [place.field.message_type for place in self.places]
+        found = [Config.DESCRIPTOR, *(item for item in fields if item is not None and item.full_name != ANY)]
+        return {item.name: item for item in found}
+
+    @cached_property
+    def enums(self) -> dict[str, Any]:
+        """Enums of the core, by name."""
+        fields = [place.field.enum_type for place in self.places]
+        return {item.name: item for item in fields if item is not None}
+
+    def find(self, query: str) -> list[Any]:
+        """Finds what a user's word means.
+
+        Args:
+            query: a field path (indices are ignored), its end, a message, a message and a field, an enum,
+                an enum value, or a diagnostic code.
+
+        Returns:
+            Places, descriptors of messages, enums or enum values, or the code as a string; several where
+            the word stands for several, none where it is unknown.
+        """
+        word = _INDEX.sub("", query).strip().strip(".")
+        word = word.removeprefix("joshua.")
+        return (
+            self._exact(word)
+            or self._of_core_message(word)
+            or self._of_plugin(word)
+            or self._ends_with(word)
+            or self._enum_value(word)
+        )
+
+    def suggestions(self, query: str) -> list[str]:
+        """Returns known names that look like a query, the nearest first."""
+        word = _INDEX.sub("", query).strip()
+        by_step = self._by_step(word) if "." in word else []
+        if by_step:
+            return by_step
+        values = [value.name for enum in self.enums.values() for value in enum.values]
+        names = [
+            *self.messages,
+            *self.enums,
+            *CODES,
+            *(message.full_name for message in self.plugin_messages),
+        ]
+        by_leaf: dict[str, str] = {}
+        for name in (*(place.path for place in self.places), *names, *values):
+            by_leaf.setdefault(name.rpartition(".")[2], name)
+        leaf = word.rpartition(".")[2]
+        known = list(by_leaf)
+        # One search looks at so many names only, so it is made in parts.
+        parts = [known[start : start + _PART] for start in range(0, len(known), _PART)]
+        alike = [name for part in parts for name in nearest(leaf, part, _MOST_SUGGESTIONS)]
+        ordered = nearest(leaf, alike, _MOST_SUGGESTIONS)
+        return [by_leaf[name] for name in dict.fromkeys((*ordered, *alike))][:_MOST_SUGGESTIONS]
+
+    def _by_step(self, word: str) -> list[str]:
+        """Follows a path as far as it is right and offers the fields that resemble the first wrong step."""
+        known = {place.path for place in self.places}
+        steps = word.split(".")
+        message = Config.DESCRIPTOR
+        for number, step in enumerate(steps):
+            field = message.fields_by_name.get(step)
+            if field is None:
+                near = nearest(step, [other.name for other in message.fields])
+                paths = [[*steps[:number], name] for name in near]
+                whole = [[*path, *steps[number + 1 :]] for path in paths]
+                ends = [".".join(path) for path in whole if ".".join(path) in known]
+                # Without a like name, the block in which the path is still right is the best help.
+                return ends or [".".join(path) for path in paths] or [".".join(steps[:number])][: number > 0]
+            if field.message_type is None:
+                return [".".join(steps[: number + 1])]
+            message = field.message_type
+        return []
+
+    def _exact(self, word: str) -> list[Any]:
+        for place in self.places:
+            if place.path == word:
+                return [place]
+        if word in self.messages:
+            return [self.messages[word]]
+        if word in self.enums:
+            return [self.enums[word]]
+        return [word] if word in CODES else []
+
+    def _of_core_message(self, word: str) -> list[Any]:
+        """Finds ``Publisher.topic_name`` and ``Publisher.qos.depth``."""
+        name, _, rest = word.partition(".")
+        message = self.messages.get(name)
+        if message is None or not rest:
+            return []
+        return [place for place in _places(message, name) if place.path == word]
+
+    def _of_plugin(self, word: str) -> list[Any]:
+        """Finds the message of a plugin, a field of it, and ``plugin_config.FIELD``."""
+        if "." not in word and not word[:1].isupper():
+            return []  # a bare field name never means something of a plugin
+        found: list[Any] = []
+        for message in self.plugin_messages:
+            if word in (message.full_name, message.name):
+                return [message]
+            for place in _places(message, message.full_name):
+                inner = place.path.removeprefix(f"{message.full_name}.")
+                if word in (place.path, f"{message.name}.{inner}") or word.endswith(f"plugin_config.{inner}"):
+                    found.append(place)
+        return found
+
+    def _ends_with(self, word: str) -> list[Any]:
+        """Finds the fields whose paths end in a word: one place for each message that has such a field."""
+        found: dict[str, Place] = {}
+        for place in self.places:
+            if place.path.endswith(f".{word}"):
+                found.setdefault(place.field.full_name, place)
+        return list(found.values())
+
+    def _enum_value(self, word: str) -> list[Any]:
+        name = word.rpartition(".")[2]
+        if not name.isascii():
+            return []
+        found = [enum.values_by_name[name] for enum in self.enums.values() if name in enum.values_by_name]
+        return found[:1]
+
+
+def _places(message: Any, path: str, around: tuple[str, ...] = ()) -> list[Place]:
+    """Lists the fields of a message and of the blocks in it; a block inside itself is left out."""
+    found: list[Place] = []
+    for field in message.fields:
+        field_path = f"{path}.{field.name}" if path else field.name
+        found.append(Place(field_path, field))
+        inner = field.message_type
+        if inner is not None and inner.full_name not in (*around, message.full_name, ANY):
+            found += _places(inner, field_path, (*around, message.full_name))
+    return found
 
 
 def overview(width: int) -> str:
     """Returns the page of the whole file: its blocks, and how to ask further."""
-    from joshua.schema.config_pb2 import Config
-
     lines = ["A configuration file holds these blocks and fields:", ""]
     lines += _children(Config.DESCRIPTOR, width)
     lines += ["", "joshua explain robot.actions          the fields of a block"]
@@ -48,11 +215,11 @@ def explain(found: list[Any], catalogue: Catalogue, width: int) -> str:
     elif isinstance(item, Place):
         lines = _field(item, catalogue, width)
     elif hasattr(item, "fields_by_name"):
-        lines = [_title(item.full_name, "block"), "", *_wrap(comment(item), width), ""]
+        lines = [f"{item.full_name}: block", "", *_wrap(comment(item), width), ""]
         lines += _users([place for place in catalogue.places if place.field.message_type is item], width)
         lines += _children(item, width)
     elif hasattr(item, "values_by_name"):
-        lines = [_title(item.name, "names of which one is written"), "", *_wrap(comment(item), width), ""]
+        lines = [f"{item.name}: names of which one is written", "", *_wrap(comment(item), width), ""]
         lines += _users([place for place in catalogue.places if place.field.enum_type is item], width)
         lines += _values(item, width)
     else:
@@ -70,7 +237,7 @@ def first_sentence(text: str) -> str:
 def _code(code: str, width: int) -> list[str]:
     row = CODES[code]
     return [
-        _title(code, "diagnostic"),
+        f"{code}: diagnostic",
         "",
         *_labelled("cause", row.cause, width),
         *_labelled("do", row.next_step, width),
@@ -79,7 +246,7 @@ def _code(code: str, width: int) -> list[str]:
 
 def _field(place: Place, catalogue: Catalogue, width: int) -> list[str]:
     field = place.field
-    lines = [_title(place.path, type_text(field)), "", *_wrap(comment(field), width), ""]
+    lines = [f"{place.path}: {type_text(field)}", "", *_wrap(comment(field), width), ""]
     for label, text in facts(field):
         lines += _labelled(label, text, width)
     if field.enum_type is not None:
@@ -125,17 +292,12 @@ def facts(field: Any) -> list[tuple[str, str]]:
 
 
 def type_text(field: Any) -> str:
-    """Returns the type of a field in words, such as ``list of whole numbers``."""
+    """Return the type of a field in words, such as ``list: whole number for each entry``."""
     info = field_table(field.containing_type)[field.name]
-    if info.kind is Kind.MESSAGE:
-        name = "block of a plugin" if info.is_any else "block"
-    elif info.kind is Kind.ENUM:
-        name = f"name of {info.enum.name}"
-    else:
-        name = _TYPES[info.kind]
-    if not info.is_repeated:
-        return name
-    return f"{name}, may be repeated" if info.kind is Kind.MESSAGE else f"list: {name} for each entry"
+    if info.message is None:
+        return f"list: {info.type_text} for each entry" if info.is_repeated else info.type_text
+    name = "block of a plugin" if info.is_any else "block"
+    return f"{name}, may be repeated" if info.is_repeated else name
 
 
 def _plugin_blocks(field: Any, catalogue: Catalogue, width: int) -> list[str]:
@@ -155,7 +317,7 @@ def _plugin_blocks(field: Any, catalogue: Catalogue, width: int) -> list[str]:
 
 
 def _value(value: Any, catalogue: Catalogue, width: int) -> list[str]:
-    lines = [_title(value.name, f"value of {value.type.name}"), "", *_wrap(comment(value), width), ""]
+    lines = [f"{value.name}: value of {value.type.name}", "", *_wrap(comment(value), width), ""]
     lines += _users([place for place in catalogue.places if place.field.enum_type is value.type], width)
     lines += _labelled("schema", f"{value.type.full_name}, number {value.number}{_origin(value)}", width)
     return lines
@@ -200,10 +362,6 @@ def _origin(descriptor: Any) -> str:
     if owner.file.package != "joshua":
         return f" of {owner.file.name}"
     return " (extension)" if is_extension(descriptor) else " (specification)"
-
-
-def _title(name: str, what: str) -> str:
-    return f"{name}: {what}"
 
 
 def _wrap(text: str, width: int) -> list[str]:

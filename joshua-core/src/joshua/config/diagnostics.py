@@ -1,16 +1,19 @@
-"""Findings as text: place, message, source line with caret, found, allowed, what to do, other places."""
+"""Shows findings: text for people, with the source line and a caret, and JSON for editors."""
 
 from __future__ import annotations
 
 import os
 import textwrap
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
-from joshua.config.diagnostics.cells import cell, clean, shorten
 from joshua.plan import Diagnostic, Position, Severity
 
+TAB_WIDTH = 4
+_REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
+_CONTROL_PICTURES = 0x2400
 _SHOWN_ALLOWED = 8
 _SHOWN_RELATED = 5
 _COLORS = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "36"}
@@ -235,3 +238,105 @@ def _window(cells: list[tuple[str, int]], first: int, last: int, columns: int) -
         start -= 1
         used += cells[start][1]
     return start, end, start > 0, end < len(cells)
+
+
+def cell(character: str) -> tuple[str, int]:
+    """Returns what is shown for one character and how many columns it takes.
+
+    Control characters become their visible pictures; surrogates and direction overrides, which can
+    break or reorder the output, become the replacement character.
+    """
+    code = ord(character)
+    if 0x20 <= code < 0x7F:
+        return character, 1
+    if character == "\t":
+        return " " * TAB_WIDTH, TAB_WIDTH
+    if code < 0x20:
+        return chr(_CONTROL_PICTURES + code), 1
+    if code == 0x7F:
+        return "\N{SYMBOL FOR DELETE}", 1
+    category = unicodedata.category(character)
+    if category in ("Cc", "Cs", "Cn", "Co", "Zl", "Zp"):
+        return _REPLACEMENT, 1
+    if category in ("Cf", "Mn", "Me"):
+        if category == "Cf" and unicodedata.bidirectional(character) != "BN":
+            return _REPLACEMENT, 1
+        return character, 0
+    return character, 2 if unicodedata.east_asian_width(character) in ("W", "F") else 1
+
+
+def clean(text: str) -> str:
+    """Makes text safe to print on one line."""
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(cell(character)[0] for character in text)
+
+
+def width(text: str) -> int:
+    """Columns that text takes on a terminal."""
+    return len(text) if text.isascii() else sum(cell(character)[1] for character in text)
+
+
+def shorten(text: str, limit: int) -> str:
+    """Makes text safe and cuts its middle when it takes more than ``limit`` columns."""
+    if len(text) > 4 * limit:  # so that a huge string costs nothing
+        text = text[: 2 * limit] + text[-2 * limit :]
+    shown = clean(text)
+    if width(shown) <= limit:
+        return shown
+    half = (limit - 3) // 2
+    return f"{_prefix(shown, half)}...{_prefix(shown[::-1], half)[::-1]}"
+
+
+def _prefix(text: str, columns: int) -> str:
+    taken = 0
+    for index, character in enumerate(text):
+        taken += cell(character)[1]
+        if taken > columns:
+            return text[:index]
+    return text
+
+
+def render_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str] | None = None) -> str:
+    """Renders findings as a JSON array, sorted by file and position.
+
+    Each object has ``code``, ``severity`` (``error``, ``warning`` or ``note``), ``message``, ``file``,
+    ``line``, ``column``, ``end_line``, ``end_column``, ``field_path``, ``found``, ``allowed`` (list,
+    nearest first), ``remedy`` and ``related`` (objects with ``label`` and a place). Lines and columns
+    count from 1, columns in characters (Unicode code points); ``end_column`` is the column after the
+    last character. A finding about no place in a file has ``null`` for ``file``, line and columns.
+
+    Args:
+        diagnostics: findings in any order.
+        sources: file name to text, root file first; decides the order of the files.
+    """
+    import json  # here because findings are mostly shown as text
+
+    rows = [_row(item) for item in in_order(diagnostics, sources or {})]
+    return json.dumps(rows, indent=2, ensure_ascii=True)
+
+
+def _row(item: Diagnostic) -> dict[str, Any]:
+    return {
+        "code": item.code,
+        "severity": item.severity.value,
+        "message": item.message,
+        **_place(item.position),
+        "field_path": item.field_path,
+        "found": item.found,
+        "allowed": list(item.allowed),
+        "remedy": item.remedy,
+        "related": [{"label": other.label, **_place(other.position)} for other in item.related],
+    }
+
+
+def _place(position: Position | None) -> dict[str, Any]:
+    if position is None:
+        return dict.fromkeys(("file", "line", "column", "end_line", "end_column"))
+    return {
+        "file": position.file,
+        "line": position.line,
+        "column": position.column,
+        "end_line": position.line,
+        "end_column": position.column + position.length,
+    }

@@ -1,9 +1,10 @@
-"""Findings as text: layout, carets, width, colours, and hostile characters."""
+"""Findings as text: layout, carets, width, colours, and hostile characters; findings as JSON."""
 
 from __future__ import annotations
 
 import fcntl
 import io
+import json
 import os
 import pty
 import struct
@@ -11,8 +12,16 @@ import termios
 import unicodedata
 
 import pytest
-from joshua.config.diagnostics import columns_of, render_text, summary, wants_color
-from joshua.config.diagnostics.cells import clean, shorten, width
+from joshua.config.diagnostics import (
+    clean,
+    columns_of,
+    render_json,
+    render_text,
+    shorten,
+    summary,
+    wants_color,
+    width,
+)
 from joshua.plan import Diagnostic, Position, Related, Severity
 
 
@@ -258,3 +267,73 @@ def test_shorten_keeps_both_ends_and_counts_columns() -> None:
 
 def test_clean_leaves_ordinary_text_alone() -> None:
     assert clean("naïve 機械 €") == "naïve 機械 €"
+
+
+def test_every_attribute_is_there_with_one_based_places() -> None:
+    item = Diagnostic(
+        code="serial-port-shared",
+        severity=Severity.ERROR,
+        message="two nodes use one port",
+        position=Position(file="robot.pbtxt", line=4, column=7, length=14),
+        field_path="robot.actions[1].sts3215_config.comm.serial.port",
+        found='"/dev/ttyACM0"',
+        allowed=("a", "b"),
+        remedy="use another port",
+        related=(Related(position=Position(file="arm.pbtxt", line=2, column=1, length=3), label="first"),),
+    )
+    assert json.loads(render_json([item])) == [
+        {
+            "code": "serial-port-shared",
+            "severity": "error",
+            "message": "two nodes use one port",
+            "file": "robot.pbtxt",
+            "line": 4,
+            "column": 7,
+            "end_line": 4,
+            "end_column": 21,
+            "field_path": "robot.actions[1].sts3215_config.comm.serial.port",
+            "found": '"/dev/ttyACM0"',
+            "allowed": ["a", "b"],
+            "remedy": "use another port",
+            "related": [
+                {
+                    "label": "first",
+                    "file": "arm.pbtxt",
+                    "line": 2,
+                    "column": 1,
+                    "end_line": 2,
+                    "end_column": 4,
+                }
+            ],
+        }
+    ]
+
+
+def test_a_finding_without_a_place_has_nulls() -> None:
+    (row,) = json.loads(render_json([Diagnostic(code="c", severity=Severity.NOTE, message="m")]))
+    assert [row[key] for key in ("file", "line", "column", "end_line", "end_column")] == [None] * 5
+    assert row["severity"] == "note"
+
+
+def test_no_findings_are_an_empty_list() -> None:
+    assert json.loads(render_json([])) == []
+
+
+def test_hostile_text_stays_ascii() -> None:
+    item = Diagnostic(code="c", severity=Severity.ERROR, message="\x1b\x00\udcff機")
+    text = render_json([item])
+    assert text.isascii()
+    assert json.loads(text)[0]["message"] == "\x1b\x00\udcff機"
+
+
+def test_rows_are_sorted_by_place() -> None:
+    items = [
+        Diagnostic(
+            code=str(line),
+            severity=Severity.ERROR,
+            message="m",
+            position=Position(file="f", line=line, column=1),
+        )
+        for line in (3, 1, 2)
+    ]
+    assert [row["line"] for row in json.loads(render_json(items))] == [1, 2, 3]
