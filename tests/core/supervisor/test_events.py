@@ -31,7 +31,7 @@ from joshua.plan.events import (
     event_record,
 )
 from joshua.supervisor.control_server import STREAM_BACKLOG_BYTES, ControlServer
-from joshua.supervisor.event_bus import MAX_STREAMS, EventBus
+from joshua.supervisor.logbook import MAX_STREAMS, EventBus
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
 from joshua.supervisor.tables import progress_text, status_lines

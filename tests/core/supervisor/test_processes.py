@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from joshua.ipc.client import SOCKET_NAME, ask, running_systems
-from joshua.supervisor.stop_signals import ECHO_S
+from joshua.supervisor.reactor import ECHO_S
 
 HERE = Path(__file__).parent
 PATIENCE_S = 50.0

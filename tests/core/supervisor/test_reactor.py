@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from functools import partial
 
 import pytest
-from joshua.supervisor.reactor import Reactor
+from joshua.supervisor.reactor import ECHO_S, Reactor, StopSignals
 
 
 class Clock:
@@ -102,4 +104,35 @@ def test_writable_descriptors_are_told(pipe):
     reactor.watch(pipe[1], lambda: told.append("readable"), lambda: told.append("writable"))
     reactor.turn()
     assert told == ["writable"]
+    reactor.close()
+
+
+def test_an_order_that_is_delivered_twice_is_one_order_and_a_later_one_another():
+    clock, heard = Clock(), []
+    reactor = Reactor(clock)
+    signals = StopSignals(reactor, heard.append)
+    signals.install()
+    try:
+        for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGHUP):  # as `timeout` and a terminal do it
+            os.kill(os.getpid(), number)
+        reactor.turn()
+        assert heard == [signal.SIGTERM]
+        clock.now_s += 2 * ECHO_S
+        os.kill(os.getpid(), signal.SIGINT)
+        reactor.turn()
+        assert heard == [signal.SIGTERM, signal.SIGINT]
+    finally:
+        signals.close()
+        reactor.close()
+
+
+def test_another_thread_wakes_the_loop():
+    reactor, ran = Reactor(), []
+    thread = threading.Thread(target=lambda: reactor.post(lambda: ran.append(threading.get_ident())))
+    thread.start()
+    while not ran:
+        reactor.turn()
+    thread.join()
+    assert ran == [threading.get_ident()]
+    reactor.close()
     reactor.close()

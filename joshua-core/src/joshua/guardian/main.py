@@ -117,35 +117,21 @@ def _failed(detail: str) -> dict[str, Any]:
 
 
 class DriverProcess:
-    """The parent process at the time of construction.
-
-    A process descriptor never refers to another process, unlike a number that is assigned again. On a system
-    without descriptors, the parent's number is compared before each use.
-    """
+    """The parent process. Its number is its own as long as the kernel names it as the parent of this one."""
 
     def __init__(self, process_id: int) -> None:
         self.process_id = process_id
-        self._descriptor = -1
-        if sys.platform == "linux":
-            with contextlib.suppress(OSError):
-                self._descriptor = os.pidfd_open(process_id)
 
     @property
     def alive(self) -> bool:
         """Whether the process has not ended."""
-        if self._descriptor >= 0:
-            return not select.select([self._descriptor], [], [], 0)[0]
         return os.getppid() == self.process_id
 
     def kill(self) -> bool:
         """Kills the process, waits for its end and returns whether it has ended."""
         deadline_s = time.monotonic() + END_TIMEOUT_S
         if self.alive:
-            with contextlib.suppress(ProcessLookupError):
-                if self._descriptor >= 0 and sys.platform == "linux":
-                    signal.pidfd_send_signal(self._descriptor, signal.SIGKILL)
-                else:
-                    os.kill(self.process_id, signal.SIGKILL)
+            os.kill(self.process_id, signal.SIGKILL)
         while self.alive and time.monotonic() < deadline_s:
             time.sleep(_END_POLL_S)
         return not self.alive

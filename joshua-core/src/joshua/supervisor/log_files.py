@@ -112,8 +112,6 @@ class LogFile:
         self._warn = warn
         self._warned = False
         self._max_file_bytes = max_file_bytes
-        self._descriptor = -1
-        self._size = 0
         self._lost = 0
         self._retry_s = 0.0
         self._writer = BackgroundWriter[str](self._write, "log-file")
@@ -123,66 +121,41 @@ class LogFile:
         self._writer.put(line)
 
     def close(self) -> None:
-        """Writes pending lines and closes the file. Gives up after a second."""
-        if self._writer.close(CLOSE_TIMEOUT_S) and self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        """Writes pending lines. Gives up after a second."""
+        self._writer.close(CLOSE_TIMEOUT_S)
 
     def _write(self, lines: list[str]) -> None:
         if time.monotonic() < self._retry_s:
             self._lost += len(lines)
             return
-        try:
-            for line in lines:
-                self._write_line(line)
-        except OSError as error:
-            self._fail(error, len(lines))
-
-    def _write_line(self, line: str) -> None:
-        data = line.encode("utf-8", "backslashreplace") + b"\n"
-        if self._descriptor >= 0 and self._size + len(data) > self._max_file_bytes:
-            self._rotate()
-        if self._descriptor < 0:
-            self._open()
+        data = deque(line.encode("utf-8", "backslashreplace") + b"\n" for line in lines)
         if self._lost:
             lost = f'{{"level": "WARNING", "text": "{self._lost} lines could not be written here"}}\n'
-            data = b"\n" + lost.encode() + data
-        written = os.write(self._descriptor, data)
-        self._size += written
-        if written < len(data):
-            raise OSError(f"only {written} of {len(data)} bytes were written")
-        self._lost = 0
+            data.appendleft(b"\n" + lost.encode())
+        try:
+            self._append(data)
+            self._lost = 0
+        except OSError as error:
+            self._lost += len(lines)
+            self._retry_s = time.monotonic() + RETRY_S
+            if not self._warned:
+                self._warned = True
+                self._warn(
+                    f"the log file {self.path} cannot be written: {error.strerror or error}. The run goes on "
+                    "without it. Free space there, or set JOSHUA_LOG_DIR to another folder"
+                )
 
-    def _open(self) -> None:
+    def _append(self, data: deque[bytes]) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
-        self._descriptor = os.open(self.path, flags, 0o644)
-        self._size = os.fstat(self._descriptor).st_size
-
-    def _rotate(self) -> None:
-        os.close(self._descriptor)
-        self._descriptor = -1
-        for number in range(KEPT_ROTATIONS - 1, 0, -1):
-            older = self._rotated(number)
-            if older.exists():
-                older.replace(self._rotated(number + 1))
-        self.path.replace(self._rotated(1))
-
-    def _rotated(self, number: int) -> Path:
-        return self.path.with_name(f"{self.path.name}.{number}")
-
-    def _fail(self, error: OSError, lines: int) -> None:
-        self._lost += lines
-        self._retry_s = time.monotonic() + RETRY_S
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-        if not self._warned:
-            self._warned = True
-            self._warn(
-                f"the log file {self.path} cannot be written: {error.strerror or error}. The run goes on "
-                "without it. Free space there, or set JOSHUA_LOG_DIR to another folder"
-            )
+        while data:
+            with self.path.open("ab") as file:
+                while data and (file.tell() == 0 or file.tell() + len(data[0]) <= self._max_file_bytes):
+                    file.write(data.popleft())
+            if data:
+                names = [self.path, *(Path(f"{self.path}.{n}") for n in range(1, KEPT_ROTATIONS + 1))]
+                for older, newer in zip(names[:0:-1], names[-2::-1], strict=True):
+                    if newer.exists():
+                        newer.replace(older)
 
 
 def new_log(folder: Path, robot: str) -> Path:

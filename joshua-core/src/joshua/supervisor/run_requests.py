@@ -16,8 +16,7 @@ from joshua.ipc.client import is_named
 from joshua.ipc.frames import FrameError
 from joshua.plan.events import EVENT_NAMES, RunStatus, event_record
 from joshua.supervisor.control_server import Connection, Handler, Request
-from joshua.supervisor.event_bus import MAX_STREAMS
-from joshua.supervisor.logbook import Logbook
+from joshua.supervisor.logbook import MAX_STREAMS, Logbook
 from joshua.supervisor.managed_process import ManagedProcess
 from joshua.supervisor.reactor import Reactor, ReactorTimer
 

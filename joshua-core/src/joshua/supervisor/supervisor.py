@@ -19,20 +19,18 @@ from joshua.ipc.run_bases import RunDirectoryError
 from joshua.plan import NodeKind, NodeSpec, Plan, RunFacts, RunReport
 from joshua.plan.events import RunEvent, RunStatus
 from joshua.plan.report import without_reasons
-from joshua.supervisor.event_bus import EventBus, Subscriber
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S
 from joshua.supervisor.launcher import Launcher
 from joshua.supervisor.log_files import new_log
-from joshua.supervisor.logbook import Logbook
+from joshua.supervisor.logbook import EventBus, Logbook, Subscriber
 from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
 from joshua.supervisor.options import LEAST_START_S, SupervisorOptions
-from joshua.supervisor.reactor import Reactor
+from joshua.supervisor.reactor import Reactor, StopSignals
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 from joshua.supervisor.run_place import RunPlace
 from joshua.supervisor.run_requests import RunRequests
-from joshua.supervisor.stop_signals import StopSignals
 from joshua.supervisor.terminal_guard import TerminalGuard
 
 
