@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 import pytest
 from joshua.cli.commands import presets as command
@@ -28,17 +29,51 @@ def test_the_list_names_every_preset_with_its_mode_summary_and_plugins(capsys: p
 @pytest.mark.parametrize("width", [20, 60, 80, 200])
 def test_the_list_keeps_to_the_width_of_the_terminal(width: int):
     text = command.listing(read_presets(), width)
-    widest = max(len(line) for line in text.splitlines())
+    widest = max(len(line) for line in text.splitlines() if "--with" not in line)  # a command stays whole
     names = max(len(name) for name in preset_names())
     assert widest <= max(width, names + 34)
 
 
-def test_a_preset_says_which_of_its_plugins_are_not_installed(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("importlib.metadata.distributions", lambda name: ["it"] * (name == "joshua-sts3215"))
-    camera, teleop = read_preset("teleop_so_arm100_camera"), read_preset("teleop_so_arm100")
-    assert command.needs(camera).endswith("(not installed: joshua-camera, joshua-dataset)")
-    assert command.needs(teleop) == "needs joshua-sts3215 (installed)"
-    assert command.needs(read_preset("test_mock_hardware")) == "needs no plugin"
+def with_plugins(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    monkeypatch.setattr(command, "is_usable", lambda name: name in names)
+
+
+def test_each_preset_says_whether_its_plugins_are_there(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(Path(__file__).parents[3])
+    with_plugins(monkeypatch, "joshua-sts3215")
+    names = ("teleop_so_arm100", "test_camera", "inference_smolvla", "test_mock_hardware")
+    arms, camera, smolvla, mock = (read_preset(name) for name in names)
+    assert command.needs(arms) == "needs joshua-sts3215 (installed)"
+    assert command.needs(camera) == "needs joshua-camera (cannot run, not installed: joshua-camera)"
+    assert command.needs(smolvla).endswith("joshua-camera (cannot run, not available yet: joshua-smolvla)")
+    assert command.needs(mock) == "needs no plugin"
+    out = command.listing([arms, camera, smolvla, mock], 120)
+    assert "2 of 4 presets can run with the plugins that are installed." in out
+    assert "install what is missing: ./run --with camera\n" in out
+    assert "not available yet: joshua-smolvla\n" in out
+
+
+def test_the_plugins_that_are_installed_here_are_found():
+    assert command.is_usable("joshua-core")
+    assert not command.is_usable("joshua-isaac-trainer")
+
+
+def test_an_optional_plugin_is_not_required(monkeypatch: pytest.MonkeyPatch):
+    with_plugins(monkeypatch, "joshua-mujoco-sim")
+    assert read_preset("teleop_so_arm100_camera").required == ("joshua-sts3215", "joshua-camera")
+    out = command.listing([read_preset("sim_offscreen")], 120)
+    assert "1 of 1 presets can run" in out
+    assert "install what is missing" not in out
+
+
+def test_from_an_index_the_missing_plugins_are_one_command_of_pip(monkeypatch: pytest.MonkeyPatch):
+    with_plugins(monkeypatch)
+    monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
+    monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: "")
+    out = command.listing([read_preset("teleop_keyboard")], 120)
+    assert "install what is missing: pip install joshua-sts3215 joshua-teleop-input\n" in out
+    monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: None)
+    assert "pip install" not in command.listing([read_preset("teleop_keyboard")], 120)
 
 
 def test_one_preset_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]):

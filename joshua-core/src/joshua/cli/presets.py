@@ -38,6 +38,12 @@ class Preset:
         text = " ".join(self.sections.get("Plugins", ()))
         return "" if text == "none" else text
 
+    @property
+    def required(self) -> tuple[str, ...]:
+        """The distributions without which the preset does not run."""
+        named = [part.strip() for part in self.plugins.split(",")] if self.plugins else []
+        return tuple(part for part in named if "(optional" not in part)
+
 
 def preset_names() -> list[str]:
     """Lists the names of all presets, sorted."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shlex
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -56,6 +57,25 @@ def install(distribution: str, extra: str = "") -> str:
 def requires(distribution: str) -> str:
     """The end of a message that something needs a plugin: which one, and how to install it."""
     return f"requires the plugin {distribution}, which is not installed: {install(distribution)}"
+
+
+def is_offered(distribution: str) -> bool:
+    """Whether there is a distribution of this name to install, as far as this machine can tell."""
+    return clone() is None or is_cloned(distribution) or not distribution.startswith(PREFIX)
+
+
+def hints(distributions: Iterable[str]) -> list[str]:
+    """One line with the command that installs several distributions, one on those that do not exist yet."""
+    named = list(distributions)
+    wanted = [name for name in named if is_offered(name)]
+    lines = [f"not available yet: {', '.join(sorted(set(named) - set(wanted)))}"] if wanted != named else []
+    root = clone()
+    if wanted and root is not None:
+        names = ",".join(name.removeprefix(PREFIX) for name in wanted)
+        return [f"install what is missing: {_shown(root / 'run')} --with {names}", *lines]
+    if wanted and origin() == "":
+        return [f"install what is missing: pip install {' '.join(wanted)}", *lines]
+    return lines
 
 
 def reinstall(distribution: str) -> str:

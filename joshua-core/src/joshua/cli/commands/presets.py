@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import sys
 import textwrap
+from functools import cache
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
@@ -42,34 +42,62 @@ def run(arguments: argparse.Namespace) -> int:
 
 def listing(presets: Iterable[Preset], width: int) -> str:
     """Lay out presets by mode: name, summary, and the plugins that each needs, in a width of columns."""
+    from joshua.plan import installing
+
     presets = list(presets)
     column = max(len(preset.name) for preset in presets) + 4
-    width = max(width, column + 30) - column
+    width = max(width, column + 30)
     lines = []
     for mode in MODES:
         lines.append(f"MODE_{mode}")
         for preset in presets:
             if preset.mode == mode:
                 texts = [preset.summary, needs(preset)]
-                first, *rest = [
-                    line for text in texts for line in textwrap.wrap(text, width, break_on_hyphens=False)
-                ]
+                first, *rest = [line for text in texts for line in _wrapped(text, width - column)]
                 lines += [f"  {preset.name}".ljust(column) + first, *(" " * column + line for line in rest)]
         lines.append("")
-    lines.append("Copy one to change it:  joshua new my_robot --from PRESET")
+    missing = dict.fromkeys(name for preset in presets for name in preset.required if not is_usable(name))
+    ready = sum(all(map(is_usable, preset.required)) for preset in presets)
+    lines += _wrapped(
+        f"{ready} of {len(presets)} presets can run with the plugins that are installed.", width
+    )
+    for hint in installing.hints(missing):  # a command stays whole
+        lines += [hint] if hint.startswith("install") else _wrapped(hint, width)
+    lines += _wrapped("Copy one to change it:  joshua new my_robot --from PRESET", width)
     return "\n".join(lines) + "\n"
 
 
+def _wrapped(text: str, width: int) -> list[str]:
+    return textwrap.wrap(text, width, break_on_hyphens=False)
+
+
 def needs(preset: Preset) -> str:
-    """What a preset needs, and what of it is not installed."""
-    from importlib import metadata
+    """What a preset needs, and whether that is installed; if not, whether it can be."""
+    from joshua.plan import installing
 
     if not preset.plugins:
         return "needs no plugin"
-    names = dict.fromkeys(re.findall(r"joshua-[a-z0-9-]+", preset.plugins))
-    missing = [name for name in names if not any(metadata.distributions(name=name))]
-    state = f"not installed: {', '.join(missing)}" if missing else "installed"
+    missing = [name for name in preset.required if not is_usable(name)]
+    absent = [name for name in missing if not installing.is_offered(name)]
+    state = "installed"
+    if missing:
+        state = f"cannot run, not installed: {', '.join(missing)}"
+    if absent:
+        state = f"cannot run, not available yet: {', '.join(absent)}"
     return f"needs {preset.plugins} ({state})"
+
+
+@cache
+def _usable() -> frozenset[str]:
+    from joshua.plugins import PluginStatus, load_registry
+
+    rows = load_registry().rows()
+    return frozenset(row.distribution for row in rows if row.status is PluginStatus.OK)
+
+
+def is_usable(distribution: str) -> bool:
+    """Whether the plugin of a distribution is installed, and nothing is wrong with it."""
+    return distribution in _usable()
 
 
 def unknown_preset(command: str, name: str, names: list[str]) -> str:
