@@ -231,48 +231,41 @@ def full_name(node: NodeInfo) -> str:
 
 
 def find_topic(transport: Transport, topic: str, wait_s: float) -> list[EndpointInfo]:
-    """Wait for a topic to appear; returns its endpoints.
-
-    Raises:
-        GraphError: it did not; the message names the nearest.
-    """
-
-    def of_topic(nodes: Sequence[NodeInfo]) -> list[EndpointInfo]:
-        return [endpoint for node in nodes for endpoint in node.endpoints if endpoint.topic == topic]
-
-    nodes: list[NodeInfo] = []
-    for _ in looks(wait_s):
-        nodes = transport.nodes()
-        if found := of_topic(nodes):
-            # a further moment, so that the other endpoints of the topic are known as well
-            return of_topic(wait_for_graph(transport, min(wait_s, _SETTLE_S))) or found
-    topics = sorted({endpoint.topic for node in nodes for endpoint in node.endpoints})
-    raise _missing("topic", topic, topics, transport, wait_s)
+    """Wait for a topic to appear; returns its endpoints. Raises GraphError if it does not."""
+    nodes = _wait_for("topic", topic, transport, wait_s)
+    return [endpoint for node in nodes for endpoint in node.endpoints if endpoint.topic == topic]
 
 
 def find_node(transport: Transport, name: str, wait_s: float) -> list[NodeInfo]:
-    """Wait for a node to appear; returns all of that name.
+    """Wait for a node to appear; returns all of that name. Raises GraphError if it does not."""
+    return [node for node in _wait_for("node", name, transport, wait_s) if full_name(node) == name]
+
+
+def _wait_for(kind: str, name: str, transport: Transport, wait_s: float) -> list[NodeInfo]:
+    """Wait for a topic or node; returns the graph a moment later, so that the rest of it is known as well.
 
     Raises:
-        GraphError: it did not; the message names the nearest.
+        GraphError: it did not appear; the message names the nearest.
     """
-    nodes: list[NodeInfo] = []
+
+    def names_of(nodes: Sequence[NodeInfo]) -> list[str]:
+        topics = {end.topic for node in nodes for end in node.endpoints}
+        return sorted(topics if kind == "topic" else map(full_name, nodes))
+
+    names: list[str] = []
     for _ in looks(wait_s):
         nodes = transport.nodes()
-        if found := [node for node in nodes if full_name(node) == name]:
+        names = names_of(nodes)
+        if name in names:
             settled = wait_for_graph(transport, min(wait_s, _SETTLE_S))
-            return [node for node in settled if full_name(node) == name] or found
-    raise _missing("node", name, [full_name(node) for node in nodes], transport, wait_s)
-
-
-def _missing(kind: str, name: str, names: Sequence[str], transport: Transport, wait_s: float) -> GraphError:
+            return settled if name in names_of(settled) else nodes
     if near := difflib.get_close_matches(name, names, n=3, cutoff=0.4):
         hint = f"the nearest are {', '.join(near)}"
     elif names:
         hint = f"there are {', '.join(names[:8])}{', …' if len(names) > 8 else ''}"
     else:
         hint = f"there is none on {place_of(transport)}"
-    return GraphError(f"no {kind} {name} appeared within {wait_s:g} s; {hint}", ExitCode.INVALID)
+    raise GraphError(f"no {kind} {name} appeared within {wait_s:g} s; {hint}", ExitCode.INVALID)
 
 
 def type_of(endpoints: Sequence[EndpointInfo]) -> str:

@@ -70,7 +70,7 @@ class Parser(argparse.ArgumentParser):
             sub.takes(option) for sub in self.commands().values()
         )
 
-    def _plugin_commands(self) -> list[table.PluginCommand]:
+    def _plugin_commands(self) -> list[Command]:
         """What a word that is no command may mean; a subcommand has none."""
         return [] if isinstance(self, CommandParser) else table.plugin_commands()
 

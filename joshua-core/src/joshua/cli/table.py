@@ -15,11 +15,16 @@ ENTRY_POINT_GROUP = "joshua.commands"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Command:
-    """One row of the command table; the module is imported only when the command is used."""
+    """One row of the command table; the module is imported only when the command is used.
+
+    Attributes:
+        summary: one line of help; distribution: that brings the command. Either is "" where it is not known.
+    """
 
     name: str
     module: str
-    summary: str
+    summary: str = ""
+    distribution: str = ""
 
 
 COMMANDS = tuple(
@@ -44,30 +49,21 @@ COMMANDS = tuple(
 )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class PluginCommand:
-    """A command of a plugin: its name, its module, and the distribution that brings it."""
-
-    name: str
-    module: str
-    distribution: str
-
-
 class PluginCommandError(Exception):
     """A command of a plugin cannot be used; the message says which, why, and what to do."""
 
 
-def plugin_commands() -> list[PluginCommand]:
+def plugin_commands() -> list[Command]:
     """List the commands of installed plugins by name, without importing them."""
     from importlib import metadata
 
     from joshua.plugins.discovery import normalise
 
-    found = {
-        PluginCommand(point.name, point.value, normalise(point.dist.name) if point.dist else "(unknown)")
+    found = {  # a path that is searched twice lists them twice
+        (point.name, normalise(point.dist.name) if point.dist else "(unknown)", point.value)
         for point in metadata.entry_points(group=ENTRY_POINT_GROUP)
     }
-    return sorted(found, key=lambda command: (command.name, command.distribution))
+    return [Command(name, module, distribution=owner) for name, owner, module in sorted(found)]
 
 
 def find_command(name: str) -> Command | None:
@@ -113,11 +109,11 @@ def commands_by_distribution() -> dict[str, list[str]]:
     return found
 
 
-def load_command(command: PluginCommand) -> Command:
+def load_command(command: Command) -> Command:
     """Import a command's module for its summary. Raises PluginCommandError."""
     try:
         module = importlib.import_module(command.module)
-        return Command(command.name, command.module, str(module.SUMMARY))
+        return Command(command.name, command.module, str(module.SUMMARY), command.distribution)
     except (Exception, SystemExit) as error:
         from joshua.plan import installing
 

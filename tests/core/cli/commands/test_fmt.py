@@ -83,7 +83,7 @@ def test_a_file_with_syntax_errors_is_left_as_it_is(path: Path, capsys: pytest.C
     assert path.read_text() == "general { mode = MODE_TEST\n"
     assert f"{path}:1:16: error: mode is followed by '='" in shown
     assert "The block general is not closed." in shown
-    assert f"joshua fmt: {path} is left as it is" in shown
+    assert f"joshua fmt: {path} stays unchanged" in shown
     assert good.read_text() == NEAT
 
 

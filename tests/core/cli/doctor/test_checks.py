@@ -39,7 +39,7 @@ def test_the_grant_of_locked_memory(make_host: MakeHost, granted: str, level: Le
 def test_shared_memory_needs_a_place_and_room(tmp_path: Path, make_host: MakeHost) -> None:
     (tmp_path / "proc").mkdir()
     found = only(check_shared_memory(make_host()))
-    assert (found.level, found.message) == (Level.ERROR, "is not there")
+    assert (found.level, found.message) == (Level.ERROR, "does not exist")
     (tmp_path / "dev/shm").mkdir(parents=True)
     assert only(check_shared_memory(make_host(), least_mib=0)).level is Level.OK
     found = only(check_shared_memory(make_host(), least_mib=1e12))

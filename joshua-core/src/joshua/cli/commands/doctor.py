@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from joshua.cli.options import add_config_options
 
@@ -14,16 +14,15 @@ if TYPE_CHECKING:
 
     from joshua.cli.doctor.finding import Finding
     from joshua.cli.doctor.host import Host
-    from joshua.cli.doctor.parts import Part
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``joshua doctor`` and of the plugins' checks."""
-    from joshua.cli.doctor.parts import installed_parts
+    from joshua.cli.doctor.checks import installed_parts
 
     parser.add_argument("--no-scan", action="store_true", help="open no device and send nothing")
     for part in installed_parts():
-        if part.add_arguments is not None:
+        if hasattr(part, "add_arguments"):
             part.add_arguments(parser)
     add_config_options(parser, file="check the devices of this configuration")
 
@@ -34,16 +33,16 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
     Args:
         host: the machine to check; None for this one.
     """
+    from joshua.cli.doctor.checks import installed_parts
     from joshua.cli.doctor.finding import as_json, exit_code, lines, summary
     from joshua.cli.doctor.host import Host
-    from joshua.cli.doctor.parts import installed_parts
     from joshua.supervisor.tables import Screen
 
     host = host or Host()
     parts = installed_parts()
     for part in parts:
-        if part.begin is not None and (code := part.begin(arguments, host)) is not None:
-            return code
+        if hasattr(part, "begin") and (code := part.begin(arguments, host)) is not None:
+            return int(code)
     as_text = arguments.format == "text"
     screen = Screen.of(sys.stdout)
     findings = []
@@ -59,30 +58,22 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
     return exit_code(findings)
 
 
-def _findings(arguments: argparse.Namespace, host: Host, parts: Sequence[Part]) -> Iterator[Finding]:
+def _findings(arguments: argparse.Namespace, host: Host, parts: Sequence[Any]) -> Iterator[Finding]:
     from joshua.cli.doctor.checks import CHECKS
-
-    for check in CHECKS:
-        yield from check(host)
-    for part in parts:
-        if part.problem is not None:
-            yield part.problem
-        for check in part.checks:
-            yield from check(host)
-    if arguments.config:
-        yield from _of_configuration(arguments, parts)
-    elif not arguments.no_scan:
-        for part in parts:
-            for device_check in part.device_checks:
-                yield from device_check(host, arguments)
-
-
-def _of_configuration(arguments: argparse.Namespace, parts: Sequence[Part]) -> Iterator[Finding]:
     from joshua.cli.doctor.configuration import check_configuration
     from joshua.cli.report import request_of
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
 
-    result = examine(request_of(arguments, Purpose.SHOW))
-    further = [check for part in parts for check in part.node_checks]
-    yield from check_configuration(result, opens=not arguments.no_scan, further=further)
+    def added(name: str) -> list[Any]:
+        return [check for part in parts for check in getattr(part, name, ())]
+
+    for check in (*CHECKS, *added("CHECKS")):
+        yield from check(host)
+    if arguments.config:
+        result = examine(request_of(arguments, Purpose.SHOW))
+        opens, further = not arguments.no_scan, added("NODE_CHECKS")
+        yield from check_configuration(result, opens=opens, further=further)
+    elif not arguments.no_scan:
+        for check in added("DEVICE_CHECKS"):
+            yield from check(host, arguments)

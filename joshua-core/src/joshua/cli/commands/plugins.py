@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from joshua.plugins import PluginRow, PluginSpec
 
+_TEXTS = ("kind", "block", "summary", "implementation", "native")
+
 NOTHING = (
     "joshua plugins: no plugin is installed, not even joshua-core: its files are here without its metadata\n"
     "  do: {}\n"
@@ -139,14 +141,10 @@ def as_json(row: PluginRow) -> dict[str, Any]:
         "reasons": list(row.reasons),
         "provides": [
             {
-                "kind": spec.kind,
-                "block": spec.block,
-                "enum_values": list(spec.enum_values),
-                "summary": spec.summary,
-                "implementation": spec.implementation,
-                "native": getattr(spec, "native", ""),
-                "data_types": list(getattr(spec, "data_types", ())),
+                name: getattr(spec, name, "")
+                for name in ("kind", "block", "summary", "implementation", "native")
             }
+            | {name: list(getattr(spec, name, ())) for name in ("enum_values", "data_types")}
             for spec in row.specs
         ],
     }

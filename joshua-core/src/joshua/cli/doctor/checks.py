@@ -1,21 +1,36 @@
-"""The checks of every machine: software, real-time priority, shared memory. Plugins add theirs."""
+"""The checks of every machine, and those that plugins add: entry points of the group ``joshua.doctor``.
+
+The entry point names a light module. Each of these names may stand in it:
+
+- ``CHECKS``: functions that check the machine and open no device: ``check(host)`` yields findings.
+- ``DEVICE_CHECKS``: functions that open devices: ``check(host, arguments)``. They do not run with
+  ``--no-scan``, nor with a file, whose drivers open its devices.
+- ``NODE_CHECKS``: functions that check one actuator of a file: ``check(spec, settings)``.
+- ``add_arguments(parser)``: adds options to the command.
+- ``begin(arguments, host)``: runs first; the command exits with the code that it returns, None continues.
+"""
 
 from __future__ import annotations
 
+import importlib
 import os
 import platform
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib import metadata
+from types import SimpleNamespace
+from typing import Any
 
 from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.doctor.host import Host
-from joshua.cli.doctor.parts import Check
 from joshua.cli.exit_codes import ExitCode
 from joshua.plan import installing
 from joshua.plugins import PluginStatus, load_registry
 from joshua.plugins.hints import stated
+
+ENTRY_POINT_GROUP = "joshua.doctor"
+Check = Callable[[Host], Iterable[Finding]]
 
 SOFTWARE = "software"
 # The part of a version number whose change means that core and plugin no longer fit.
@@ -23,38 +38,28 @@ SERIES = 2
 
 
 def check_software(host: Host) -> Iterator[Finding]:
-    """Names versions, and what is wrong with a plugin."""
+    """Name versions, and the problems of plugins."""
     del host  # the software is that of this process
     try:
         core = metadata.version("joshua-core")
     except metadata.PackageNotFoundError:
         core = "unknown"
-    python = platform.python_version()
-    yield Finding(
-        Level.OK, SOFTWARE, "joshua-core", f"{core} on Python {python}, {platform.platform(terse=True)}"
-    )
+    versions = f"{core} on Python {platform.python_version()}, {platform.platform(terse=True)}"
+    yield Finding(Level.OK, SOFTWARE, "joshua-core", versions)
     ours = stated().distributions()
     for row in load_registry().rows():
         if row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT):
-            yield Finding(
-                Level.ERROR,
-                SOFTWARE,
-                row.distribution,
-                "; ".join(row.reasons),
+            remedy = (
                 installing.reinstall(row.distribution)
                 if row.status is PluginStatus.BROKEN
-                else "joshua plugins says which plugins are in conflict: uninstall one of them",
-                ExitCode.NOT_INSTALLED,
+                else "uninstall one of the plugins in conflict, which joshua plugins names"
             )
+            reasons, code = "; ".join(row.reasons), ExitCode.NOT_INSTALLED
+            yield Finding(Level.ERROR, SOFTWARE, row.distribution, reasons, remedy, code)
         elif row.distribution in ours and _series(row.version) != _series(core):
-            yield Finding(
-                Level.WARNING,
-                SOFTWARE,
-                row.distribution,
-                f"is {row.version}, made for another core than {core}",
-                _upgrade(row.distribution),
-            )
-        elif row.distribution != "joshua-core":  # the core's own devices and models: it has its row
+            text = f"is {row.version}, which does not fit the core {core}"
+            yield Finding(Level.WARNING, SOFTWARE, row.distribution, text, _upgrade(row.distribution))
+        elif row.distribution != "joshua-core":  # which has its own row
             yield Finding(Level.OK, SOFTWARE, row.distribution, row.version)
 
 
@@ -96,37 +101,45 @@ def check_realtime(host: Host) -> Iterator[Finding]:
 
 SHARED_MEMORY = "shared memory"
 LEAST_MIB = 128
-PLACE = "/dev/shm"  # noqa: S108 - it is looked at, and nothing is kept there
+PLACE = "/dev/shm"  # noqa: S108 - it is checked, and nothing is written there
 
 
 def check_shared_memory(host: Host, least_mib: float = LEAST_MIB) -> Iterator[Finding]:
-    """Looks at the place, its mode and its free space."""
+    """Check the folder, its mode and its free space."""
     folder = host.root / "dev/shm"
     if not (host.root / "proc").is_dir():
-        return  # no Linux: shared memory has no folder there
+        return  # not Linux: shared memory has no folder there
     if not folder.is_dir():
-        yield Finding(
-            Level.ERROR,
-            SHARED_MEMORY,
-            PLACE,
-            "is not there",
-            "mount it: sudo mount -t tmpfs -o size=512m tmpfs /dev/shm",
+        found = (Level.ERROR, "does not exist", "mount it: sudo mount -t tmpfs -o size=512m tmpfs /dev/shm")
+    elif not os.access(folder, os.W_OK):
+        found = (Level.ERROR, "is not writable", "sudo chmod 1777 /dev/shm")
+    elif (free_mib := shutil.disk_usage(folder).free / 2**20) >= least_mib:
+        found = (Level.OK, f"{free_mib:.0f} MiB free", "")
+    else:
+        found = (
+            Level.WARNING,
+            f"only {free_mib:.0f} MiB are free; images of several cameras need {least_mib:.0f} MiB",
+            "remove what lies there, or make it larger; in a container: docker run --shm-size=512m",
         )
-        return
-    if not os.access(folder, os.W_OK):
-        yield Finding(Level.ERROR, SHARED_MEMORY, PLACE, "cannot be written", "sudo chmod 1777 /dev/shm")
-        return
-    free_mib = shutil.disk_usage(folder).free / 2**20
-    if free_mib >= least_mib:
-        yield Finding(Level.OK, SHARED_MEMORY, PLACE, f"{free_mib:.0f} MiB free")
-        return
-    yield Finding(
-        Level.WARNING,
-        SHARED_MEMORY,
-        PLACE,
-        f"only {free_mib:.0f} MiB are free; pictures of several cameras need {least_mib:.0f} MiB",
-        "remove what lies there, or make it larger; in a container: docker run --shm-size=512m",
-    )
+    level, message, remedy = found
+    yield Finding(level, SHARED_MEMORY, PLACE, message, remedy)
 
 
 CHECKS: tuple[Check, ...] = (check_software, check_realtime, check_shared_memory)
+
+
+def installed_parts() -> list[Any]:
+    """The modules that installed plugins add, by name; in place of a broken one, a check that says so."""
+    points = {(point.name, point.value): point for point in metadata.entry_points(group=ENTRY_POINT_GROUP)}
+    return [_load(points[key]) for key in sorted(points)]
+
+
+def _load(point: metadata.EntryPoint) -> Any:
+    try:
+        return importlib.import_module(point.value)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - code of a third party
+        name = point.dist.name if point.dist else point.name
+        text = f"its checks cannot be loaded ({type(error).__name__}: {error})"
+        remedy = installing.reinstall(name)
+        problem = Finding(Level.ERROR, SOFTWARE, name, text, remedy, ExitCode.NOT_INSTALLED)
+        return SimpleNamespace(CHECKS=(lambda _host: [problem],))

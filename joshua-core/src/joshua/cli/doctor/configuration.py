@@ -13,7 +13,6 @@ from joshua.plan import NodeKind
 from joshua.plugins.targets import TargetError
 
 if TYPE_CHECKING:
-    from joshua.cli.doctor.parts import NodeCheck
     from joshua.plan import NodeSpec
     from joshua.planner.pipeline import PipelineResult
 
@@ -23,7 +22,7 @@ _SHOWN = (("temperature_c", "°C"), ("voltage_v", "V"))
 
 
 def check_configuration(
-    result: PipelineResult, *, opens: bool, further: Sequence[NodeCheck] = ()
+    result: PipelineResult, *, opens: bool, further: Sequence[Any] = ()
 ) -> Iterator[Finding]:
     """One finding for each error of the file; without errors, those of its actuators if ``opens``."""
     for diagnostic in result.errors:
@@ -44,7 +43,7 @@ def check_configuration(
             yield from check_actuator(spec, further)
 
 
-def check_actuator(spec: NodeSpec, further: Sequence[NodeCheck] = ()) -> Iterator[Finding]:
+def check_actuator(spec: NodeSpec, further: Sequence[Any] = ()) -> Iterator[Finding]:
     """Open an actuator with its driver, which compares motors, EEPROM and calibration; read it once."""
     name = spec.full_name
     try:

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Screen
+from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Screen, clean
 
 
 class Level(str, Enum):
@@ -54,7 +54,7 @@ def lines(finding: Finding, screen: Screen = PLAIN) -> list[str]:
     label = screen.paint(f"{finding.level.value:<{_WIDTH}}", _STYLES.get(finding.level, ""))
     text = [f"{label}  {first}", *(f"{indent}  {line.strip()}" for line in rest)]
     if finding.remedy:
-        text += [f"{indent}{line}" for line in inner.wrap(f"do: {finding.remedy}")]
+        text.append(clean(f"{indent}do: {finding.remedy}"))  # in one line, so that a command can be copied
     return text
 
 

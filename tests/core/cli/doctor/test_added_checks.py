@@ -86,7 +86,7 @@ def test_an_option_of_a_plugin_that_is_not_installed_names_it(
 ) -> None:
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
     monkeypatch.setattr("joshua.plan.installing.origin", lambda *_: "")
-    monkeypatch.setattr("joshua.cli.doctor.parts.metadata.entry_points", lambda group: ())
+    monkeypatch.setattr("joshua.cli.doctor.checks.metadata.entry_points", lambda group: ())
     with pytest.raises(SystemExit, match="3"):
         parse(["doctor", "--udev=rules"])
     assert (
