@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import random
 import string
+from typing import Any
 
 import numpy as np
 from joshua.messages.fields import PLACEHOLDER, fields
 
 
-def random_value(base, rng):
+def random_value(base: str, rng: random.Random) -> Any:
     if base == "string":
         return "".join(rng.choices(string.ascii_letters + "äπ🤖 ", k=rng.randrange(9)))
     if base == "bool":
@@ -19,7 +21,7 @@ def random_value(base, rng):
     return rng.randint(limits.min, limits.max)
 
 
-def random_fields(type_name, rng):
+def random_fields(type_name: str, rng: random.Random) -> dict[str, Any]:
     values = {}
     for field in fields(type_name):
         if field.wire_name == PLACEHOLDER:
@@ -33,7 +35,7 @@ def random_fields(type_name, rng):
     return values
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: plain(item) for name, item in value.items()}
     if isinstance(value, np.ndarray):

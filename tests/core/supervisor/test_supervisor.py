@@ -8,6 +8,7 @@ import os
 import pytest
 from joshua.plan import NodeKind, TopicSpec
 from joshua.supervisor.supervisor import Supervisor
+from joshua.testing.transport import transport_settings
 
 
 def topic(name: str, rate_hz: float = 0.0) -> TopicSpec:
@@ -86,7 +87,9 @@ def test_a_node_in_a_namespace_publishes_below_its_own_name(robot):
 
 @pytest.mark.parametrize("kind", ["zenoh", "dds"])
 def test_nodes_and_their_logs_are_those_of_ros_2_nodes(robot, kind):
-    robot.transport = robot.transport.model_copy(update={"kind": kind})
+    robot.transport = transport_settings(
+        kind, domain_id=robot.transport.domain_id, listen_endpoints=robot.transport.listen_endpoints
+    )
     report = robot.run(
         robot.node("Chats", namespace="/left"),
         robot.node("SeesGraph", settings={"transport": robot.transport.model_dump(mode="json")}),
@@ -95,7 +98,8 @@ def test_nodes_and_their_logs_are_those_of_ros_2_nodes(robot, kind):
 
     assert report.exit_code == 0, robot.ui.text()
     assert report.reason == "/seesgraph: seen", report.nodes[1].checks
-    lines, nodes = report.nodes[1].checks
+    lines, nodes, topics = report.nodes[1].checks
+    assert topics.measured == "/parameter_events /rosout", "a node that has logged nothing has them too"
     assert "20 left.chats: still here" in lines.measured
     assert "/left/chats" in nodes.measured
     assert "/seesgraph" in nodes.measured

@@ -13,7 +13,7 @@ from joshua.ipc.line_budget import LINES_PER_S, LineBudget
 from joshua.ipc.messages import Log, printable
 from joshua.messages import encode, message_class
 from joshua.plan import NodeSpec, QosProfile
-from joshua.transport import NodeHandle, Publisher
+from joshua.transport import NodeHandle
 
 #: Characters kept of one record.
 MAX_TEXT = 8000
@@ -118,12 +118,15 @@ def install_handler(handler: NodeLogHandler, level: int) -> None:
 #: Profile of rclcpp's rosout publisher (``rclcpp::RosoutQoS``).
 ROSOUT_QOS = QosProfile(durability="TRANSIENT_LOCAL", depth=1000, lifespan_s=10.0)
 
+#: Profile of rclcpp's parameter events (``rclcpp::ParameterEventsQoS``).
+PARAMETER_EVENTS_QOS = QosProfile(depth=1000)
+
 #: Levels of rcl_interfaces/msg/Log are those of ``logging``.
 LEVELS = (10, 20, 30, 40, 50)
 
 
 class RosoutPublisher:
-    """Publishes log records; the topic is declared with the first record.
+    """Publishes log records of a node; declares the topics that every node of ROS 2 has from its start.
 
     Args:
         handle: the node in the graph.
@@ -131,10 +134,11 @@ class RosoutPublisher:
     """
 
     def __init__(self, handle: NodeHandle, spec: NodeSpec) -> None:
-        self._handle = handle
+        handle.create_publisher(
+            "/parameter_events", "rcl_interfaces/msg/ParameterEvent", PARAMETER_EVENTS_QOS
+        )
+        self._publisher = handle.create_publisher("/rosout", "rcl_interfaces/msg/Log", ROSOUT_QOS)
         self._name = spec.full_name.strip("/").replace("/", ".")
-        self._publisher: Publisher | None = None
-        self._lock = threading.Lock()
         self._busy = threading.local()
 
     def publish(self, log: Log) -> None:
@@ -143,11 +147,6 @@ class RosoutPublisher:
             return
         self._busy.active = True
         try:
-            with self._lock:
-                if self._publisher is None:
-                    self._publisher = self._handle.create_publisher(
-                        "/rosout", "rcl_interfaces/msg/Log", ROSOUT_QOS
-                    )
             self._publisher.publish(encode(self._message(log)))
         finally:
             self._busy.active = False

@@ -38,7 +38,11 @@ PRELOADED = (
 )
 
 #: Message types whose codecs are compiled. The frequent types have fast paths.
-PRELOADED_TYPES = ("rcl_interfaces/msg/Log", "diagnostic_msgs/msg/DiagnosticArray")
+PRELOADED_TYPES = (
+    "rcl_interfaces/msg/Log",
+    "rcl_interfaces/msg/ParameterEvent",
+    "diagnostic_msgs/msg/DiagnosticArray",
+)
 
 #: Math libraries start threads when loaded, and a process with threads cannot fork safely.
 LOAD_SETTINGS = {

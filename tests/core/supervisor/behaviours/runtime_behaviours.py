@@ -262,6 +262,7 @@ class SeesGraph(Quiet):
         self.transport = open_transport(spec)
         self.lines: list[str] = []
         self.nodes: set[str] = set()
+        self.topics: set[str] = set()
         kind = "rcl_interfaces/msg/Log"
 
         def receive(sample: Any) -> None:
@@ -275,11 +276,17 @@ class SeesGraph(Quiet):
     def look(self) -> None:
         found = {f"{node.namespace.rstrip('/')}/{node.name}" for node in self.transport.nodes()}
         self.nodes |= found
-        if any("still here" in line for line in self.lines) and "/left/chats" in self.nodes:
+        silent = [node for node in self.transport.nodes() if node.name == "seesgraph"]
+        self.topics |= {item.topic for node in silent for item in node.endpoints if item.is_publisher}
+        if any("still here" in line for line in self.lines) and {"/left/chats"} < self.nodes and self.topics:
             self.context.end_run("seen")
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        return [("lines", True, "\n".join(self.lines)), ("nodes", True, " ".join(sorted(self.nodes)))]
+        return [
+            ("lines", True, "\n".join(self.lines)),
+            ("nodes", True, " ".join(sorted(self.nodes))),
+            ("topics", True, " ".join(sorted(self.topics))),
+        ]
 
     def cleanup(self) -> None:
         super().cleanup()
