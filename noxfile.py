@@ -137,6 +137,27 @@ def mjx(session: nox.Session) -> None:
 
 
 @nox.session
+def learn(session: nox.Session) -> None:
+    """Data sets and policies with the real LeRobot, whose requirements fit no other session.
+
+    ``-- bench`` prints how fast data sets are written and read, ours and LeRobot's in the same run.
+    """
+    session.install("torch==2.13.0")
+    session.install("--no-deps", "-r", "constraints-learn.txt")
+    session.install("--no-deps", *editable(CORE, f"{PLUGIN}/dataset"))
+    environment = {"PYTHONPATH": "tests/learn", "HF_HUB_OFFLINE": "1"}
+    if session.posargs == ["bench"]:
+        session.run("python", "tests/learn/bench_datasets.py", env=environment)
+        return
+    session.run(
+        "pytest",
+        *("-c", "/dev/null", "--rootdir", "tests/learn", "-p", "no:cacheprovider"),
+        *(session.posargs or ["tests/learn"]),
+        env=environment,
+    )
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Runs the benchmarks and prints their figures; ``-- NAME …`` runs those whose name contains NAME.
 

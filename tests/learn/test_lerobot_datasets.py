@@ -1,0 +1,161 @@
+"""Data sets of ours in the real LeRobot, and LeRobot's in our tools."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lerobot", reason="needs the environment of the session learn")
+
+from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
+from joshua_dataset.commands.dataset import description
+from joshua_dataset.reader import Dataset
+from joshua_dataset.writer import LeRobotWriter
+from lerobot_here import lerobot_dataset
+
+JOINTS = ("shoulder_pan.pos", "gripper.pos")
+TOP = "observation.images.top"
+FPS = 20
+LENGTHS = (30, 12, 20)
+
+
+def picture(number: int) -> Any:
+    ramp = np.linspace(0, 200, 96, dtype=np.uint8)
+    return np.stack([np.roll(np.tile(ramp, (64, 1)), number, axis=1)] * 3, axis=2)
+
+
+def ours(folder: Path) -> Dataset:
+    features = FeatureSet(
+        [
+            Feature.joints("observation.state", JOINTS, unit="lerobot"),
+            Feature.joints("action", JOINTS, unit="lerobot"),
+            Feature.picture(TOP, 64, 96),
+        ]
+    )
+    layout = DatasetLayout(folder, "so101_follower", FPS, features)
+    with contextlib.closing(LeRobotWriter(layout)) as writer:
+        writer.open()
+        for episode, length in enumerate(LENGTHS):
+            for number in range(length):
+                values = {
+                    "observation.state": [number, episode],
+                    "action": [number + 0.5, -episode],
+                    TOP: picture(number),
+                }
+                writer.add_frame(Frame(1_000_000_000 + number * 50_000_000, values))
+            writer.end_episode("stack" if episode else "sort")
+    return Dataset.read(folder)
+
+
+def test_lerobot_loads_ours_with_every_value_equal(tmp_path: Path) -> None:
+    there = ours(tmp_path / "set")
+    loaded = lerobot_dataset()("me/set", root=tmp_path / "set")
+    assert (len(loaded), loaded.num_episodes, loaded.fps) == (sum(LENGTHS), 3, FPS)
+    index = 0
+    for episode in there.episode_list():
+        columns, pictures = there.columns(episode), list(there.decoded(episode, TOP))
+        for number in range(episode.length):
+            item = loaded[index]
+            for key in ("observation.state", "action"):
+                assert np.array_equal(item[key].numpy(), columns[key][number])
+            assert item["timestamp"].item() == pytest.approx(number / FPS)
+            assert (item["task"], item["episode_index"].item()) == (episode.tasks[0], episode.index)
+            seen = np.rint(item[TOP].permute(1, 2, 0).numpy() * 255)
+            assert np.abs(seen - pictures[number]).max() <= 1
+            assert np.abs(seen - picture(number)).mean() < 4
+            index += 1
+    stats = loaded.meta.stats
+    assert stats["action"]["max"].tolist() == [29.5, 0.0]
+    assert stats[TOP]["mean"].shape == (3, 1, 1)
+
+
+def test_datasets_library_reads_ours(tmp_path: Path) -> None:
+    import datasets
+
+    ours(tmp_path / "set")
+    files = [str(path) for path in sorted((tmp_path / "set/data").rglob("*.parquet"))]
+    table = datasets.load_dataset(
+        "parquet", data_files=files, split="train", cache_dir=str(tmp_path / "cache")
+    )
+    assert len(table) == sum(LENGTHS)
+    assert table[3]["action"] == [3.5, 0.0]
+
+
+def test_our_tools_read_lerobots(tmp_path: Path) -> None:
+    described = {
+        "observation.state": {"dtype": "float32", "shape": (2,), "names": list(JOINTS)},
+        "action": {"dtype": "float32", "shape": (2,), "names": list(JOINTS)},
+        TOP: {"dtype": "video", "shape": (64, 96, 3), "names": ["height", "width", "channels"]},
+    }
+    made = lerobot_dataset().create(
+        "me/theirs", FPS, described, root=tmp_path / "theirs", robot_type="so101_follower"
+    )
+    for length in LENGTHS:
+        for number in range(length):
+            made.add_frame(
+                {
+                    "observation.state": np.array([number, length], np.float32),
+                    "action": np.array([number, -length], np.float32),
+                    TOP: picture(number),
+                    "task": "stack",
+                }
+            )
+        made.save_episode()
+    made.finalize()
+    found = Dataset.read(tmp_path / "theirs")
+    assert (found.episodes, found.frames, found.tasks) == (3, sum(LENGTHS), ("stack",))
+    assert found.features["action"].unit == "lerobot"
+    for episode in found.episode_list():
+        assert episode.length == LENGTHS[episode.index]
+        columns = found.columns(episode)
+        assert columns["action"].tolist() == [[number, -episode.length] for number in range(episode.length)]
+        pictures = list(found.decoded(episode, TOP))
+        assert len(pictures) == episode.length
+        assert max(np.abs(seen.astype(int) - picture(i)).mean() for i, seen in enumerate(pictures)) < 6
+    assert f"3 episodes, {sum(LENGTHS)} frames" in description(tmp_path / "theirs")
+
+
+def test_act_trains_a_step_on_ours(tmp_path: Path) -> None:
+    import torch
+    from lerobot.configs.types import FeatureType
+    from lerobot.datasets.utils import dataset_to_policy_features
+    from lerobot.policies.act.configuration_act import ACTConfig
+    from lerobot.policies.act.modeling_act import ACTPolicy
+    from lerobot.policies.factory import make_pre_post_processors
+
+    torch.manual_seed(0)
+    torch.set_num_threads(1)
+    ours(tmp_path / "set")
+    deltas = {"action": [i / FPS for i in range(8)]}
+    loaded = lerobot_dataset()("me/set", root=tmp_path / "set", delta_timestamps=deltas)
+    features = dataset_to_policy_features(loaded.meta.features)
+    config = ACTConfig(
+        input_features={k: f for k, f in features.items() if f.type is not FeatureType.ACTION},
+        output_features={k: f for k, f in features.items() if f.type is FeatureType.ACTION},
+        chunk_size=8,
+        n_action_steps=8,
+        dim_model=64,
+        n_heads=4,
+        dim_feedforward=128,
+        n_encoder_layers=1,
+        pretrained_backbone_weights=None,
+        device="cpu",
+    )
+    assert set(config.input_features) == {"observation.state", TOP}
+    policy = ACTPolicy(config)
+    before, _ = make_pre_post_processors(config, dataset_stats=loaded.meta.stats)
+    batch = before(next(iter(torch.utils.data.DataLoader(loaded, batch_size=4))))
+    optimizer = torch.optim.Adam(policy.parameters(), 1e-4)
+    losses = []
+    for _ in range(3):
+        loss, _ = policy.forward(batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert all(np.isfinite(losses))
+    assert losses[-1] < losses[0]
