@@ -9,14 +9,14 @@ from typing import Any
 
 
 def lazy_names(
-    package: str, names: Mapping[str, Iterable[str]]
+    package: str, *tables: Mapping[str, Iterable[str]]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Makes ``__getattr__`` and ``__dir__`` of a module.
 
     Args:
-        package: ``__name__`` of the module; names: by the module that they stand in, a submodule's own too.
+        package: ``__name__`` of the module; tables: names by the module that has them, submodules included.
     """
-    module_of = {name: module for module, listed in names.items() for name in listed}
+    module_of = {name: module for table in tables for module, names in table.items() for name in names}
 
     def get(name: str) -> Any:
         if name not in module_of:

@@ -127,6 +127,4 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """The names by the heading that the reference lists them under, and the module that each stands in."""
 
-__getattr__, __dir__ = lazy_names(
-    __name__, {module: names for modules in SECTIONS.values() for module, names in modules.items()}
-)
+__getattr__, __dir__ = lazy_names(__name__, *SECTIONS.values())
