@@ -267,6 +267,4 @@ def test_a_second_run_on_the_same_port_names_the_first(
     assert "the port is in use by" in second.stderr + second.stdout
     assert "joshua stop" in second.stderr + second.stdout
     assert listing.returncode == 4
-    assert (
-        f"in use by /follower_arm of {tmp_path}/teleop.pbtxt, which runs now: `joshua stop`" in listing.stdout
-    )
+    assert f"in use by /follower_arm of {tmp_path}/teleop.pbtxt: run `joshua stop`" in listing.stdout

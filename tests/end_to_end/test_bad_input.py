@@ -183,4 +183,4 @@ def test_the_plan_is_shown_and_nothing_is_started(good):
 
 
 def test_a_plan_without_a_file_says_what_is_missing():
-    assert "add --config PATH" in refused(joshua("plan"))
+    assert "joshua plan FILE" in refused(joshua("plan"))

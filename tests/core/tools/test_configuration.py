@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 
@@ -42,8 +43,11 @@ def test_spans_say_where_values_stand():
 
 
 def test_every_name_can_be_had_and_none_is_loaded_before():
-    for name in dir(joshua.tools):
-        assert getattr(joshua.tools, name) is not None
+    for modules in joshua.tools.SECTIONS.values():
+        for name in itertools.chain(*modules.values()):
+            assert getattr(joshua.tools, name) is not None
+    listed = [module for modules in joshua.tools.SECTIONS.values() for module in modules]
+    assert len(set(listed)) == len(listed), "a module under two headings hides its first names"
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         joshua.tools.nothing  # noqa: B018
     loaded = subprocess.run(

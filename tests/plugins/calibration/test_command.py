@@ -39,7 +39,21 @@ def config(tmp_path: Path) -> str:
 
 def test_it_needs_a_file(capsys: pytest.CaptureFixture[str]):
     assert main(["calibrate"]) == 2
-    assert "no file given: add --config PATH" in capsys.readouterr().err
+    assert "no file given: joshua calibrate FILE" in capsys.readouterr().err
+
+
+def test_the_file_is_an_argument_or_an_option(config: str, capsys: pytest.CaptureFixture[str]):
+    for words in (
+        ("nowhere.pbtxt",),
+        ("--config", "nowhere.pbtxt"),
+        ("nowhere.pbtxt", "--config", "nowhere.pbtxt"),
+    ):
+        assert main(["calibrate", "--check", *words]) == 2
+        assert "There is no file nowhere.pbtxt" in capsys.readouterr().err
+    assert main(["calibrate", "import-lerobot", "nowhere.pbtxt", "leader_arm=a.json"]) == 2
+    assert "There is no file nowhere.pbtxt" in capsys.readouterr().err
+    assert main(["calibrate", "a.pbtxt", "--config", "b.pbtxt"]) == 2
+    assert capsys.readouterr().err == "joshua calibrate: one file is expected, found a.pbtxt, b.pbtxt\n"
 
 
 def test_a_misspelt_option_is_that_of_the_command(capsys: pytest.CaptureFixture[str]):

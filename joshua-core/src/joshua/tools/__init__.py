@@ -90,7 +90,7 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "joshua.planner.pipeline": ("PipelineResult", "Checked", "check_file", "finish"),
         "joshua.planner.calibration_place": ("kept_calibrations", "FileRefused"),
         "joshua.config.loading": ("journal_path",),
-        "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan"),
+        "joshua.plan": ("Diagnostic", "NodeKind", "NodeSpec", "Plan", "events"),
         "joshua.plugins.targets": ("TargetError", "load_target"),
         "joshua.config": ("LoadedConfig", "load"),
         "joshua.config.diagnostics": ("render_text",),
@@ -102,7 +102,6 @@ SECTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "A running system": {
         "joshua.ipc.client": ("RunningSystem", "RunInfo", "CallError", "is_named"),
-        "joshua.plan": ("events",),
         "joshua.supervisor.log_files": ("log_directory",),
     },
     "Programs that take nodes": {

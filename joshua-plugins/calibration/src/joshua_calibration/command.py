@@ -21,17 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     add_config_options(parser)
     parser.add_argument(
-        "action",
-        nargs="?",
-        choices=ACTIONS,
-        metavar="ACTION",
-        help="import-lerobot or export-lerobot; without it the arms of the file are calibrated",
-    )
-    parser.add_argument(
-        "items",
+        "words",
         nargs="*",
-        metavar="NODE=PATH",
-        help="node name and LeRobot file, such as leader_arm=my_leader.json",
+        metavar="FILE",
+        help="configuration whose arms are calibrated; or import-lerobot or export-lerobot, with NODE=PATH "
+        "for each node and LeRobot file, such as leader_arm=my_leader.json",
     )
     work = parser.add_mutually_exclusive_group()
     work.add_argument("--check", action="store_true", help="compare file and servos; nothing is written")
@@ -53,7 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Does what was asked for; exit code 1 where ``--check`` finds differences, 4 without hardware."""
+    """Do what was asked for; exit code 1 if ``--check`` finds differences, 4 without hardware."""
+    if problem := _read_words(arguments):
+        sys.stderr.write(f"joshua calibrate: {problem}\n")
+        return ExitCode.INVALID
     option = _without_effect(arguments)
     if option:
         what = (
@@ -67,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
             from joshua_calibration.exchange import list_files
 
             return list_files()
-        sys.stderr.write("joshua calibrate: no file given: add --config PATH\n")
+        sys.stderr.write("joshua calibrate: no file given: joshua calibrate FILE\n")
         return ExitCode.INVALID
     if arguments.action:
         from joshua_calibration import exchange
@@ -84,6 +81,18 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua_calibration.hardware import with_arms
 
     return with_arms(arguments)
+
+
+def _read_words(arguments: argparse.Namespace) -> str:
+    """Find action, nodes of an exchange and file among the words; returns what is wrong with them."""
+    words = list(arguments.words)
+    arguments.action = words.pop(0) if words and words[0] in ACTIONS else ""
+    arguments.items = [word for word in words if arguments.action and not word.endswith(".pbtxt")]
+    files = {*(word for word in words if word not in arguments.items), *filter(None, [arguments.config])}
+    if len(files) > 1:
+        return f"one file is expected, found {', '.join(sorted(files))}"
+    arguments.config = next(iter(files), None)
+    return ""
 
 
 def _without_effect(arguments: argparse.Namespace) -> str:
