@@ -26,6 +26,7 @@ sys.path.append(str(Path(__file__).parents[1] / "support"))
 from emulated_teleop import teleoperation
 from joshua.devices.calibration import ArmCalibration
 from joshua.guardian.latch import LatchFolder
+from joshua.guardian.order import HANG_LIMIT_S
 from joshua.ipc.client import CallError, RunningSystem, all_systems
 from joshua_emulator import EmulatedBus
 from joshua_sts3215.actuator import Sts3215Actuator
@@ -35,8 +36,7 @@ from processes import descendants_of, is_guardian, parent_of
 
 T = TypeVar("T")
 
-#: The hang limit is 0.2 s of silence.
-LIMITS_S = {"driver SIGKILL": 0.150, "supervisor SIGKILL": 0.300, "driver SIGSTOP": 0.200 + 0.150}
+LIMITS_S = {"driver SIGKILL": 0.150, "supervisor SIGKILL": 0.300, "driver SIGSTOP": HANG_LIMIT_S + 0.150}
 
 
 class NotStartedError(Exception):

@@ -53,11 +53,11 @@ def waited_s(process_id: int) -> float:
 
 
 def prefer(processes: list[int]) -> bool:
-    """Gives SCHED_FIFO to all threads of some processes; returns whether this user may."""
+    """Gives SCHED_RR to all threads of some processes; returns whether this user may."""
     try:
         for process_id in processes:
             for thread in os.listdir(f"/proc/{process_id}/task"):
-                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(1))
+                os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(1))
     except PermissionError:
         return False
     return True
@@ -65,7 +65,7 @@ def prefer(processes: list[int]) -> bool:
 
 def run(seconds: float, *, realtime: bool) -> list[str]:
     """Teleoperates and then stops the follower's driver; returns what broke a requirement."""
-    name = "SCHED_FIFO" if realtime else "no grant"
+    name = "SCHED_RR" if realtime else "no grant"
     with (
         reserved_domain() as domain_id,
         tempfile.TemporaryDirectory() as folder,
@@ -73,7 +73,7 @@ def run(seconds: float, *, realtime: bool) -> list[str]:
     ):
         drivers = [item for item in descendants_of(rig.process.pid) if title_of(item).endswith("_arm")]
         if realtime and not prefer([*drivers, rig.guardian]):
-            print("SCHED_FIFO: this user may not give it, left out")
+            print("SCHED_RR: this user may not give it, left out")
             return []
         with busy_loops(BUSY_LOOPS):
             before_s, began_s = waited_s(rig.driver), time.monotonic()

@@ -74,7 +74,7 @@ print(repr(prefer_this_process()), os.sched_getscheduler(0), os.getpriority(0, 0
 @pytest.mark.parametrize(
     ("limits", "granted", "policy", "nice"),
     [
-        ({"RTPRIO": 1, "NICE": 40}, "SCHED_FIFO 1", 1, 0),
+        ({"RTPRIO": 1, "NICE": 40}, "SCHED_RR 1", 2, 0),
         ({"RTPRIO": 0, "NICE": 25}, "nice -5", 0, -5),
         ({"RTPRIO": 0, "NICE": 40}, "nice -10", 0, -10),
     ],

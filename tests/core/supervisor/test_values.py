@@ -86,8 +86,8 @@ def test_the_priority_of_control_loops_is_a_note_of_the_table():
         made.say("priority", text)
     note = "priority of /left, /right: normal; a busy machine delays them: run `joshua doctor`"
     assert priority_notes(records) == [note]
-    records[0].say("priority", "SCHED_FIFO 1, memory locked")
-    assert priority_notes(records)[0] == "priority of /left: SCHED_FIFO 1, memory locked"
+    records[0].say("priority", "SCHED_RR 1, memory locked")
+    assert priority_notes(records)[0] == "priority of /left: SCHED_RR 1, memory locked"
 
 
 STACKS = """\

@@ -59,31 +59,33 @@ def prefer_this_process(realtime: int = 1) -> str:
     """Raises the priority of all threads of this process as far as the system's limits grant it to this user.
 
     All threads, because a thread that waits for a processor may hold the interpreter lock that the control
-    loop needs. ``RLIMIT_RTPRIO`` grants SCHED_FIFO, ``RLIMIT_NICE`` a nice value below 0. Privileges of root
-    do not count as a grant. Processes started later inherit the priority.
+    loop needs. ``RLIMIT_RTPRIO`` grants SCHED_RR, ``RLIMIT_NICE`` a nice value below 0. Privileges of root do
+    not count as a grant. Processes and threads started later inherit it. SCHED_RR shares a processor between
+    equals: with SCHED_FIFO, an endless loop in a driver could starve its guardian.
 
     Returns:
-        What was granted, such as ``SCHED_FIFO 1`` or ``nice -10``; "" for nothing.
+        What was granted, such as ``SCHED_RR 1`` or ``nice -10``; "" for nothing.
     """
     if sys.platform != "linux":
         return ""
     import resource
 
     rtprio, nice = (resource.getrlimit(which)[0] for which in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE))
-    threads = [int(name) for name in os.listdir("/proc/self/task")]  # noqa: PTH208 (names are all it needs)
-    try:
-        if rtprio == resource.RLIM_INFINITY or rtprio >= realtime:
-            for thread in threads:
-                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(realtime))
-            return f"SCHED_FIFO {realtime}"
-        lowest = -20 if nice == resource.RLIM_INFINITY else max(-20, 20 - nice)
-        if lowest < 0:
-            for thread in threads:
-                os.setpriority(os.PRIO_PROCESS, thread, max(lowest, NICE))
-            return f"nice {max(lowest, NICE)}"
-    except OSError:  # a container may refuse what its limits grant
+    lowest = max(-20, NICE, -20 if nice == resource.RLIM_INFINITY else 20 - nice)
+    realtime_granted = rtprio == resource.RLIM_INFINITY or rtprio >= realtime
+    if not realtime_granted and lowest >= 0:
         return ""
-    return ""
+    for name in os.listdir("/proc/self/task"):  # noqa: PTH208 (names are all it needs)
+        try:
+            if realtime_granted:
+                os.sched_setscheduler(int(name), os.SCHED_RR, os.sched_param(realtime))
+            else:
+                os.setpriority(os.PRIO_PROCESS, int(name), lowest)
+        except ProcessLookupError:  # a thread that has just ended
+            continue
+        except OSError:  # a container may refuse what its limits grant
+            return ""
+    return f"SCHED_RR {realtime}" if realtime_granted else f"nice {lowest}"
 
 
 def lock_memory() -> bool:

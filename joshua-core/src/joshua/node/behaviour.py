@@ -16,8 +16,8 @@ class NodeBehaviour(ABC):
     activated before every node is configured. ``deactivate`` and ``cleanup`` also run after a failure,
     in whichever step, and are idempotent. The constructor does no I/O.
 
-    All steps run on the node's thread. While a timer's callback or a step runs, the node shows no other
-    sign of life: after ``activate`` an actuator that is silent for 0.2 s counts as hung.
+    All steps run on the node's thread. It sends no heartbeat while a timer's callback or a step runs. After
+    ``activate``, an actuator without heartbeat for ``hang_after_s`` (0.3 s by default) counts as hung.
     """
 
     def __init__(self, context: NodeContext) -> None:
