@@ -66,6 +66,8 @@ class Case:
             return
         except SafetyTripped:
             self.tripped_after_s = time.monotonic() - self.began_s
+        if self.arm.relaxed:
+            self.tripped_after_s = time.monotonic() - self.began_s
 
     def report(self, seconds: float) -> str:
         """What became of it."""

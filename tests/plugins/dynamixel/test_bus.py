@@ -30,9 +30,6 @@ def test_several_servos_are_read_and_written_at_once(emulator: EmulatedBus, open
     with open_bus(emulator) as bus:
         values = bus.sync_read(132, 4, IDS)
         assert {servo_id: position(data) for servo_id, data in values.items()} == {1: 1000, 2: 1500, 3: 2000}
-        blocks = bus.bulk_read({1: (132, 4), 2: (144, 2), 3: (0, 2)})
-        assert position(blocks[1]) == 1000
-        assert (blocks[2], blocks[3]) == ((120).to_bytes(2, "little"), (1060).to_bytes(2, "little"))
         bus.sync_write(116, 4, {1: b"\x00\x04\x00\x00", 3: b"\x00\x08\x00\x00"})
         bus.ping(1)  # answered after the write has been heard
         assert [servo["goal_position"] for servo in emulator.servos()] == [1024, 2048, 2048]
@@ -57,17 +54,6 @@ def test_a_refused_write_names_servo_register_and_reason(
         bus.write(1, register, value)
 
 
-def test_a_bulk_read_asks_again_for_what_was_lost(emulator: EmulatedBus, open_bus: Any) -> None:
-    emulator.hand({1: 1000, 2: 1500, 3: 2000})
-    for fault in ("drop", "corrupt"):
-        emulator.fault(fault, 0.3)
-    with open_bus(emulator, retries=12, reply_margin_s=BRISK_S) as bus:
-        for _ in range(5):
-            blocks = bus.bulk_read(dict.fromkeys(IDS, (132, 4)))
-            assert {i: position(data) for i, data in blocks.items()} == {1: 1000, 2: 1500, 3: 2000}
-        assert bus.counters.retries > 0
-
-
 def test_stuffed_replies_are_read_at_once(emulator: EmulatedBus, open_bus: Any) -> None:
     """Offsets whose bytes are those of a header: the reply is longer than its data."""
     with open_bus(emulator) as bus:
@@ -84,7 +70,6 @@ def test_a_silent_servo_is_left_out_or_named(emulator: EmulatedBus, open_bus: An
     emulator.fault("silent", 2)
     with open_bus(emulator, reply_margin_s=BRISK_S) as bus:
         assert set(bus.sync_read(132, 4, IDS)) == {1, 3}
-        assert set(bus.bulk_read(dict.fromkeys(IDS, (132, 4)))) == {1, 3}
         with pytest.raises(
             NoReply, match=r"ttyACM0.*: id 2 does not answer a read in 5 attempts\. Check its cable"
         ):
@@ -144,5 +129,4 @@ def test_an_adapter_that_echoes(open_bus: Any) -> None:
         emulator.hand({1: 568})
         assert bus.read(1, reg.PRESENT_POSITION) == 568
         assert position(bus.sync_read(132, 4, (1, 2))[1]) == 568
-        assert position(bus.bulk_read({1: (132, 4), 2: (132, 4)})[1]) == 568
         assert bus.counters.lost == {}

@@ -107,16 +107,31 @@ def test_unplugging_ends_a_request_at_once(kind: Kind, emulator: EmulatedBus) ->
             positions(kind, bus)
 
 
-def test_requests_are_padded_for_a_while_after_a_loss_only(
+def test_lengths_are_claimed_for_a_while_after_a_loss_only(
     kind: Kind, emulator: EmulatedBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(servo_bus, "LATE_HORIZON_S", 1000.0)
+    present = kind.family.present_position
+    read = (present.address, present.width, IDS)
     with kind.open_bus(emulator) as bus:
-        assert bus._next_padding() == 0
-        bus.ping(9)
+        assert bus._free_length(*read) == (present.address, present.width, 0)
         clock = SteppedTime()
         monkeypatch.setattr(servo_bus, "time", clock)
-        clock.sleep(900.0)
-        assert [bus._next_padding() for _ in range(16)] == [*range(1, 16), 1]
-        clock.sleep(100.1)
-        assert bus._next_padding() == 0
+        for _ in range(3):
+            found = bus._free_length(*read)
+            assert found is not None
+            bus._lose(2, found[1], b"")
+        sizes = {size for _, size in bus._claims if size}
+        assert sizes == {present.width, present.width + 1, present.width + 2}
+        clock.sleep(servo_bus.LATE_HORIZON_S + 0.01)
+        assert bus._free_length(*read) == (present.address, present.width, 0)
+
+
+def test_a_look_that_may_not_wait_for_a_free_length_finds_nothing(kind: Kind, emulator: EmulatedBus) -> None:
+    present = kind.family.present_position
+    with kind.open_bus(emulator) as bus:
+        for size in range(64):
+            bus._lose(2, size, b"")
+        requests = bus.counters.requests
+        assert bus.sync_read(present.address, present.width, IDS, within_s=0.0) == {}
+        assert bus.counters.requests == requests
+        assert set(bus.sync_read(present.address, present.width, IDS)) == set(IDS), "this one waits"

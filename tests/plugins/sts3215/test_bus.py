@@ -25,7 +25,8 @@ def test_registers_are_written_and_read(emulator: EmulatedBus, open_bus: Any) ->
 
 def test_eeprom_is_unlocked_written_read_back_and_locked(emulator: EmulatedBus, open_bus: Any) -> None:
     with open_bus(emulator) as bus:
-        bus.write(1, reg.MAX_TEMPERATURE, 60)  # locked: dropped without a word
+        with pytest.raises(NoReply, match=r"id 1 keeps max_temperature at 70 instead of 60\."):
+            bus.write(1, reg.MAX_TEMPERATURE, 60)  # locked: dropped without a word
         assert bus.read(1, reg.MAX_TEMPERATURE) == 70
         bus.write_eeprom(1, {reg.MAX_TEMPERATURE: 60, reg.HOMING_OFFSET: -300})
         assert emulator.ask("registers", id=1)["registers"]["homing_offset"] == -300

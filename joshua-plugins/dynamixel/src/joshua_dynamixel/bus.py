@@ -1,4 +1,4 @@
-"""The bus of X-series servos: packets of protocol 2.0, bulk read and reboot."""
+"""The bus of X-series servos: packets of protocol 2.0, and the reboot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from joshua_dynamixel.models import model_name
 from joshua_dynamixel.packet import (
     ALERT,
     BROADCAST_ID,
-    BULK_READ,
     HEADER,
     PING,
     READ,
@@ -38,6 +37,7 @@ _REBOOT_PAUSE_S = 0.05
 class Bus(ServoBus):
     """Requests to the servos on one port."""
 
+    refuses = True
     reply_overhead = REPLY_OVERHEAD
     baudrates = tuple(BAUDRATES.values())
 
@@ -53,23 +53,6 @@ class Bus(ServoBus):
         status = self.status
         return tuple(servo_id for servo_id in ids if status.get(servo_id, 0) & ALERT)
 
-    def bulk_read(self, blocks: Mapping[int, tuple[int, int]]) -> dict[int, bytes]:
-        """Reads of each servo its own bytes; those that do not answer within all retries are left out.
-
-        Args:
-            blocks: address and length by servo id.
-
-        Raises PortDisconnected.
-        """
-        values: dict[int, bytes] = {}
-        for attempt in range(self.retries + 1):
-            missing = {servo_id: block for servo_id, block in blocks.items() if servo_id not in values}
-            if not missing:
-                break
-            self.counters.retries += attempt > 0
-            values |= self._bulk_read_once(missing)
-        return values
-
     def read_setups(self, ids: Sequence[int]) -> dict[int, bytes]:
         """Reads how servos are set up, laid out as in their memory; those that do not answer are left out.
 
@@ -77,7 +60,7 @@ class Bus(ServoBus):
         """
         memories = {servo_id: bytearray(sum(SETUP[-1])) for servo_id in ids}
         for address, length in SETUP:
-            found = self.bulk_read(dict.fromkeys(memories, (address, length)))
+            found = self.sync_read(address, length, tuple(memories))
             memories = {servo_id: memories[servo_id] for servo_id in found}
             for servo_id, block in found.items():
                 memories[servo_id][address : address + length] = block
@@ -165,29 +148,3 @@ class Bus(ServoBus):
     def make_search(self) -> Search:
         """A search for replies in received bytes."""
         return Search()
-
-    def _bulk_read_once(self, blocks: Mapping[int, tuple[int, int]]) -> dict[int, bytes]:
-        parameters = b"".join(
-            bytes((servo_id,)) + word(address) + word(length)
-            for servo_id, (address, length) in blocks.items()
-        )
-        message = request(BROADCAST_ID, BULK_READ, parameters)
-        total = sum(length + REPLY_OVERHEAD for _, length in blocks.values())
-        deadline_s = self._send(message, total)
-        search = self.make_search()
-        waiting = list(blocks)
-        values: dict[int, bytes] = {}
-        for reply in self._replies(self._receive(message, total, deadline_s), deadline_s, search):
-            if reply.servo_id not in waiting or len(reply.data) != blocks[reply.servo_id][1]:
-                self.counters.stale += 1
-                continue
-            del waiting[: waiting.index(reply.servo_id) + 1]  # replies come in the order of the request
-            self.status[reply.servo_id] = reply.error
-            values[reply.servo_id] = reply.data
-            if not waiting:
-                break
-        self.counters.corrupt += search.broken
-        for servo_id in blocks:
-            if servo_id not in values:
-                self._lose(servo_id)
-        return values

@@ -19,7 +19,6 @@ WRITE: int = robotis_def.INST_WRITE
 REBOOT: int = robotis_def.INST_REBOOT
 SYNC_READ: int = robotis_def.INST_SYNC_READ
 SYNC_WRITE: int = robotis_def.INST_SYNC_WRITE
-BULK_READ: int = robotis_def.INST_BULK_READ
 STATUS: int = robotis_def.INST_STATUS
 BROADCAST_ID: int = robotis_def.BROADCAST_ID
 ALERT: int = handler.ERRBIT_ALERT  # bit of a reply's error byte: the hardware error register is not 0

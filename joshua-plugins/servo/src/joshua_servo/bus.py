@@ -1,9 +1,16 @@
 """A servo bus: requests out, replies in, matched by id, length, order and checksum. This is the hot path.
 
-A reply carries no number of its request, so a late one could pass for an answer to the next. Three rules keep
-it out: received bytes are dropped before each request; the replies of a sync read must come in the order of
-the request, each once, or none of them is believed; and after a lost reply requests ask for a varying number
-of further bytes for a while, so that a late reply has the wrong length.
+A reply carries no number of its request, so a late one could pass for an answer to another. Five rules keep
+it out, for as long as ``LATE_HORIZON_S`` after the timeout:
+
+- Received bytes are dropped before each request.
+- The replies of a sync read must come in the order of the request, each once, or none of them is believed.
+- The length that a late reply of a servo can have is claimed. A read asks for further bytes, so that its own
+  length is free. Reads of one servo do so after answered requests, too.
+- Where the length cannot vary, as in an acknowledgement, another request to that servo waits.
+- A write is believed when its register reads back the value.
+
+Why one file: requests and the rules that tell their replies from others are one hot path.
 """
 
 from __future__ import annotations
@@ -12,7 +19,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from joshua_serial.port import SerialPort
 
@@ -25,9 +32,23 @@ from joshua_servo.reply import Reply, ReplySearch
 REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16 ms
 RETRIES = 4  # with the margin a tenth of a second: a busy host may stand still for that long
 LATE_HORIZON_S = 0.25  # how long after a lost reply a late one is reckoned with
-PADDINGS = 15
+COPY_S = 0.02  # how long after a reply a copy of it may come
+PADDINGS = 15  # lengths of one read beside its own
 BROADCAST_ID = 0xFE  # of the protocols of all families
 _LISTEN_BYTES = 255
+
+
+class _Claim(NamedTuple):
+    """A length that replies to a request had, or may still have."""
+
+    until_s: float
+    message: bytes
+    is_lost: bool
+
+    @property
+    def blocks_until_s(self) -> float:
+        """Until when no other request may have this length."""
+        return self.until_s if self.is_lost else self.until_s - LATE_HORIZON_S + COPY_S
 
 
 class ServoBus(ABC):
@@ -38,6 +59,8 @@ class ServoBus(ABC):
         retries: how often a request is repeated for servos that did not answer.
     """
 
+    #: Whether a servo may answer any request by a refusal without data.
+    refuses: ClassVar[bool] = False
     #: Bytes of a reply beside its data.
     reply_overhead: ClassVar[int]
     #: Line speeds that the servos know, bit/s.
@@ -52,8 +75,8 @@ class ServoBus(ABC):
         self.counters = BusCounters()
         self.status: dict[int, int] = {}  # error byte of each servo's last reply
         self._echo = 0  # 1 where the adapter returns what is sent
-        self._padding = 0
-        self._uncertain_until_s = 0.0
+        self._last: tuple[tuple[int, ...], int, bytes] | None = None  # ids, length, message of a sync read
+        self._claims: dict[tuple[int, int], _Claim] = {}  # by servo id and data bytes of the reply
         self._requests: dict[tuple[int, int, tuple[int, ...]], bytes] = {}
 
     @abstractmethod
@@ -126,13 +149,13 @@ class ServoBus(ABC):
         Raises PortDisconnected.
         """
         began_s = time.monotonic()
-        values = self._sync_read_once(address, length, ids)
+        values = self._sync_read_once(address, length, ids, may_wait=within_s == math.inf)
         for _ in range(self.retries if retries is None else retries):
             if len(values) == len(ids) or time.monotonic() - began_s > within_s:
                 break
             self.counters.retries += 1
             missing = tuple(servo_id for servo_id in ids if servo_id not in values)
-            values |= self._sync_read_once(address, length, missing)
+            values |= self._sync_read_once(address, length, missing, may_wait=within_s == math.inf)
         return values
 
     def sync_write(self, address: int, width: int, rows: Mapping[int, bytes]) -> None:
@@ -148,7 +171,9 @@ class ServoBus(ABC):
         """Reads bytes of one servo. Raises NoReply, ServoRefused and PortDisconnected."""
         for attempt in range(self.retries + 1):
             self.counters.retries += attempt > 0
-            start, size, skip = self.padded(address, length, self._next_padding())
+            start, size, skip = self._free_length(address, length, (servo_id,)) or self._wait_for_length(
+                address, length, (servo_id,)
+            )
             reply = self.ask(servo_id, self.read_request(servo_id, start, size), size)
             if reply is not None:
                 self._check(reply, f"a read of {length} bytes at {address}")
@@ -156,32 +181,32 @@ class ServoBus(ABC):
         raise self._no_reply(servo_id, "a read")
 
     def write(self, servo_id: int, register: Register, value: int) -> None:
-        """Writes one register and waits for the acknowledgement.
+        """Writes one register and reads it back.
 
-        Raises NoReply, ServoRefused and PortDisconnected.
+        Raises NoReply, also where the register does not keep the value, ServoRefused and PortDisconnected.
         """
         message = self.write_request(servo_id, register.address, register.encode(value))
+        kept: int | None = None
         for attempt in range(self.retries + 1):
             self.counters.retries += attempt > 0
             reply = self.ask(servo_id, message, 0)
-            if reply is not None:
-                self._check(reply, f"{register.name} = {value}")
+            if reply is None:
+                continue
+            self._check(reply, f"{register.name} = {value}")
+            kept = self.read(servo_id, register)
+            if kept == value:
                 return
-        raise self._no_reply(servo_id, f"a write of {register.name}")
+        if kept is None:
+            raise self._no_reply(servo_id, f"a write of {register.name}")
+        raise NoReply(
+            f"{self.port}: id {servo_id} keeps {register.name} at {kept} instead of {value}. "
+            "Check the supply voltage and try again. The servo may be worn out."
+        )
 
     def write_checked(self, servo_id: int, values: Mapping[Register, int]) -> None:
-        """Writes registers and reads each one back.
-
-        Raises NoReply, also where a register did not keep its value, ServoRefused and PortDisconnected.
-        """
+        """Writes registers and reads each one back. Raises as ``write``."""
         for register, value in values.items():
             self.write(servo_id, register, value)
-            kept = self.read(servo_id, register)
-            if kept != value:
-                raise NoReply(
-                    f"{self.port}: id {servo_id} keeps {register.name} at {kept} instead of {value}. "
-                    "Check the supply voltage and try again; the servo may be worn out."
-                )
 
     def write_eeprom(self, servo_id: int, values: Mapping[Register, int]) -> None:
         """Writes registers of the EEPROM and reads each one back. Raises as ``write_checked``."""
@@ -210,7 +235,6 @@ class ServoBus(ABC):
                     heard |= self._call(servo_id)
         finally:
             self.reply_margin_s = usual_s
-            self._expect_late_replies()
         return heard
 
     def _call(self, servo_id: int) -> set[int]:
@@ -222,7 +246,8 @@ class ServoBus(ABC):
             if len(reply.data) == self.ping_length():
                 heard.add(reply.servo_id)
             if servo_id in heard:
-                break
+                return heard
+        self._claim(servo_id, self.ping_length(), message, is_lost=True)
         return heard
 
     def try_write(self, servo_id: int, register: Register, value: int) -> bool:
@@ -266,7 +291,10 @@ class ServoBus(ABC):
         self._echo = 0
         message = self.sync_write_request(0, 0, {})  # a write of nothing, to nobody
         deadline_s = self._send(message, len(message))
-        self._echo = int(self.port.receive(len(message), deadline_s) == message)
+        received = self.port.receive(len(message), deadline_s)
+        while received and message not in received and time.monotonic() < deadline_s:  # behind a late reply
+            received += self.port.receive(1, deadline_s)
+        self._echo = int(message in received)
 
     def ask(self, servo_id: int, message: bytes, length: int) -> Reply | None:
         """One request to one servo, one attempt; None where no whole reply came. Raises PortDisconnected.
@@ -274,29 +302,42 @@ class ServoBus(ABC):
         Args:
             length: data bytes of the reply; a reply that says why a servo refuses has none.
         """
+        self._wait_for_claim(servo_id, length, message)
+        is_second = self._is_lost(servo_id, length)  # the answer to the first may come, too
         size = length + self.reply_overhead
+        refusable = not self._is_claimed(servo_id, 0, message)
         deadline_s = self._send(message, size)
         search = self.make_search()
         found: Reply | None = None
         received = self._receive(message, size, deadline_s)
         for reply in self._replies(received, deadline_s, search):
-            fits = len(reply.data) == length or (not reply.data and self.refusal(reply.error))
+            fits = len(reply.data) == length or (refusable and not reply.data and self.refusal(reply.error))
             if reply.servo_id == servo_id and fits:
                 found = reply
                 break
             self.counters.stale += 1
         self.counters.corrupt += search.broken
         if found is None:
-            self._lose(servo_id)
+            self._lose(servo_id, length, message)
         else:
+            self._claim(servo_id, length, message, is_lost=is_second or bool(self.refusal(found.error)))
             self.status[servo_id] = found.error
         return found
 
-    def _sync_read_once(self, address: int, length: int, ids: tuple[int, ...]) -> dict[int, bytes]:
+    def _sync_read_once(
+        self, address: int, length: int, ids: tuple[int, ...], *, may_wait: bool
+    ) -> dict[int, bytes]:
+        """One attempt; none where no length is free and there is no time to wait for one."""
         skip = 0
         size = length
-        if self._uncertain_until_s:
-            address, size, skip = self.padded(address, length, self._next_padding())
+        if self._claims or len(ids) == 1 or (self._last and self._last[0] != ids):
+            found = self._free_length(address, length, ids)
+            if found is None:
+                if not may_wait:
+                    return {}
+                found = self._wait_for_length(address, length, ids)
+            address, size, skip = found
+        is_fresh = size != length  # else a copy of a former reply may have this length, too
         key = (address, size, ids)
         message = self._requests.get(key)
         if message is None:
@@ -306,13 +347,20 @@ class ServoBus(ABC):
         received = self._receive(message, total, deadline_s)
         values = self.take_all(received, size, ids)
         if values is None:
-            values = self._sort_out(received, size, ids, deadline_s)
+            values = self._sort_out(received, size, ids, message, deadline_s)
+            if len(values) < len(ids) and not is_fresh:
+                values = {}  # an order with gaps proves nothing
+        if is_fresh or len(ids) == 1:
+            for servo_id in values:
+                self._claim(servo_id, size, message, is_lost=False)
+        elif values:
+            self._last = ids, size, message
         if size != length:
             return {servo_id: data[skip : skip + length] for servo_id, data in values.items()}
         return values
 
     def _sort_out(
-        self, received: bytes, size: int, ids: Sequence[int], deadline_s: float
+        self, received: bytes, size: int, ids: Sequence[int], message: bytes, deadline_s: float
     ) -> dict[int, bytes]:
         """The unusual case: takes whole replies of the right length, provided that they are in order."""
         place = {servo_id: index for index, servo_id in enumerate(ids)}
@@ -326,7 +374,8 @@ class ServoBus(ABC):
                 continue
             if index <= last:  # a late reply is among them, and nothing tells which one it is
                 self.counters.stale += 1
-                self._expect_late_replies()
+                for servo_id in ids:
+                    self._claim(servo_id, size, message, is_lost=True)
                 return {}
             last = index
             self.status[reply.servo_id] = reply.error
@@ -335,7 +384,7 @@ class ServoBus(ABC):
                 break
         for servo_id in ids:
             if servo_id not in taken:
-                self._lose(servo_id)
+                self._lose(servo_id, size, message)
         self.counters.corrupt += search.broken
         return taken
 
@@ -360,23 +409,63 @@ class ServoBus(ABC):
         while time.monotonic() < deadline_s:
             yield from search.feed(self.port.receive(1, deadline_s))
 
-    def _next_padding(self) -> int:
-        """Further bytes to ask for, so that a late reply to an earlier request has another length."""
-        if not self._uncertain_until_s:
-            return 0
-        if time.monotonic() > self._uncertain_until_s:
-            self._uncertain_until_s = 0.0
-            self._padding = 0
-            return 0
-        self._padding = self._padding % PADDINGS + 1
-        return self._padding
+    def _free_length(self, address: int, length: int, ids: Sequence[int]) -> tuple[int, int, int] | None:
+        """Start, size and skipped bytes of a read whose length no late reply of these servos can have.
 
-    def _lose(self, servo_id: int) -> None:
+        Where every length was used, the one that was answered longest ago; None where all may still come.
+        """
+        if (
+            self._last is not None
+        ):  # a copy of its last reply may come; an equal read would find it out of order
+            (servo_ids, size, message), self._last = self._last, None
+            for servo_id in servo_ids:
+                self._claim(servo_id, size, message, is_lost=False)
+        now_s = time.monotonic()
+        self._claims = {key: claim for key, claim in self._claims.items() if claim.until_s > now_s}
+        best: tuple[float, tuple[int, int, int]] | None = None
+        for padding in range(PADDINGS + 1):
+            read = self.padded(address, length, padding)
+            claims = [claim for servo_id in ids if (claim := self._claims.get((servo_id, read[1])))]
+            if not claims:
+                return read
+            latest_s = max(claim.until_s for claim in claims)
+            is_blocked = any(claim.blocks_until_s > now_s for claim in claims)
+            if not is_blocked and (best is None or latest_s < best[0]):
+                best = latest_s, read
+        return best[1] if best else None
+
+    def _wait_for_length(self, address: int, length: int, ids: Sequence[int]) -> tuple[int, int, int]:
+        """As ``_free_length``, after the time that it takes."""
+        while (found := self._free_length(address, length, ids)) is None:
+            claims = [claim.blocks_until_s for key, claim in self._claims.items() if key[0] in ids]
+            now_s = time.monotonic()
+            until_s = min((at_s for at_s in claims if at_s > now_s), default=now_s)
+            _sleep_until(until_s)
+        return found
+
+    def _is_claimed(self, servo_id: int, length: int, message: bytes) -> bool:
+        """Whether a late reply of this length to another request may still come."""
+        return self._is_lost(servo_id, length) and self._claims[servo_id, length].message != message
+
+    def _is_lost(self, servo_id: int, length: int) -> bool:
+        """Whether a late reply of this length may still come."""
+        claim = self._claims.get((servo_id, length))
+        return claim is not None and claim.is_lost and claim.until_s > time.monotonic()
+
+    def _wait_for_claim(self, servo_id: int, length: int, message: bytes) -> None:
+        """Waits while a late reply of this length to another request may still come."""
+        while self._is_claimed(servo_id, length, message):
+            _sleep_until(self._claims[servo_id, length].until_s)
+
+    def _lose(self, servo_id: int, length: int, message: bytes) -> None:
+        """Counts a reply that did not come, and expects it late; it may be a refusal, too."""
         self.counters.lose(servo_id)
-        self._expect_late_replies()
+        self._claim(servo_id, length, message, is_lost=True)
+        if self.refuses:
+            self._claim(servo_id, 0, message, is_lost=True)
 
-    def _expect_late_replies(self) -> None:
-        self._uncertain_until_s = time.monotonic() + LATE_HORIZON_S
+    def _claim(self, servo_id: int, length: int, message: bytes, *, is_lost: bool) -> None:
+        self._claims[servo_id, length] = _Claim(time.monotonic() + LATE_HORIZON_S, message, is_lost)
 
     def _check(self, reply: Reply, what: str) -> None:
         reason = self.refusal(reply.error)
@@ -388,3 +477,8 @@ class ServoBus(ABC):
             f"{self.port}: id {servo_id} does not answer {what} in {self.retries + 1} attempts. "
             "Check its cable and the supply; joshua doctor looks at the whole chain."
         )
+
+
+def _sleep_until(until_s: float) -> None:
+    """Sleeps a little beyond a time, so that no rounding leaves it in the future."""
+    time.sleep(max(0.0, until_s - time.monotonic()) + 1e-4)

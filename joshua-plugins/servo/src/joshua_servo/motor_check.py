@@ -92,7 +92,8 @@ def _heard_at(bus: ServoBus, baudrate: int, wanted: Sequence[int]) -> list[int]:
     except PortUnusable:
         return []  # a speed that the adapter cannot run at cannot be the one in use
     heard = bus.roll_call(wanted, bus.reply_margin_s)
-    if heard:
+    if heard:  # a late reply to a call at another speed would not be repeated
+        heard = bus.roll_call(sorted(heard), bus.reply_margin_s)
         heard |= bus.roll_call([i for i in wanted if i not in heard], bus.reply_margin_s)
     return [servo_id for servo_id in wanted if servo_id in heard]
 
