@@ -84,4 +84,20 @@ def test_validation_takes_both(capsys: pytest.CaptureFixture[str]) -> None:
     assert joshua(capsys, "--validate-only", "--sim", "--emulate")[0] == 0
     code, shown = joshua(capsys, "--validate-only", "--sim", "--block-plugin", "mujoco-sim")
     assert code == 2
-    assert "--sim needs a simulator: pip install joshua-mujoco-sim" in " ".join(shown.split())
+    assert "--sim requires the plugin joshua-mujoco-sim, which is not installed" in " ".join(shown.split())
+
+
+def test_devices_that_a_simulated_run_opens_all_the_same_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("joshua_mujoco_sim")
+    pytest.importorskip("joshua_lidar")
+    lidar = (CONFIGS / "test_lidar.pbtxt").read_text(encoding="utf-8")
+    lidar = lidar[lidar.index("robot {") :]
+    path = tmp_path / "robot.pbtxt"
+    path.write_text(
+        (CONFIGS / "teleop_so_arm100.pbtxt").read_text() + lidar.replace("node_id: 1", "node_id: 9")
+    )
+    assert main(["plan", "--sim", "--config", str(path)]) == 0
+    shown = " ".join(capsys.readouterr().err.split())
+    assert "--sim does not replace these devices, and the run opens them: lidar_front." in shown

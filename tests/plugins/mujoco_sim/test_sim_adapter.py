@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from google.protobuf import text_format
 from joshua.config import LoadedConfig
-from joshua.planner.amend import NoSimulatorError, Simulated, real_devices, simulate
+from joshua.planner.amend import NoSimulatorError, Simulated, simulate
 from joshua.plugins import load_registry
 from joshua.plugins.emulator import PhysicsCamera, SimAdapterError
 from joshua.schema import config_pb2 as pb
@@ -97,9 +97,8 @@ def test_devices_that_stay_real_are_named() -> None:
     lidar = given.config.robot.perceptions.add(perception_type=pb.PERCEPTION_LIDAR)
     lidar.node.node_name = "lidar_front"
     lidar.lidar_config.SetInParent()
-    (finding,) = real_devices(simulate(given, load_registry()))
-    assert finding.found == "lidar_front"
-    assert real_devices(result("teleop_so_arm100.pbtxt")) == []
+    assert simulate(given, load_registry()).real == ("lidar_front",)
+    assert result("teleop_so_arm100.pbtxt").real == ()
 
 
 def test_actuator_of_unknown_joints_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

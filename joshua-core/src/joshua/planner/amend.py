@@ -11,12 +11,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from joshua.config.checks import Context
 from joshua.config.checks.device_table import device_block, motor_ids
 from joshua.modes import mode_of
-from joshua.plan import Diagnostic, Related, Severity, installing
-from joshua.plan.diagnostic import as_sentence
+from joshua.plan import Diagnostic, installing
 from joshua.planner.calibration_place import FileRefused, kept_calibrations
 from joshua.planner.devices import Wanted, joints_of, unpack, wanted_nodes
+from joshua.planner.resolution import also_needed_by
 from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, PluginStatus, Registry, SimulatorSpec
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.emulator import (
@@ -70,16 +71,14 @@ def simulate(
     """
     spec = registry.find(SimulatorSpec, "simulation", "OFFSCREEN")
     if spec is None or not spec.sim_adapter:
-        raise NoSimulatorError(
-            f"--sim needs a simulator: {installing.install(distribution_for('simulation'))}"
-        )
+        raise NoSimulatorError(f"--sim {installing.requires(distribution_for('simulation'))}")
     loaded = _copy(loaded)
     config = loaded.config
     physical = physical_nodes(loaded, registry)
     chosen = [want for want in physical if _fits(registry, want, emulated=emulated)]
     if not chosen:
         raise SimAdapterError(
-            "--sim has nothing to replace: the file has no actuator and no camera that is not virtual already"
+            "--sim has nothing to replace: every actuator and camera of the file is virtual already"
             + (", and whose emulator can be part of the simulation" if emulated else "")
         )
     devices = [_device(config, registry, want) for want in chosen]
@@ -192,54 +191,22 @@ def take_calibrations(loaded: LoadedConfig, names: Iterable[str], path: str) -> 
         config.calibration.arms.extend(arms)
 
 
-def refusal(error: SimAdapterError) -> Diagnostic:
-    """The finding that the simulation cannot stand for the devices of a file."""
-    missing = isinstance(error, NoSimulatorError)
-    return Diagnostic(
-        "plugin-missing" if missing else "simulation-refused",
-        Severity.ERROR,
-        as_sentence(str(error)),
-        remedy="Install the simulator." if missing else "Change the file, or run without --sim.",
-    )
-
-
-def real_devices(simulated: Simulated) -> list[Diagnostic]:
-    """Names the devices that a simulated run opens all the same."""
-    if not simulated.real:
-        return []
-    names = ", ".join(simulated.real)
-    return [
-        Diagnostic(
-            "devices-stay-real",
-            Severity.NOTE,
-            f"--sim leaves these devices real, and the run opens them: {names}.",
-            found=names,
-            remedy="Leave them out of the file, or add --emulate.",
-        )
-    ]
-
-
 def without_emulator(loaded: LoadedConfig, registry: Registry) -> list[Diagnostic]:
     """Devices that nothing emulates: one finding for all of one block."""
     by_block: dict[str, list[Wanted]] = {}
     for want in physical_nodes(loaded, registry):
         if registry.find(EmulatorSpec, want.block_name) is None:
             by_block.setdefault(want.block_name, []).append(want)
-    positions = loaded.positions
+    context = Context(loaded)
     return [
-        Diagnostic(
+        context.error(
             "emulator-missing",
-            Severity.ERROR,
-            f"{', '.join(map(_name, wants))}: no plugin in use emulates "
-            f"{block}, and --emulate never opens a real device.",
-            positions.name(wants[0].block_path),
+            f"{', '.join(map(_name, wants))}: no plugin in use emulates {block}, "
+            "and --emulate never opens a real device",
             wants[0].block_path,
+            found="",
             remedy=_remedy(registry, block),
-            related=tuple(
-                Related(place, f"{_name(want)} needs it too")
-                for want in wants[1:]
-                if (place := positions.name(want.block_path)) is not None
-            ),
+            related=also_needed_by(context, wants[1:]),
         )
         for block, wants in by_block.items()
     ]

@@ -109,23 +109,27 @@ def check_file(request: Request) -> Checked:
 
 def _amended(checked: Checked) -> Checked:
     """Do what ``--sim`` asks for, and find devices that nothing emulates; refusals become findings."""
+    from joshua.config.checks import Context
     from joshua.planner import amend
     from joshua.planner.calibration_place import calibration_place
     from joshua.plugins.emulator import SimAdapterError
 
     request, registry, loaded = checked.request, checked.registry, checked.loaded
-    found = list(checked.diagnostics)
+    found, context = list(checked.diagnostics), Context(loaded)
     simulated = None
     if request.simulate:
         place = calibration_place(request.state_home, emulate=False, simulate=True)
         path = place(loaded.path, loaded.config.general.id) if request.state_home else ""
         try:
             simulated = amend.simulate(loaded, registry, emulated=request.emulate, calibrations=path)
+        except amend.NoSimulatorError as error:
+            found.append(context.error("plugin-missing", str(error), remedy="Install the simulator"))
         except SimAdapterError as error:
-            found.append(amend.refusal(error))
+            found.append(context.error("simulation-refused", str(error)))
         else:
-            loaded = simulated.loaded
-            found += amend.real_devices(simulated)
+            loaded, real = simulated.loaded, ", ".join(simulated.real)
+            message = f"--sim does not replace these devices, and the run opens them: {real}"
+            found += [context.note("devices-stay-real", message, found=real)] if real else []
     if request.emulate:
         found += amend.without_emulator(loaded, registry)
     return replace(checked, loaded=loaded, diagnostics=found, simulated=simulated)

@@ -14,6 +14,7 @@ from joshua.plugins.block_context import BlockContext
 from joshua.schema import data_type_pb2, data_types
 
 if TYPE_CHECKING:
+    from joshua.config.checks import Context
     from joshua.plan import Diagnostic, JointRange
     from joshua.planner.draft import Draft
 
@@ -90,10 +91,10 @@ def _plugin_missing(draft: Draft, wants: list[Wanted]) -> Diagnostic:
     return draft.missing("plugin-missing", message, first.block_path, remedy=remedy, related=related)
 
 
-def also_needed_by(draft: Draft, wants: list[Wanted]) -> tuple[Related, ...]:
+def also_needed_by(context: Context, wants: list[Wanted]) -> tuple[Related, ...]:
     """The positions of further blocks that need the same plugin."""
     labels = ((want.block_path, f"{want.entry.node.node_name} needs it too") for want in wants)
-    return tuple(related for path, label in labels for related in draft.see(path, label))
+    return tuple(related for path, label in labels for related in context.see(path, label))
 
 
 def _unfit_types(draft: Draft, want: Wanted, spec: NodePluginSpec) -> list[Diagnostic]:
