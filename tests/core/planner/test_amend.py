@@ -92,12 +92,14 @@ def test_devices_that_a_simulated_run_opens_all_the_same_are_named(
 ) -> None:
     pytest.importorskip("joshua_mujoco_sim")
     pytest.importorskip("joshua_lidar")
-    lidar = (CONFIGS / "test_lidar.pbtxt").read_text(encoding="utf-8")
-    lidar = lidar[lidar.index("robot {") :]
+    lidar = """robot { perceptions { node { node_name: "lidar_front" node_id: 9
+    publishers { data_type: LASER_SCAN topic_name: "/scan" publish_rate_hz: 10 } }
+    perception_type: PERCEPTION_LIDAR
+    lidar_config { comm { serial { port: "/dev/ttyUSB0" baudrate: 115200 } }
+      angle_max: 3.14 range_min: 0.1 range_max: 12 } }"""
+    text = (CONFIGS / "teleop_so_arm100.pbtxt").read_text(encoding="utf-8")
     path = tmp_path / "robot.pbtxt"
-    path.write_text(
-        (CONFIGS / "teleop_so_arm100.pbtxt").read_text() + lidar.replace("node_id: 1", "node_id: 9")
-    )
+    path.write_text(text.replace("robot {", lidar, 1), encoding="utf-8")
     assert main(["plan", "--sim", "--config", str(path)]) == 0
     shown = " ".join(capsys.readouterr().err.split())
     assert "--sim does not replace these devices, and the run opens them: lidar_front." in shown
