@@ -6,7 +6,7 @@ import os
 import textwrap
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 from joshua.plan import Diagnostic, Position, Severity
@@ -60,8 +60,8 @@ def render_text(
     ordered = in_order(diagnostics, sources)
     if not ordered:
         return ""
-    lines = Lines(dict(sources))
-    paint = _Paint(color)
+    lines = {name: text.split("\n") for name, text in sources.items()}
+    paint = _painted if color else _plain
     blocks = [_finding(item, lines, paint, columns) for item in ordered]
     return "\n\n".join([*blocks, summary(ordered, sources)]) + "\n"
 
@@ -97,17 +97,18 @@ def in_order(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) -> l
     return sorted(diagnostics, key=key)
 
 
-class _Paint:
-    """Wraps text in ANSI colours, or leaves it as it is."""
-
-    def __init__(self, enabled: bool) -> None:
-        self._enabled = enabled
-
-    def __call__(self, text: str, style: str) -> str:
-        return f"\x1b[{style}m{text}\x1b[0m" if self._enabled else text
+def _painted(text: str, style: str) -> str:
+    return f"\x1b[{style}m{text}\x1b[0m"
 
 
-def _finding(item: Diagnostic, lines: Lines, paint: _Paint, columns: int) -> str:
+def _plain(text: str, style: str) -> str:
+    del style
+    return text
+
+
+def _finding(
+    item: Diagnostic, lines: Mapping[str, list[str]], paint: Callable[[str, str], str], columns: int
+) -> str:
     color = _COLORS[item.severity]
     parts = _headline(item, paint, color, columns)
     if item.field_path:
@@ -126,7 +127,7 @@ def _finding(item: Diagnostic, lines: Lines, paint: _Paint, columns: int) -> str
     return "\n".join(parts)
 
 
-def _headline(item: Diagnostic, paint: _Paint, color: str, columns: int) -> list[str]:
+def _headline(item: Diagnostic, paint: Callable[[str, str], str], color: str, columns: int) -> list[str]:
     """Writes place, severity and message; the place comes first so that terminals and editors link it."""
     place = f"{clean(str(item.position))}: " if item.position is not None else ""
     label = f"{item.severity.value}: "
@@ -143,11 +144,18 @@ def _headline(item: Diagnostic, paint: _Paint, color: str, columns: int) -> list
     return [head.rstrip(), *wrapped[1:]]
 
 
-def _source(item: Diagnostic, lines: Lines, paint: _Paint, color: str, columns: int) -> list[str]:
+def _source(
+    item: Diagnostic,
+    lines: Mapping[str, list[str]],
+    paint: Callable[[str, str], str],
+    color: str,
+    columns: int,
+) -> list[str]:
     if item.position is None:
         return []
-    line = lines.get(item.position)
-    if line is None or not line.strip():
+    known, number = lines.get(item.position.file, []), item.position.line
+    line = known[number - 1].rstrip("\r") if 1 <= number <= len(known) else ""
+    if not line.strip():
         return []
     gutter = max(len(str(item.position.line)), 3)
     text, carets = snippet(line, item.position.column, item.position.length, columns - gutter - 5)
@@ -172,25 +180,6 @@ def _labelled(label: str, text: str, columns: int) -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
-
-
-class Lines:
-    """The lines of the sources, split once for each file."""
-
-    def __init__(self, sources: dict[str, str]) -> None:
-        self._sources = sources
-        self._lines: dict[str, list[str]] = {}
-
-    def get(self, position: Position) -> str | None:
-        """Returns the line of a position, or None when the text is not known."""
-        if position.file not in self._sources:
-            return None
-        if position.file not in self._lines:
-            self._lines[position.file] = self._sources[position.file].split("\n")
-        lines = self._lines[position.file]
-        if not 1 <= position.line <= len(lines):
-            return None
-        return lines[position.line - 1].rstrip("\r")
 
 
 def snippet(line: str, column: int, length: int, columns: int) -> tuple[str, str]:

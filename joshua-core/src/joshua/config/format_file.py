@@ -40,9 +40,7 @@ def format_file(path: str) -> Formatted:
     """Formats the text of a file, which stays as it is."""
     problems = Diagnostics()
     data = read_bytes(path, problems, None)
-    if data is None:
-        return Formatted(None, diagnostics=problems.items)
-    return _format(decode_source(path, data, problems, None), problems, data)
+    return Formatted(None, diagnostics=problems.items) if data is None else format_bytes(path, data)
 
 
 def format_bytes(name: str, data: bytes) -> Formatted:

@@ -170,33 +170,20 @@ class _Loading:
             self._read(os.path.normpath(os.path.join(folder, home)), at)  # noqa: PTH118
 
     def _may_read(self, identity: FileId, path: str, at: Span | None) -> bool:
-        """Reports a cycle of includes, a second include of one file, and too many files."""
+        """Report a cycle of includes, a second include of one file, and too many files."""
         names = [file.name for file in self._chain]
         identities = [file.identity for file in self._chain]
+        related: list[tuple[Span, str]] = []
         if identity in identities:
             chain = [*names[identities.index(identity) :], path]
-            self._problems.error(
-                "include-cycle",
-                f"The file includes itself: {' → '.join(chain)}.",
-                at,
-                path="include",
-                found=path,
-            )
-            return False
-        if identity in self._included:
+            code, message = "include-cycle", f"The file includes itself: {' → '.join(chain)}."
+        elif identity in self._included:
             name, first = self._included[identity]
-            self._problems.error(
-                "include-twice",
-                f"{name} is included already; its content would be added twice.",
-                at,
-                path="include",
-                found=path,
-                related=[] if first is None else [(first, "it is included first here")],
-            )
-            return False
-        if len(self._included) >= MAX_FILES:
-            self._problems.error(
-                "too-many-files", f"More than {MAX_FILES} files are included.", at, path="include", found=path
-            )
-            return False
-        return True
+            code, message = "include-twice", f"{name} is included already; its content would be added twice."
+            related = [] if first is None else [(first, "it is included first here")]
+        elif len(self._included) >= MAX_FILES:
+            code, message = "too-many-files", f"More than {MAX_FILES} files are included."
+        else:
+            return True
+        self._problems.error(code, message, at, path="include", found=path, related=related)
+        return False

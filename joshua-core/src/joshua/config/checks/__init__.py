@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from importlib import import_module
 from itertools import islice
-from typing import Any
 
 from joshua.config.checks.context import Context
 from joshua.config.loading import LoadedConfig
@@ -26,17 +25,11 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "topics": lambda context: bool(context.graph.entries),
     "qos": lambda context: bool(context.graph.entries),
     "no_effect": lambda context: True,
-    "safety": lambda context: any(_has_safety(entry.owner) for entry in context.graph.entries),
     "calibration": lambda context: context.config.HasField("calibration"),
     "transport": lambda context: (
         context.config.HasField("transport") or any(entry.node.host for entry in context.graph.entries)
     ),
 }
-
-
-def _has_safety(owner: Any) -> bool:
-    fields = ("safe_state", "park_pose_rad", "on_stale", "on_stale_after_s")
-    return any(getattr(owner, name, 0) for name in fields)
 
 
 def check(loaded: LoadedConfig, without: Collection[str] = ()) -> list[Diagnostic]:

@@ -1,9 +1,12 @@
-"""Fields that are set beside others which leave them without effect: nothing is ignored silently."""
+"""Fields that other settings leave without effect, input devices that move nothing, and safe states.
+
+Nothing is ignored silently.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from joshua.config.checks.blocks import Block
 from joshua.config.checks.context import Context
@@ -14,19 +17,105 @@ from joshua.schema.options_pb2 import WEIGHTS_NONE
 from joshua.schema.rules import value_rule
 from joshua.textproto.field_facts import FieldFacts
 
+_RELEASES = (pb.RELEASE, pb.PARK_THEN_RELEASE)
+_STORE_MODES = (pb.MODE_UNSPECIFIED, pb.MODE_DATA_STORE, pb.MODE_SIMULATION)
+
+
+class _Unused(NamedTuple):
+    """A field that has no effect when a test of its block, in the mode of the file, is true."""
+
+    field: str
+    test: Callable[[Any, int], bool]
+    reason: str
+    remedy: str = ""
+
+
+def _is_not_commanded(action: Any, mode: int) -> bool:
+    return action.action_type == pb.ACTION_LEADER or not action.node.subscriptions
+
+
+def _motion(field: str, needed: int) -> _Unused:
+    value = f"motion: {pb.MockMotion.Name(needed)}"
+    return _Unused(
+        field, lambda block, _: block.motion != needed, f"it belongs to {value}", f"Remove it, or set {value}"
+    )
+
+
+_UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
+    pb.QoSSettings: (
+        _Unused(
+            "depth",
+            lambda block, _: block.history == pb.KEEP_ALL and block.depth > 0,
+            "KEEP_ALL keeps every message",
+            "Remove depth, or set history: KEEP_LAST",
+        ),
+    ),
+    pb.MockMotorConfig: (
+        _motion("motion_file", pb.MOCK_MOTION_FILE),
+        _motion("motion_amplitude_rad", pb.MOCK_MOTION_SINE),
+        _motion("motion_frequency_hz", pb.MOCK_MOTION_SINE),
+    ),
+    pb.SingleModel: (
+        _Unused(
+            "pretrained_model_name_or_path",
+            lambda block, _: value_rule(pb.ModelType.DESCRIPTOR, block.model_type).weights == WEIGHTS_NONE,
+            "models of this type have no weights",
+            "Remove it, or choose another model_type",
+        ),
+    ),
+    pb.DataStore: (
+        _Unused(
+            "operation",
+            lambda block, mode: bool(block.operation) and mode not in _STORE_MODES,
+            "it says what MODE_DATA_STORE does, and the mode is another",
+            "Remove it, or set mode: MODE_DATA_STORE in general",
+        ),
+        _Unused(
+            "episodes",
+            lambda block, mode: (
+                block.operation != pb.DATA_STORE_REPLAY and not (block.operation and mode not in _STORE_MODES)
+            ),
+            "it belongs to operation: DATA_STORE_REPLAY",
+            "Remove it, or set operation: DATA_STORE_REPLAY",
+        ),
+    ),
+    pb.SingleAction: (
+        _Unused("on_stale", _is_not_commanded, "the actuator follows no commands"),
+        _Unused("on_stale_after_s", _is_not_commanded, "the actuator follows no commands"),
+        _Unused(
+            "on_stale_after_s",
+            lambda block, mode: not _is_not_commanded(block, mode) and block.on_stale not in _RELEASES,
+            "joints that hold go on holding",
+            "Remove it, or set on_stale: RELEASE or on_stale: PARK_THEN_RELEASE",
+        ),
+        _Unused(
+            "park_pose_rad",
+            lambda block, _: pb.PARK_THEN_RELEASE not in (block.safe_state, block.on_stale),
+            "it belongs to safe_state: PARK_THEN_RELEASE",
+            "Remove it, or set safe_state: PARK_THEN_RELEASE",
+        ),
+    ),
+}
+
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Notes fields without effect, and input devices that move nothing."""
+    """Note fields without effect, and find input devices that move nothing and unreachable safe states."""
+    mode = context.config.general.mode
     for block in context.blocks:
-        rule = _RULES.get(type(block.message))
-        if rule is not None:
-            yield from rule(context, block)
+        for row in _UNUSED.get(type(block.message), ()):
+            if context.is_set(block, row.field) and row.test(block.message, mode):
+                yield _note(context, block, row.field, row.reason, row.remedy)
+        if isinstance(block.message, pb.MockMotorConfig):
+            yield from _motion_file(context, block)
+        elif isinstance(block.message, pb.SingleAction):
+            yield from _safe_state(context, block.message, block.path)
         for facts in block.facts:
-            if facts.overridden_by:
-                yield from _overridden(context, block, facts)
+            other = facts.overridden_by
+            if other and getattr(block.message, other) and context.is_set(block, facts.name):
+                remedy = f"Remove {facts.name} or {other}"
+                yield _note(context, block, facts.name, facts.overridden_because, remedy)
             if facts.message_type is pb.JointControl.DESCRIPTOR:
                 yield from _controls(context, block, facts)
-    yield from _operation(context)
 
 
 def _note(context: Context, block: Block, name: str, reason: str, remedy: str) -> Diagnostic:
@@ -34,55 +123,14 @@ def _note(context: Context, block: Block, name: str, reason: str, remedy: str) -
     return context.note("field-unused", f"{name} has no effect: {reason}", path, remedy=remedy)
 
 
-def _qos(context: Context, block: Block) -> Iterator[Diagnostic]:
-    if block.message.history == pb.KEEP_ALL and block.message.depth > 0:
-        yield _note(
-            context, block, "depth", "KEEP_ALL keeps every message", "Remove depth, or set history: KEEP_LAST"
-        )
-
-
-def _overridden(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
-    """A field whose place another takes."""
-    other = facts.overridden_by
-    if getattr(block.message, other) and context.is_set(block, facts.name):
-        reason = facts.overridden_because
-        yield _note(context, block, facts.name, reason, f"Remove {facts.name} or {other}")
-
-
-def _mock_motor(context: Context, block: Block) -> Iterator[Diagnostic]:
-    motion = block.message.motion
-    if motion == pb.MOCK_MOTION_FILE and not block.message.motion_file:
+def _motion_file(context: Context, block: Block) -> Iterator[Diagnostic]:
+    if block.message.motion == pb.MOCK_MOTION_FILE and not block.message.motion_file:
         yield context.error(
             "required-missing",
-            "MOCK_MOTION_FILE needs motion_file, the CSV file that is replayed",
+            "MOCK_MOTION_FILE requires motion_file, the CSV file that is replayed",
             block.field_path("motion_file"),
             position=context.position(block.field_path("motion")),
             remedy='Add motion_file: "motions/wave.csv"',
-        )
-    needs = {
-        "motion_file": pb.MOCK_MOTION_FILE,
-        "motion_amplitude_rad": pb.MOCK_MOTION_SINE,
-        "motion_frequency_hz": pb.MOCK_MOTION_SINE,
-    }
-    for name, needed in needs.items():
-        if motion != needed and context.is_set(block, name):
-            value = pb.MockMotion.Name(needed)
-            yield _note(
-                context, block, name, f"it belongs to motion: {value}", f"Remove it, or set motion: {value}"
-            )
-
-
-def _model(context: Context, block: Block) -> Iterator[Diagnostic]:
-    name = "pretrained_model_name_or_path"
-    model_type = block.message.model_type
-    needs = value_rule(pb.ModelType.DESCRIPTOR, model_type).weights
-    if needs == WEIGHTS_NONE and block.message.pretrained_model_name_or_path:
-        yield _note(
-            context,
-            block,
-            name,
-            f"{pb.ModelType.Name(model_type)} has no weights",
-            "Remove it, or choose another model_type",
         )
 
 
@@ -98,40 +146,20 @@ def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
             remedy = f"Add publishers {{ data_type: {needed} … }} to the node, or remove {facts.name}"
             yield _note(context, block, facts.name, f"the node publishes no {needed}", remedy)
     elif sent != {types.JOY}:
-        message = (
-            f"{block.path.rpartition('.')[2]} has no controls, so nothing that a person does moves a joint"
-        )
+        message = f"{block.path.rpartition('.')[2]} has no controls, so it cannot move a joint"
         remedy = f"Add {facts.sample()} for each joint"
         yield context.warning("controls-missing", message, block.path, remedy=remedy)
 
 
-def _operation(context: Context) -> Iterator[Diagnostic]:
-    """Fields of the data store that belong to one operation or mode."""
-    block = next((item for item in context.blocks if item.path == "ai.data_store"), None)
-    if block is None:
-        return
-    store = block.message
-    mode = context.config.general.mode
-    if store.operation and mode not in (pb.MODE_UNSPECIFIED, pb.MODE_DATA_STORE, pb.MODE_SIMULATION):
-        yield _note(
-            context,
-            block,
-            "operation",
-            "it says what MODE_DATA_STORE does, and the mode is another",
-            "Remove it, or set mode: MODE_DATA_STORE in general",
-        )
-    elif store.episodes and store.operation != pb.DATA_STORE_REPLAY:
-        yield _note(
-            context,
-            block,
-            "episodes",
-            "it belongs to operation: DATA_STORE_REPLAY",
-            "Remove it, or set operation: DATA_STORE_REPLAY",
-        )
-
-
-_RULES: dict[type[Any], Callable[[Context, Block], Iterator[Diagnostic]]] = {
-    pb.QoSSettings: _qos,
-    pb.MockMotorConfig: _mock_motor,
-    pb.SingleModel: _model,
-}
+def _safe_state(context: Context, action: pb.SingleAction, path: str) -> Iterator[Diagnostic]:
+    """A leader that would hold, and a park without a pose."""
+    leads = action.action_type == pb.ACTION_LEADER
+    if leads and action.safe_state not in (0, pb.RELEASE):
+        verb = "park" if action.safe_state == pb.PARK_THEN_RELEASE else "hold"
+        message = f"A leader never has torque, so it cannot {verb}"
+        yield context.error("safe-state-unfit", message, f"{path}.safe_state", allowed=("RELEASE",))
+    parks = ("safe_state", not leads), ("on_stale", not _is_not_commanded(action, 0))
+    for field, counts in parks:
+        if counts and getattr(action, field) == pb.PARK_THEN_RELEASE and not action.park_pose_rad:
+            message = "PARK_THEN_RELEASE requires park_pose_rad, a pose in which the joints may lose torque"
+            yield context.error("park-pose-missing", message, f"{path}.{field}", found="PARK_THEN_RELEASE")
