@@ -111,7 +111,7 @@ def test_a_policy_for_commands_that_stay_away_reaches_the_node(tmp_path: Path) -
 def test_settings_about_commands_that_have_no_effect_are_named(tmp_path: Path) -> None:
     for role in ("ACTION_LEADER", "ACTION_FOLLOWER"):  # neither has a subscription
         item = finding(planned(tmp_path, "on_stale: RELEASE", role=role), "field-unused")
-        assert item.message == "on_stale has no effect: arm follows no commands."
+        assert item.message == "on_stale has no effect: the actuator follows no commands."
     holds = finding(planned(tmp_path, "on_stale_after_s: 3", commanded=True), "field-unused")
     assert holds.message == "on_stale_after_s has no effect: joints that hold go on holding."
     assert "on_stale: RELEASE" in holds.remedy
