@@ -1,0 +1,1 @@
+"""A serial range finder and a clamp, examples of a third party's plugin."""
