@@ -13,11 +13,12 @@ class Stated(NamedTuple):
     """What the schema states of plugins.
 
     Attributes:
-        blocks: rule of a block by the name of the field that holds it.
+        blocks: rule of a block by the name of the field that holds it; messages: its descriptor likewise.
         enum_values, commands: distribution by enum value and by command of ``joshua``.
     """
 
     blocks: dict[str, Any]
+    messages: dict[str, Any]
     enum_values: dict[str, str]
     commands: dict[str, str]
 
@@ -33,7 +34,7 @@ def stated() -> Stated:
     from joshua.schema.config_pb2 import Config
     from joshua.schema.rules import block_rule, value_rule
 
-    found = Stated({}, {}, {})
+    found = Stated({}, {}, {}, {})
     seen, waiting = set(), [Config.DESCRIPTOR]
     while waiting:
         for field in waiting.pop().fields:
@@ -43,6 +44,7 @@ def stated() -> Stated:
             message = field.message_type
             if message is None:
                 continue
+            found.messages.setdefault(field.name, message)
             rule = block_rule(message)
             if rule.plugin:
                 found.blocks.setdefault(field.name, rule)
@@ -52,6 +54,16 @@ def stated() -> Stated:
                 seen.add(message.full_name)
                 waiting.append(message)
     return found
+
+
+def block_message(block: str) -> Any:
+    """Descriptor of a block, by the field that holds it or by its message's full name; None if unknown."""
+    from google.protobuf import descriptor_pool
+
+    try:
+        return stated().messages.get(block) or descriptor_pool.Default().FindMessageTypeByName(block)
+    except KeyError:
+        return None
 
 
 def distribution_for(block: str, enum_value: str = "") -> str:

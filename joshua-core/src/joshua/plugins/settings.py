@@ -100,7 +100,7 @@ class BlockSettings(BaseModel):
         del node, context  # for overriding methods
         result: dict[str, Any] = {}
         for name, field in cls.model_fields.items():
-            source = _source(name, field)
+            source = source_of(name, field)
             value = _look_up(values, source.path)
             if value is not None:
                 result[name] = source.convert(value)
@@ -244,7 +244,8 @@ def _field_error(detail: Any, settings_type: type[BlockSettings], block: Message
     )
 
 
-def _source(name: str, field: FieldInfo) -> FromField:
+def source_of(name: str, field: FieldInfo) -> FromField:
+    """Where a setting comes from: what its metadata says, else the field of the same name."""
     return next((entry for entry in field.metadata if isinstance(entry, FromField)), FromField(name))
 
 
@@ -266,7 +267,7 @@ def _block_path(location: tuple[int | str, ...], settings_type: type[BlockSettin
         return ""
     name = str(location[0])
     field = settings_type.model_fields.get(name)
-    path = _source(name, field).path if field else name
+    path = source_of(name, field).path if field else name
     return path + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location[1:])
 
 

@@ -23,6 +23,18 @@ ROLES = {
 }
 
 
+#: Arguments that the runtime constructs the implementations of a base class with.
+_MADE_WITH = {
+    "joshua.devices.actuator:Actuator": ("settings", "context"),
+    "joshua.devices.sensor:Sensor": ("settings", "context"),
+    "joshua.models.model:Model": ("settings", "joints", "features"),
+    "joshua.node.behaviour:NodeBehaviour": ("context",),
+    "joshua.features.episodes:EpisodeWriter": ("layout",),
+    "joshua.plugins.emulator:DeviceEmulator": ("device",),
+    "joshua.transport.transports:Transport": ("settings",),
+}
+
+
 class TargetError(Exception):
     """An import string leads nowhere; the message names it and the reason.
 
@@ -68,8 +80,9 @@ def make_environment(facts: ServiceFacts, *, num_envs: int = 0) -> Any:
 
 
 def check_targets(spec: PluginSpec) -> list[str]:
-    """Imports everything that a spec names and checks the base classes; lists what is wrong.
+    """Import everything that a spec names and check what needs no device; lists what is wrong.
 
+    That is base classes, missing methods, the constructor, and the settings against the block.
     This imports drivers, so it belongs to the launch and to ``joshua plugins --check``, never to a
     listing or a validation. What has a behaviour of its own may use any implementation class.
     """
@@ -85,10 +98,57 @@ def check_targets(spec: PluginSpec) -> list[str]:
         except TargetError as error:
             problems.append(f"{role}: {error}")
             continue
+        found = []
         if base_string and not _derives(target, base_string):
-            problems.append(
-                f"{role}: {import_string} is {_describe(target)}, not a class derived from {base_string}"
-            )
+            found = [f"{import_string} is {_describe(target)}, not a class derived from {base_string}"]
+        elif base_string and isinstance(target, type):
+            found = _unfinished(target, _MADE_WITH.get(base_string, ()))
+        if role == "settings" and not found:
+            found = _unlike_the_block(target, spec)
+        problems += [f"{role}: {text}" for text in found]
+    return problems
+
+
+def _unfinished(target: type, made_with: tuple[str, ...]) -> list[str]:
+    """Abstract methods that a class leaves out, and a constructor that the runtime cannot call."""
+    import inspect
+
+    missing = sorted(getattr(target, "__abstractmethods__", ()))
+    problems = [f"{target.__name__} does not implement {', '.join(missing)}"] if missing else []
+    if made_with:
+        try:
+            inspect.signature(target).bind(*made_with)
+        except TypeError as error:
+            call = f"{target.__name__}({', '.join(made_with)})"
+            problems.append(f"{target.__name__} cannot be constructed as {call}: {error}")
+    return problems
+
+
+def _unlike_the_block(settings_type: Any, spec: PluginSpec) -> list[str]:
+    """Settings that read a field which the block does not have, and an actuator's that name no joints."""
+    from joshua.plugins.hints import block_message
+    from joshua.plugins.settings import ActuatorSettings, BlockSettings, source_of
+
+    problems = []
+    if spec.kind == "actuator" and not issubclass(settings_type, ActuatorSettings):
+        problems.append(f"{settings_type.__name__} does not derive from joshua.api.ActuatorSettings")
+    elif spec.kind == "actuator" and settings_type.joints is ActuatorSettings.joints:
+        problems.append(f"{settings_type.__name__} names no joints: override joints")
+    message = block_message(spec.block)
+    own = [base for base in settings_type.__mro__ if base is not BlockSettings and "si_values" in vars(base)]
+    fields = {} if own or message is None else settings_type.model_fields  # else it makes its values itself
+    for name, field in fields.items():
+        path, inner = source_of(name, field).path, message
+        if path == name and not field.is_required():
+            continue  # set by programs, not by the block
+        for part in path.split("."):
+            known = inner.fields_by_name if inner is not None else {}
+            if part not in known:
+                reads = f"{settings_type.__name__}.{name} reads the field {path}"
+                allowed = ", ".join(known) or "none"
+                problems.append(f"{reads}, which {message.full_name} does not have; fields there: {allowed}")
+                break
+            inner = known[part].message_type
     return problems
 
 

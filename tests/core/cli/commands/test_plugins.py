@@ -106,6 +106,7 @@ def test_the_real_program_lists_third_parties_without_importing_their_drivers(tm
     assert checked.returncode == 1
     assert "lidar_config: implementation: acme_driver:Lidar cannot be imported" in checked.stdout
     assert "the driver was imported" in checked.stdout
+    assert checked.stdout.splitlines()[-1].endswith("plugins checked: problems in acme-broken, acme-lidar")
 
     blocked = joshua(tmp_path, "--block-plugin", "acme-lidar", "plugins", "--json")
     status = {row["name"]: row["status"] for row in json.loads(blocked.stdout)}
@@ -137,3 +138,13 @@ def test_the_list_imports_neither_drivers_nor_numpy() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )
     assert result.returncode == 0, result.stderr
+
+
+def test_the_check_imports_commands_too(tmp_path: Path) -> None:
+    install(tmp_path, "acme-tool", "@hookimpl\ndef joshua_specs():\n    return []\n")
+    entry_points = tmp_path / "acme_tool_plugin-1.5.dist-info/entry_points.txt"
+    entry_points.write_text(entry_points.read_text() + "[joshua.commands]\nacme = acme_no_such_module\n")
+    result = joshua(tmp_path, "plugins", "--check")
+    assert result.returncode == 1
+    assert "! the command acme of acme-tool cannot be loaded (ModuleNotFoundError" in result.stdout
+    assert result.stdout.splitlines()[-1].endswith("plugins checked: problems in acme-tool")

@@ -63,9 +63,9 @@ def run(arguments: argparse.Namespace) -> int:
     for name in blocked:
         if not registry.knows(name):
             sys.stderr.write(f"joshua plugins: --block-plugin: no plugin {name!r} is installed\n")
+    rows += libraries(rows)
     if arguments.check:
         rows = tuple(map(checked, rows))
-    rows += libraries(rows)
     if getattr(arguments, "format", "text") == "json":
         from joshua.cli.table import commands_by_distribution
 
@@ -74,7 +74,10 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps(found, indent=2) + "\n")
     else:
         sys.stdout.write(listing(rows))
-    wrong = any(row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT) for row in rows)
+    wrong = [row.distribution for row in rows if row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT)]
+    if arguments.check and getattr(arguments, "format", "text") == "text":
+        verdict = f"problems in {', '.join(wrong)}" if wrong else "no problem found"
+        sys.stdout.write(f"{len(rows)} plugins checked: {verdict}\n")
     return ExitCode.FAILED if arguments.check and wrong else ExitCode.OK
 
 
@@ -90,14 +93,23 @@ def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
 
 
 def checked(row: PluginRow) -> PluginRow:
-    """The same plugin, with everything that it names imported and checked."""
+    """The same plugin, with everything that it names imported and checked, commands included."""
     from dataclasses import replace
 
+    from joshua.cli.table import PluginCommandError, load_command, plugin_commands
     from joshua.plugins import PluginStatus
     from joshua.plugins.targets import check_targets
 
-    problems = tuple(f"{subject(spec)}: {problem}" for spec in row.specs for problem in check_targets(spec))
-    return replace(row, status=PluginStatus.BROKEN, reasons=row.reasons + problems) if problems else row
+    problems = [f"{subject(spec)}: {problem}" for spec in row.specs for problem in check_targets(spec)]
+    for command in plugin_commands():
+        if command.distribution == row.distribution and row.status is not PluginStatus.BLOCKED:
+            try:
+                load_command(command)
+            except PluginCommandError as error:
+                problems.append(str(error))
+    if not problems:
+        return row
+    return replace(row, status=PluginStatus.BROKEN, reasons=(*row.reasons, *problems))
 
 
 def subject(spec: PluginSpec) -> str:
