@@ -48,10 +48,15 @@ def test_a_failed_node_fails_the_test_with_its_reason():
 
 
 def test_a_node_that_restarted_fails():
-    node = NodeReport(full_name="/camera", state="stopped", restarts=2)
+    killed = "its guardian killed it: no heartbeat for 0.2 s"
+    node = NodeReport(full_name="/camera", state="stopped", restarts=2, last_failure=killed)
     rows = verdict(plan_of("camera"), report_of(node))
     assert not passed(rows)
-    assert "stopped, 2 restarts" in verdict_text(rows, report_of())
+    text = f"FAIL  /camera  runs to the end  restarted 2 times: {killed}"
+    assert verdict_text(rows, report_of()).startswith(f"{text}\n")
+    fault = node.model_copy(update={"reason": "fault: look at the arm"})
+    rows = verdict(plan_of("camera"), report_of(fault))
+    assert verdict_text(rows, report_of()).startswith(f"{text}; fault: look at the arm\n")
 
 
 def test_a_node_without_a_report_fails():

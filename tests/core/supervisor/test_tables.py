@@ -125,6 +125,9 @@ def test_columns_group_drop_shorten_and_wrap_in_this_order():
         "others",
         "",
     ]
+    long = [*rows, ("/third", "4", "c", "words " * 20)]
+    assert columns(long, screen=Screen(60), drop=(0, 1), flexible=3)[0].split() == ["NODE", "A", "B", "TEXT"]
+    assert columns(long, screen=Screen(36), drop=(0, 1), flexible=3)[0].split() == ["A", "B", "TEXT"]
     assert shorten("out /follower/joint_states", 16) == "out /…int_states"
 
 

@@ -54,9 +54,8 @@ def _ran(node: NodeReport, report: RunReport) -> CheckResult:
     from joshua.plan import CheckResult
 
     good = node.state == "stopped" and node.restarts == 0 and not report.interrupted
-    measured = node.reason or (report.reason if report.interrupted else node.state)
-    if node.restarts:
-        measured += f", {node.restarts} restarts"
+    ending = node.reason or (report.reason if report.interrupted else "" if node.restarts else node.state)
+    measured = "; ".join(filter(None, (node.restarted, ending)))
     return CheckResult(check=RAN, passed=good, measured=measured)
 
 

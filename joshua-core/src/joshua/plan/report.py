@@ -77,18 +77,27 @@ class NodeReport(Value):
         full_name: fully qualified node name.
         state: ``ready`` while it runs, at the end ``stopped`` (cleanly), ``failed`` or ``killed``.
         reason: why it failed; "" where it did not.
-        restarts: how often it was started again.
+        restarts: how often it was restarted; last_failure: why it was, the last time.
     """
 
     full_name: str
     state: str
     reason: str = ""
     restarts: int = 0
+    last_failure: str = ""
     topics: tuple[TopicReport, ...] = ()
     timers: tuple[TimerReport, ...] = ()
     checks: tuple[CheckResult, ...] = ()
     warnings: tuple[str, ...] = ()
     traces: tuple[JointTrace, ...] = ()
+
+    @property
+    def restarted(self) -> str:
+        """How often it was restarted and why, such as ``restarted once: it hung``; "" if never."""
+        if not self.restarts:
+            return ""
+        times = "once" if self.restarts == 1 else f"{self.restarts} times"
+        return f"restarted {times}" + (f": {self.last_failure}" if self.last_failure else "")
 
 
 class RunReport(Value):

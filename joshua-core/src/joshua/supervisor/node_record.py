@@ -39,6 +39,7 @@ class NodeRecord:
         priority: what the system granted to its control loop, "" if it has none.
         fault: why its device is stopped although the node runs, "" for none.
         reason: why it failed; exit_code: of such a failure; kill_reason: why its guardian killed it.
+        last_failure: why the process before this one ended.
         report: its own last report, None if it ended without one.
     """
 
@@ -54,6 +55,7 @@ class NodeRecord:
     restarts: int = 0
     reason: str = ""
     kill_reason: str = ""
+    last_failure: str = ""
     exit_code: int = 0
     warnings: list[str] = field(default_factory=list)
     report: NodeReport | None = None
@@ -69,6 +71,7 @@ class NodeRecord:
     def begin(self) -> None:
         """Resets the state for a new process."""
         self.state, self.step, self.waiting, self.process_id = "starting", "", "", 0
+        self.last_failure = self.kill_reason or self.reason or self.last_failure
         self.fault = self.shown = self.kill_reason = ""
         self.report = None
         self.progress.clear()
@@ -132,9 +135,9 @@ class NodeRecord:
             topics=self._topics_from_totals(),
             warnings=tuple(self.warnings),
         )
-        return report.model_copy(
-            update={"state": self.state, "reason": self.reason or self.fault, "restarts": self.restarts}
-        )
+        reason = self.reason or self.fault
+        update = {"state": self.state, "reason": reason, "restarts": self.restarts}
+        return report.model_copy(update={**update, "last_failure": self.last_failure})
 
     def _topics_from_totals(self) -> tuple[TopicReport, ...]:
         if not self.totals or self.first_totals is None:

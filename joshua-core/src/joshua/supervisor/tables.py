@@ -29,6 +29,7 @@ _HOUSEKEEPING = ("/diagnostics", "/rosout", "/parameter_events")
 
 _GAP = "  "
 _NARROWEST = 12  # of a column that is shortened or wrapped
+_WRAPPED = 28  # columns are dropped before a wrapped one gets narrower than this
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160)) if code not in (9, 10)}
 
 
@@ -125,9 +126,14 @@ def columns(
     if group is not None and grouped:
         kept.remove(group)
         indent = _GAP
+    full = widths[flexible or 0]
+    if flexible is not None and flexible == kept[-1]:
+        widths[flexible] = min(full, _WRAPPED)  # it is better to wrap it than to drop a column
     for index in drop:
         if excess() > 0:
             kept.remove(index)
+    if flexible is not None:
+        widths[flexible] = full
     if flexible is not None and (over := excess()) > 0:
         widths[flexible] = max(_NARROWEST, widths[flexible] - over)
     lines: list[str] = []
@@ -291,8 +297,7 @@ def report_lines(report: RunReport, screen: Screen = PLAIN) -> list[str]:
         if node.state not in ("stopped", "ready"):
             lines += screen.wrap(node.reason, f"{node.full_name}: {node.state}: ", RED)
         elif node.restarts:
-            times = "once" if node.restarts == 1 else f"{node.restarts} times"
-            lines.append(clean(f"{node.full_name}: restarted {times}"))
+            lines += screen.wrap(node.restarted, f"{node.full_name}: ", YELLOW)
         if node.state == "stopped" and node.reason:
             lines += screen.wrap(node.reason, f"{node.full_name}: fault: ", RED)
     open_end = report.judged and not report.exit_code
