@@ -20,15 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ModeSpec", "ServiceSpec", "check_mode", "mode_name", "mode_of"]
 
-# Modules with a ``SPEC``; only that of the file's mode is imported.
-_MODULES = {
-    "MODE_TELEOPERATE": "teleoperate",
-    "MODE_INFERENCE": "inference",
-    "MODE_TRAINING": "training",
-    "MODE_TEST": "test",
-    "MODE_DATA_STORE": "data_store",
-    "MODE_SIMULATION": "simulation",
-}
+# Modules with a ``SPEC``, named like their modes; only that of the file's mode is imported.
+_MODULES = ("teleoperate", "inference", "training", "test", "data_store", "simulation")
 
 
 def mode_of(config: pb.Config, registry: Registry | None = None) -> ModeSpec:
@@ -46,8 +39,9 @@ def mode_of(config: pb.Config, registry: Registry | None = None) -> ModeSpec:
 def _find(config: pb.Config, registry: Registry | None) -> ModeSpec | str | None:
     """The mode as its author wrote it; why its plugin cannot bring it; None where no plugin does."""
     name = mode_name(config)
-    if name in _MODULES:
-        spec: ModeSpec = import_module(f"joshua.modes.{_MODULES[name]}").SPEC
+    module = name.removeprefix("MODE_").lower()
+    if module in _MODULES and config.general.mode != pb.MODE_PLUGIN:
+        spec: ModeSpec = import_module(f"joshua.modes.{module}").SPEC
         return spec
     offer = registry.modes().get(name) if registry is not None and name else None
     if offer is None:
@@ -64,34 +58,28 @@ def _find(config: pb.Config, registry: Registry | None) -> ModeSpec | str | None
 def check_mode(
     loaded: LoadedConfig, registry: Registry | None = None, *, launch: bool = False
 ) -> list[Diagnostic]:
-    """Checks that the file holds what its operation mode needs; a file without a mode has no findings here.
+    """Check that the file holds what its operation mode needs; a file without a mode has no findings here.
 
     Args:
         loaded: what ``joshua.config.load`` returned, be it complete or not.
         registry: the installed plugins, which may bring the mode.
         launch: nodes are going to be started, so that a mode whose plugin is missing is an error.
     """
-    context = Context(loaded)
-    general = context.config.general
+    context = Context(loaded, launch=launch)
     findings = [*_plugin_fields(context)]
-    if general.mode and mode_name(context.config):
+    if context.config.general.mode and mode_name(context.config):
         found = _find(context.config, registry)
         if isinstance(found, ModeSpec):
             try:
-                findings += _checked(context, found)
+                findings += [*found.check(context), *unused(context, found.for_file(found, context.config))]
             except Exception as error:
-                if found.name in _MODULES or registry is None:
+                if found.check.__module__.startswith(__name__) or registry is None:
                     raise
                 reason = f"its check failed: {type(error).__name__}: {error}"
-                findings.append(_without_plugin(context, registry, reason, launch))
+                findings.append(_without_plugin(context, registry, reason))
         elif registry is not None:
-            findings.append(_without_plugin(context, registry, found, launch))
+            findings.append(_without_plugin(context, registry, found))
     return settle(iter(findings), loaded)
-
-
-def _checked(context: Context, spec: ModeSpec) -> Iterator[Diagnostic]:
-    yield from spec.check(context)
-    yield from unused(context, spec.for_file(spec, context.config))
 
 
 def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
@@ -100,7 +88,7 @@ def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
     if general.mode == pb.MODE_PLUGIN and not general.plugin_mode:
         yield context.error(
             "mode-lacks-field",
-            "MODE_PLUGIN needs general.plugin_mode, the name of the mode",
+            "MODE_PLUGIN requires general.plugin_mode, the name of the mode",
             "general.plugin_mode",
             position=mode_position(context),
             remedy='Add plugin_mode: "..." to general; `joshua plugins` lists the modes that plugins bring',
@@ -113,7 +101,7 @@ def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
                 yield context.note("field-unused", message, f"general.{name}", remedy=remedy)
 
 
-def _without_plugin(context: Context, registry: Registry, reason: str | None, launch: bool) -> Diagnostic:
+def _without_plugin(context: Context, registry: Registry, reason: str | None) -> Diagnostic:
     name = mode_name(context.config)
     own = context.config.general.mode == pb.MODE_PLUGIN
     path = "general.plugin_mode" if own else "general.mode"
@@ -124,5 +112,4 @@ def _without_plugin(context: Context, registry: Registry, reason: str | None, la
     else:
         code, message = "plugin-missing", registry.missing(path, ModeOffer, "", name)
         remedy = f"Did you mean {near[0]}?" if near else registry.remedy(ModeOffer, "", name)
-    make = context.error if launch else context.note
-    return make(code, message, path, allowed=tuple(near), remedy=remedy)
+    return context.missing(code, message, path, allowed=tuple(near), remedy=remedy)

@@ -32,11 +32,11 @@ def check(context: Context) -> Iterator[Diagnostic]:
         remedy = "Add robot { actions { ... } } with a node that subscribes to the model's topic"
         yield lacks(context, "mode-lacks-actuator", what, "robot.actions", remedy=remedy)
     yield from _commands(context)
-    heard = {item.topic for entry in context.graph.actuators for item in context.graph.commands(entry)}
+    commands = {item.topic for entry in context.graph.actuators for item in context.graph.commands(entry)}
     pictures = (item.topic for item in context.graph.usable if item.is_publisher and _is_picture(item.block))
     cameras = tuple(islice(pictures, _MOST_NAMES))
     for entry in context.graph.models:
-        yield from _actions_out(context, entry, heard)
+        yield from _actions_out(context, entry, commands)
         if value_rule(pb.ModelType.DESCRIPTOR, entry.owner.model_type).needs_images:
             yield from _observations_in(context, entry, cameras)
 
@@ -53,7 +53,7 @@ def _model_types() -> tuple[str, ...]:
 
 
 def _commands(context: Context) -> Iterator[Diagnostic]:
-    """Actuators that nobody commands, unless that follows from a model that drives nothing."""
+    """Actuators that have no commander, unless that follows from a model that drives nothing."""
     sources = context.graph.command_sources
     driving = [topic for topic, group in sources.items() if any(item.entry.is_model for item in group)]
     heard = [item for entry in context.graph.actuators for item in context.graph.commands(entry)]
@@ -63,33 +63,25 @@ def _commands(context: Context) -> Iterator[Diagnostic]:
                 yield from unpublished(context, item)
 
 
-def _actions_out(context: Context, entry: NodeEntry, heard: set[str]) -> Iterator[Diagnostic]:
-    own = [
-        item
-        for item in context.graph.of_entry(entry)
-        if item.is_publisher and item.block.data_type in COMMAND_TYPES
-    ]
+def _actions_out(context: Context, entry: NodeEntry, commands: set[str]) -> Iterator[Diagnostic]:
+    endpoints, place = context.graph.of_entry(entry), context.position(entry.path)
+    own = [item for item in endpoints if item.is_publisher and item.block.data_type in COMMAND_TYPES]
     if not entry.node.publishers:
-        yield lacks(
-            context,
-            "mode-lacks-publisher",
-            f"the model {title(entry)} to publish its actions, and it publishes no topic",
-            entry.path,
-            position=context.position(entry.path),
-            remedy='Add publishers { data_type: JOINT_STATE topic_name: "/ai/actions" '
-            "publish_rate_hz: 10.0 }",
-        )
-    elif own and context.graph.actuators and not any(item.topic in heard for item in own):
+        what = f"the model {title(entry)} to publish its actions, but it publishes no topic"
+        remedy = 'Add publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 10.0 }'
+        yield lacks(context, "mode-lacks-publisher", what, entry.path, position=place, remedy=remedy)
+    elif own and context.graph.actuators and not any(item.topic in commands for item in own):
         actuators = context.graph.actuators
         yield context.error(
             "model-drives-nothing",
             f"No actuator subscribes to {own[0].topic}, so {title(entry)} drives nothing",
             f"{own[0].path}.topic_name",
-            allowed=tuple(sorted(heard)[:_MOST_NAMES]),
+            allowed=tuple(sorted(commands)[:_MOST_NAMES]),
             remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{own[0].topic}" }} to the node '
-            f"{title(actuators[0])}" + (", or publish on the topic that it subscribes to" if heard else ""),
-            related=context.see(f"{actuators[0].path}.subscriptions[0].topic_name", "what the actuator hears")
-            if heard
+            f"{title(actuators[0])}"
+            + (", or publish on the topic that it subscribes to" if commands else ""),
+            related=context.see(f"{actuators[0].path}.subscriptions[0].topic_name", "topic of the actuator")
+            if commands
             else (),
         )
 
@@ -100,7 +92,7 @@ def _observations_in(context: Context, entry: NodeEntry, cameras: tuple[str, ...
     sample = cameras[0] if cameras else "/camera/top/image_raw"
     yield context.error(
         "model-without-camera",
-        f"{title(entry)} is a vision model and subscribes to no camera",
+        f"{title(entry)} is a vision model but subscribes to no camera",
         f"{entry.path}.subscriptions",
         allowed=cameras,
         remedy=f'Add subscriptions {{ data_type: IMAGE topic_name: "{sample}" }}',

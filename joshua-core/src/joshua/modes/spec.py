@@ -13,11 +13,6 @@ from joshua.plugins import PluginSpec
 from joshua.schema import config_pb2 as pb
 
 
-def _no_topics(graph: RobotGraph, config: pb.Config) -> Iterable[ServiceTopic]:
-    del graph, config
-    return ()
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class ServiceSpec:
     """A service that a mode runs beside the devices.
@@ -46,7 +41,7 @@ class ServiceSpec:
     behaviour: str = ""
     settings: str = ""
     required: bool = False
-    topics: Callable[[RobotGraph, pb.Config], Iterable[ServiceTopic]] = _no_topics
+    topics: Callable[[RobotGraph, pb.Config], Iterable[ServiceTopic]] = lambda graph, config: ()
     process_group: str = ""
     restart: str = "on-failure"
 
@@ -76,7 +71,7 @@ class ModeSpec:
         services: what runs beside them.
         blocks: further blocks of the file that have an effect in it, such as ``test``.
         for_file: what the file's own choices change of this spec.
-        duration_s: length after which the run ends in good order; None: it runs until it is stopped or done.
+        duration_s: length after which the run ends by itself; None: it runs until it is stopped or done.
         run: import string of what runs the mode in place of nodes: called with the checked file, the command
             line's options and the emulated devices or None, it returns the exit code; "" for a run of nodes.
         verdict: the run ends with a pass/fail table of what each node measured.

@@ -8,7 +8,7 @@ from joshua.config.checks import Context
 from joshua.config.checks.device_table import block_of
 from joshua.config.checks.identity import title
 from joshua.config.checks.topics import unfit_for, unpublished
-from joshua.modes.queries import lacks, mode_name
+from joshua.modes.queries import lacks
 from joshua.modes.services import DATA_STORE, SIMULATION
 from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
@@ -48,7 +48,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         for item in context.graph.commands(entry)
     ]
     if not followers and not any(item.block.external or item.topic in sources for item in others):
-        yield _nobody_listens(context, driven[0], leading[:_MOST_LEADERS])
+        yield from _follower(context, driven[0], sources, leading[:_MOST_LEADERS])
     else:
         for item in others:
             if item.topic not in sources:
@@ -59,10 +59,8 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 def leaders(context: Context) -> dict[str, list[Endpoint]]:
     """What can command an actuator in this mode, by topic; models do not run in it."""
-    found = {
-        topic: [item for item in group if not item.entry.is_model]
-        for topic, group in context.graph.command_sources.items()
-    }
+    sources = context.graph.command_sources.items()
+    found = {topic: [item for item in group if not item.entry.is_model] for topic, group in sources}
     return {topic: group for topic, group in found.items() if group}
 
 
@@ -95,65 +93,46 @@ def _follower(
     context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]], leading: list[Endpoint]
 ) -> Iterator[Diagnostic]:
     heard = context.graph.commands(entry)
-    topics = tuple(dict.fromkeys(item.topic for item in leading))
     if any(item.block.external or item.topic in sources for item in heard):
         return
-    if not heard:
-        if any(map(unfit_for, context.graph.of_entry(entry))):
-            return  # its wrong type is reported
-        yield context.error(
-            "follower-without-leader",
-            f"{title(entry)} has no leader: it subscribes to no JOINT_STATE topic",
-            f"{entry.path}.subscriptions",
-            allowed=topics,
-            remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topics[0]}" }}',
+    related = context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}")
+    topics = tuple(dict.fromkeys(item.topic for item in leading))
+    if heard:
+        path, nearby = f"{heard[0].path}.topic_name", tuple(nearest_first(heard[0].topic, topics))
+        message = (
+            f"{title(entry)} subscribes to {heard[0].topic}, which no node in this file publishes, "
+            "so it would never move"
         )
-        return
-    path = f"{heard[0].path}.topic_name"
-    nearby = nearest_first(heard[0].topic, topics)
+        remedy = (
+            f"Subscribe to the leader's topic {nearby[0]}, "
+            "or set external: true if a node outside this file publishes it"
+        )
+    elif any(map(unfit_for, context.graph.of_entry(entry))):
+        return  # its wrong type is reported
+    else:
+        path, nearby = f"{entry.path}.subscriptions", topics
+        message = f"{title(entry)} has no leader: it subscribes to no JOINT_STATE topic"
+        remedy = f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topics[0]}" }}'
     yield context.error(
-        "follower-without-leader",
-        f"{title(entry)} subscribes to {heard[0].topic}, which no node in this file publishes, "
-        "so it would never move",
-        path,
-        allowed=tuple(nearby),
-        remedy=f"Subscribe to the leader's topic {nearby[0]}, "
-        "or set external: true if a node outside this file publishes it",
-        related=context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}"),
-    )
-
-
-def _nobody_listens(context: Context, entry: NodeEntry, leading: list[Endpoint]) -> Diagnostic:
-    topic = leading[0].topic
-    return context.error(
-        "follower-without-leader",
-        f"{mode_name(context.config)} needs an actuator that follows, and none subscribes to {topic}",
-        f"{entry.path}.subscriptions",
-        allowed=tuple(dict.fromkeys(item.topic for item in leading)),
-        remedy=f'Add subscriptions {{ data_type: JOINT_STATE topic_name: "{topic}" }} to {title(entry)}',
-        related=context.see(f"{leading[0].path}.topic_name", f"topic of {title(leading[0].entry)}"),
+        "follower-without-leader", message, path, allowed=nearby, remedy=remedy, related=related
     )
 
 
 def joint_counts(
     context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]]
 ) -> Iterator[Diagnostic]:
-    """A leader and its follower have as many joints, or one of them has joints that nobody pairs."""
+    """A leader and its follower have as many joints, or one of them has joints without a partner."""
     mine = joint_count(entry)
     for item in context.graph.commands(entry):
-        for source in sources.get(item.topic, ())[:_MOST_LEADERS]:
-            if not source.entry.leads:
-                continue
+        for source in (item for item in sources.get(item.topic, ())[:_MOST_LEADERS] if item.entry.leads):
             theirs = joint_count(source.entry)
             if mine and theirs and mine != theirs:
-                block, _ = block_of(entry.owner)
-                path = f"{entry.owner_path}.{block}"
                 other, _ = block_of(source.entry.owner)
                 yield context.warning(
                     "joint-count-mismatch",
                     f"{title(entry)} has {mine} motors and its leader {title(source.entry)} has {theirs}: "
                     "joints without a partner stay where they are",
-                    path,
+                    f"{entry.owner_path}.{block_of(entry.owner)[0]}",
                     found=f"{mine} and {theirs} motors",
                     related=context.see(f"{source.entry.owner_path}.{other}", "block of the leader"),
                 )
