@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import killed_writer
 import pytest
@@ -118,7 +119,7 @@ def add(writer: LeRobotWriter, count: int) -> None:
 
     for number in range(count):
         picture = np.full((64, 64, 3), number, np.uint8)
-        values = {"observation.state": [number, 0], "action": [number, 1]}
+        values: dict[str, Any] = {"observation.state": [number, 0], "action": [number, 1]}
         values |= {killed_writer.TOP: picture, killed_writer.SIDE: picture}
         writer.add_frame(Frame(number, values))
     writer.end_episode("wave")

@@ -371,6 +371,8 @@ def _video(where: Pictures, fps: int, height: int, width: int) -> Iterator[npt.N
 
 
 def _fits(stream: Any, path: Path, height: int, width: int) -> None:
+    if stream.codec_context is None:
+        raise DatasetError(f"{path} has pictures of an unknown codec")
     found = (stream.codec_context.height, stream.codec_context.width)
     if found[0] * found[1] > LARGEST_PICTURE or found != (height, width):
         raise DatasetError(

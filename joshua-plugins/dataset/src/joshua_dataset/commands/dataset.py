@@ -1,42 +1,210 @@
-"""``joshua dataset``: look at, repair and change data sets."""
+"""``joshua dataset``: look at, check, repair and change data sets."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
-SUMMARY = "look at and repair data sets"
+SUMMARY = "look at, check, repair and change data sets"
+
+FORMATS = ("lerobot", "parquet", "csv", "jsonl")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the actions of ``joshua dataset``."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    info = actions.add_parser("info", help="what a data set holds")
-    info.add_argument("folder", type=Path, metavar="FOLDER")
-    repair = actions.add_parser("repair", help="complete or discard an episode that a kill left unfinished")
-    repair.add_argument("folder", type=Path, metavar="FOLDER")
+    one(actions, "info", "what a data set holds")
+    check = one(actions, "check", "find gaps, frozen pictures, jumps and what disagrees")
+    check.add_argument("--no-pictures", action="store_true", help="check the numbers alone, which is faster")
+    workers(check)
+    stats = one(actions, "stats", "compute the statistics from the data")
+    stats.add_argument("--write", action="store_true", help="replace meta/stats.json")
+    workers(stats)
+    repair = one(actions, "repair", "complete or discard an episode that a kill left unfinished")
     repair.add_argument("--cut", action="store_true", help="discard it in place of completing it")
+    convert = one(actions, "convert", "write a data set in another format, codec or layout version")
+    convert.add_argument("target", type=Path, metavar="TARGET")
+    made(convert)
+    split = one(actions, "split", "write some episodes into a data set of their own")
+    split.add_argument("target", type=Path, metavar="TARGET")
+    episodes(split)
+    made(split)
+    merge = actions.add_parser("merge", help="write several data sets into one")
+    merge.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
+    merge.add_argument(
+        "--into", type=Path, required=True, metavar="TARGET", help="folder of the new data set"
+    )
+    made(merge)
+    remove = one(actions, "delete", "remove episodes; the others are counted anew")
+    episodes(remove)
+    workers(remove)
+
+
+def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
+    """Add an action on one data set."""
+    parser: argparse.ArgumentParser = actions.add_parser(name, help=text)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    return parser
+
+
+def workers(parser: argparse.ArgumentParser) -> None:
+    """Add the number of processes."""
+    parser.add_argument("--workers", type=positive, metavar="N", help="processes; without it, one a core")
+
+
+def episodes(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of episodes."""
+    parser.add_argument(
+        "--episodes", type=numbers, required=True, metavar="LIST", help="such as 0-9,12; counted from 0"
+    )
+
+
+def made(parser: argparse.ArgumentParser) -> None:
+    """Add what a new data set is like."""
+    parser.add_argument(
+        "--format", choices=FORMATS, default="lerobot", help="of the tables (default lerobot, v3)"
+    )
+    parser.add_argument("--codec", choices=("h264", "hevc", "av1"), default="", help="of the videos")
+    parser.add_argument("--pictures", choices=("video", "png", "jpeg"), default="", help="how they are kept")
+    workers(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry the action out. Exit code 0; 1 where the data set cannot be read or repaired."""
+    """Carry the action out. Exit code 0; 1 for a data set that is wrong, or cannot be read or written."""
     from joshua.features import EpisodeError
     from joshua.tools import ExitCode
 
     from joshua_dataset.reader import DatasetError
 
     try:
-        if arguments.action == "info":
-            sys.stdout.write(description(arguments.folder) + "\n")
-        else:
-            from joshua_dataset.repair import repair
-
-            sys.stdout.write(repair(arguments.folder, cut=arguments.cut) + "\n")
+        return int(globals()[f"_{arguments.action}"](arguments))
     except (DatasetError, EpisodeError) as error:
         sys.stderr.write(f"joshua dataset {arguments.action}: {error}\n")
         return ExitCode.FAILED
-    return ExitCode.OK
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    sys.stdout.write(description(arguments.folder) + "\n")
+    return 0
+
+
+def _repair(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.repair import repair
+
+    sys.stdout.write(repair(arguments.folder, cut=arguments.cut) + "\n")
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.checking import check
+
+    errors = warnings = 0
+    for problem in check(arguments.folder, pictures=not arguments.no_pictures, workers=arguments.workers):
+        sys.stdout.write(f"{problem}\n")
+        errors += problem.serious
+        warnings += not problem.serious
+    sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings\n")
+    return 1 if errors else 0
+
+
+def _stats(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.files import Files, Staging
+    from joshua_dataset.metadata import STATS
+    from joshua_dataset.reader import Dataset
+    from joshua_dataset.statistics import as_json
+    from joshua_dataset.transform import recomputed
+
+    found = recomputed(arguments.folder, workers=arguments.workers)
+    features = Dataset.read(arguments.folder).features
+    for key, values in found.items():
+        feature = features[key]
+        if feature.unit == "ns":
+            continue  # times
+        labels = ("red", "green", "blue") if feature.is_picture else feature.names
+        for number, label in enumerate(labels or map(str, range(values["mean"].size))):
+            figures = "  ".join(
+                f"{name} {values[name].ravel()[number]:9.4f}" for name in ("min", "mean", "max", "std")
+            )
+            sys.stdout.write(f"{key:<24.24} {label:<18.18} {figures}\n")
+    if arguments.write:
+        there = Dataset.read(arguments.folder).statistics()
+        staging = Staging(Files())
+        staging.json(arguments.folder / STATS, {key: as_json(v) for key, v in (there | found).items()})
+        staging.commit()
+        sys.stdout.write(f"{arguments.folder / STATS} is replaced\n")
+    return 0
+
+
+def _convert(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.transform import Source
+
+    return _build([Source(arguments.folder)], arguments.target, arguments)
+
+
+def _split(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.transform import Source
+
+    return _build([Source(arguments.folder, arguments.episodes)], arguments.target, arguments)
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.transform import Source
+
+    return _build([Source(folder) for folder in arguments.folders], arguments.into, arguments)
+
+
+def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
+    from joshua_dataset.transform import build
+
+    def progress(done: int, total: int) -> None:
+        if sys.stderr.isatty():
+            sys.stderr.write(f"\r{done} of {total} episodes")
+            sys.stderr.flush()
+
+    count = build(
+        sources,
+        target,
+        table_format=arguments.format,
+        codec=arguments.codec,
+        pictures=arguments.pictures,
+        workers=arguments.workers,
+        progress=progress,
+    )
+    if sys.stderr.isatty():
+        sys.stderr.write("\n")
+    sys.stdout.write(f"{target}: {count} episodes\n")
+    return 0
+
+
+def _delete(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.transform import delete
+
+    left = delete(arguments.folder, arguments.episodes, workers=arguments.workers)
+    sys.stdout.write(f"{arguments.folder}: {left} episodes are left\n")
+    return 0
+
+
+def positive(text: str) -> int:
+    """A whole number from 1 on."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} is less than 1")
+    return number
+
+
+def numbers(text: str) -> tuple[int, ...]:
+    """Episodes such as ``0-9,12``."""
+    found: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise argparse.ArgumentTypeError(
+                f"{part!r} is no episode: write numbers and ranges, such as 0-9,12"
+            )
+        found += range(int(first), int(last or first) + 1)
+    return tuple(found)
 
 
 def description(folder: Path) -> str:

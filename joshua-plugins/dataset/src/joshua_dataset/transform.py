@@ -1,0 +1,254 @@
+"""Makes a data set from episodes of others: convert, merge, split, delete; on all cores."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
+
+from joshua_dataset import statistics
+from joshua_dataset.jobs import in_order
+from joshua_dataset.lock import PRIVATE
+from joshua_dataset.metadata import INDEX_COLUMNS, STAMP
+from joshua_dataset.open_episode import SUFFIXES, open_folder
+from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE, Encoder, PictureFiles, Video
+from joshua_dataset.reader import Dataset, DatasetError, Episode
+from joshua_dataset.statistics import PictureStatistics, Statistics
+from joshua_dataset.writer import writer_of
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Source:
+    """Episodes of a data set, in order.
+
+    Attributes:
+        folder: of the data set; episodes: their indices, None for all.
+    """
+
+    folder: Path
+    episodes: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One episode on its way into another data set."""
+
+    folder: Path
+    episode: Episode
+    layout: DatasetLayout
+    scratch: Path
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """An episode whose files are complete; the columns of its numbers, and the statistics of its pictures."""
+
+    scratch: Path
+    columns: dict[str, Any]
+    pictures: dict[str, Statistics]
+    task: str
+    counts: dict[str, int]
+
+
+def build(
+    sources: Sequence[Source],
+    target: Path,
+    *,
+    table_format: str = "lerobot",
+    codec: str = "",
+    pictures: str = "",
+    workers: int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> int:
+    """Write the episodes of some data sets into a new one; return their number.
+
+    Videos are copied where codec and layout agree, else decoded and encoded.
+
+    Args:
+        codec, pictures: of the new data set; "" takes those of the first source where it can.
+        progress: called with the episodes that are done, and all of them.
+
+    Raises:
+        EpisodeError, DatasetError: a source cannot be read, they do not match, or the target is taken.
+    """
+    found = [Dataset.read(source.folder) for source in sources]
+    layout = _layout(found, target, table_format, codec, pictures)
+    writer = writer_of(table_format)(layout)
+    writer.open()
+    try:
+        total = sum(_count(source, dataset) for source, dataset in zip(sources, found, strict=True))
+        jobs = _jobs(sources, found, layout)
+        for done, prepared in enumerate(in_order(_prepare, jobs, workers), 1):
+            shutil.rmtree(open_folder(target), ignore_errors=True)
+            prepared.scratch.replace(open_folder(target))
+            writer.keep(prepared.columns, prepared.pictures, prepared.task, prepared.counts)
+            progress(done, total)
+        if not writer.episodes:
+            raise EpisodeError("no episode was chosen: the new data set would be empty")
+        return writer.episodes
+    except OSError as error:
+        raise EpisodeError(f"{target} cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(target / PRIVATE / "jobs", ignore_errors=True)
+        writer.close()
+
+
+def delete(folder: Path, episodes: Sequence[int], *, workers: int | None = None) -> int:
+    """Remove episodes from a data set; return how many are left. It is replaced as a whole, at the end.
+
+    Raises:
+        EpisodeError, DatasetError: as ``build``; the data set stays as it was.
+    """
+    there = Dataset.read(folder)
+    _check(folder, there, episodes)
+    kept = tuple(number for number in range(there.episodes) if number not in set(episodes))
+    fresh, old = (folder.with_name(f"{folder.name}.{ending}") for ending in ("new", "old"))
+    count = build([Source(folder, kept)], fresh, table_format=there.format, workers=workers)
+    folder.rename(old)
+    fresh.rename(folder)
+    shutil.rmtree(old)
+    return count
+
+
+def _layout(
+    found: Sequence[Dataset], target: Path, table_format: str, codec: str, pictures: str
+) -> DatasetLayout:
+    first = found[0]
+    for other in found[1:]:
+        different = first.features.differences(
+            other.features, here=str(first.folder), there=str(other.folder)
+        )
+        if first.fps != other.fps:
+            different.append(f"fps is {first.fps} in {first.folder} and {other.fps} in {other.folder}")
+        if first.robot_type != other.robot_type:
+            different.append(f"robot_type is {first.robot_type} and {other.robot_type}")
+        if different:
+            raise EpisodeError("the data sets cannot be merged: " + "; ".join(different))
+    kept = pictures or (
+        first.pictures if table_format != "lerobot" and first.pictures != "table" else "video"
+    )
+    return DatasetLayout(
+        folder=target,
+        robot_type=first.robot_type,
+        fps=first.fps,
+        features=FeatureSet(first.features.values()),
+        codec=codec or (first.codec if first.codec in ("h264", "hevc", "av1") else "h264"),
+        pictures=kept,
+        identity=first.identity if all(other.identity == first.identity for other in found) else {},
+        counters=first.counters,
+    )
+
+
+def _check(folder: Path, dataset: Dataset, episodes: Sequence[int]) -> None:
+    beyond = [number for number in episodes if not 0 <= number < dataset.episodes]
+    if beyond:
+        raise EpisodeError(f"{folder} has no episode {beyond[0]}; allowed: 0 to {dataset.episodes - 1}")
+
+
+def _count(source: Source, dataset: Dataset) -> int:
+    if source.episodes is None:
+        return dataset.episodes
+    _check(source.folder, dataset, source.episodes)
+    return len(set(source.episodes))
+
+
+def _jobs(sources: Sequence[Source], found: Sequence[Dataset], layout: DatasetLayout) -> Iterator[_Job]:
+    number = 0
+    for source, dataset in zip(sources, found, strict=True):
+        wanted = None if source.episodes is None else set(source.episodes)
+        for episode in dataset.episode_list(wanted):
+            scratch = layout.folder / PRIVATE / "jobs" / f"{number:06d}"
+            yield _Job(source.folder, episode, layout, scratch)
+            number += 1
+
+
+def _prepare(job: _Job) -> _Prepared:
+    """Make the files of an episode (in a process of its own)."""
+    dataset, episode, layout = Dataset.read(job.folder), job.episode, job.layout
+    columns = dataset.columns(episode)
+    if STAMP not in columns:  # LeRobot's own recordings have the time of the index alone
+        columns[STAMP] = (columns["timestamp"].astype("float64") * NS_PER_S).round().astype("int64")
+    try:
+        kept = {feature.key: _numbers(feature, columns[feature.key]) for feature in layout.features.numbers}
+    except FeatureError as error:
+        raise EpisodeError(f"episode {episode.index} of {job.folder}: {error}") from error
+    kept[STAMP] = columns[STAMP]
+    assert not set(kept) & (set(INDEX_COLUMNS) - {STAMP})
+    job.scratch.mkdir(parents=True, exist_ok=True)
+    pictures = {feature.key: _pictures(job, dataset, feature.key) for feature in layout.features.pictures}
+    return _Prepared(job.scratch, kept, pictures, (episode.tasks or ("",))[0], dict(episode.counts))
+
+
+def _numbers(feature: Any, values: Any) -> Any:
+    return checked(replace(feature, shape=values.shape), values)
+
+
+def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
+    """Copy or encode the pictures of one feature; return their statistics."""
+    layout, episode = job.layout, job.episode
+    path = job.scratch / f"{key}{SUFFIXES[layout.pictures]}"
+    where = episode.pictures[key]
+    known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
+    own_file = dataset.format != "lerobot" or "joshua" in dataset.info
+    if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:
+        if where.path.is_dir():
+            shutil.copytree(where.path, path)
+        else:
+            shutil.copyfile(where.path, path)
+        return statistics.from_json(known)
+    height, width, _ = layout.features[key].shape
+    target = (
+        Video(path, width, height, layout.fps, layout.codec)
+        if layout.pictures == "video"
+        else PictureFiles(path, ".png" if layout.pictures == "png" else ".jpg")
+    )
+    encoder = Encoder(target, key, 2 * layout.fps)
+    count = 0
+    try:
+        for picture in dataset.decoded(episode, key):
+            encoder.add(picture)
+            count += 1
+        found = encoder.finish() if count else {}
+    except (DatasetError, *ERRORS) as error:
+        encoder.drop()
+        raise EpisodeError(f"episode {episode.index} of {job.folder}: {key}: {error}") from error
+    if count != episode.length:
+        raise EpisodeError(
+            f"episode {episode.index} of {job.folder}: {key} has {count} pictures, "
+            f"and {episode.length} are described"
+        )
+    return found
+
+
+def recomputed(folder: Path, *, workers: int | None = None) -> dict[str, Statistics]:
+    """Statistics of a data set from its data. Raises DatasetError."""
+    dataset = Dataset.read(folder)
+    together: dict[str, Statistics] = {}
+    items = ((folder, episode) for episode in dataset.episode_list())
+    for found in in_order(_of_episode, items, workers):
+        for key, part in found.items():
+            together[key] = statistics.merged([together[key], part]) if key in together else part
+    return together
+
+
+def _of_episode(item: tuple[Path, Episode]) -> dict[str, Statistics]:
+    folder, episode = item
+    dataset = Dataset.read(folder)
+    columns = dataset.columns(episode)
+    found = {
+        feature.key: statistics.of_rows(columns[feature.key].reshape(episode.length, -1))
+        for feature in dataset.features.numbers
+    }
+    for feature in dataset.features.pictures:
+        seen = PictureStatistics()
+        for number, picture in enumerate(dataset.decoded(episode, feature.key)):
+            if number % PICTURE_STRIDE == 0:
+                seen.add(picture)
+        found[feature.key] = seen.result()
+    return found
