@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 
@@ -27,3 +29,21 @@ def lazy_names(
         return value
 
     return get, lambda: sorted({*vars(sys.modules[package]), *module_of})
+
+
+def sections(path: str) -> dict[str, dict[str, tuple[str, ...]]]:
+    """Read the names of a lazy module from the stub beside it, which type checkers read as well.
+
+    Args:
+        path: ``__file__`` of the module.
+
+    Returns:
+        Names by the heading (a comment) that they stand under, and by their module.
+    """
+    found: dict[str, dict[str, tuple[str, ...]]] = {}
+    for line in Path(path).with_suffix(".pyi").read_text(encoding="utf-8").splitlines():
+        if heading := re.fullmatch(r"# (?!ruff)(.+)", line):
+            modules = found.setdefault(heading[1], {})
+        elif name := re.fullmatch(r"from (\S+) import (\w+) as \2", line):
+            modules[name[1]] = (*modules.get(name[1], ()), name[2])
+    return found
