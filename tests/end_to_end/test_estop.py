@@ -57,7 +57,7 @@ def test_torque_goes_whatever_the_safe_state_is(
         assert "Torque is still off. Run `joshua resume NODE` to re-enable it." in released.stdout
         time.sleep(0.2)
         assert rig.energised() == {False}
-        assert "has torque again" in resume(rig)
+        assert "torque is on again" in resume(rig)
         assert rig.energised() == {True}
         output = rig.stop()
         assert "the e-stop is latched by process" in output

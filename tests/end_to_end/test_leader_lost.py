@@ -64,7 +64,7 @@ def test_the_follower_holds_then_ramps_or_acts_by_its_policy(tmp_path: Path, jos
         (run,) = json.loads(rig.joshua("status", "--format", "json").stdout)
         (node,) = [item for item in run["nodes"] if item["full_name"] == "/follower_arm"]
         assert node["state"] == "fault"
-        assert "no command came back within 9 s, so the torque was taken off" in node["reason"]
+        assert "commands did not resume within 9 s: torque was switched off" in node["reason"]
         assert rig.joshua("resume", "follower_arm").returncode == 0
         assert rig.energised() == {True}
         output = rig.stop()

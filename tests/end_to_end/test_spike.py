@@ -54,7 +54,7 @@ def test_a_hub_that_goes_away_comes_back_while_the_rest_runs(joshua_run: JoshuaP
     assert code == 1, said  # a test does not pass where a node has failed
     assert "the link was lost: the hub was switched off, is out of range" in said
     assert re.search(r"/spike_hub: starts again in 0\.5 s", said)
-    assert "comes back after a failure and follows no command" in said or "resume" in said
+    assert "restarted after a failure, with torque off" in said or "resume" in said
     assert rate.search(said), said
 
 

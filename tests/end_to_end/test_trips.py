@@ -61,7 +61,7 @@ def test_an_overload_takes_the_torque_off_whatever_the_safe_state_is(
         rig.wait(lambda: rig.energised() == {False})
         tripped = wait_for_state(rig, "fault")
         assert "elbow_flex: the servo reports: overloaded" in tripped["reason"]
-        assert "joshua resume follower_arm gives torque again" in tripped["reason"]
+        assert "Run `joshua resume follower_arm` to re-enable torque" in tripped["reason"]
         assert (tripped["restarts"], tripped["process_id"]) == (0, rig.driver), "the node goes on"
         assert node(rig, "/leader_arm")["state"] == "ready"
         rig.wait(lambda: rig.gone(rig.guardian))
@@ -148,7 +148,7 @@ def test_a_held_arm_is_resumed_without_falling(tmp_path: Path, joshua_domain_id:
         os.kill(rig.driver, signal.SIGKILL)
         rig.wait(lambda: rig.gone(rig.guardian))
         found = wait_for_state(rig, "fault")
-        assert "comes back after a failure and follows no command" in found["reason"]
+        assert "restarted after a failure, with torque off" in found["reason"]
         assert rig.energised() == {True}
         result = rig.joshua("resume", "follower_arm")
         assert result.returncode == 0, result.stderr

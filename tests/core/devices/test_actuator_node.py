@@ -303,12 +303,12 @@ def test_after_a_failure_nothing_moves_without_consent(run: Any) -> None:
     assert node.written == []
     assert len(node.states) == 10
     assert node.context.faults == [
-        "comes back after a failure and follows no command: look at the arm; "
-        "joshua resume arm gives torque again"
+        "restarted after a failure, with torque off. Check the arm. "
+        "Run `joshua resume arm` to re-enable torque"
     ]
     with pytest.raises(DeviceError, match="no torque"):
         node.actuator.write(np.zeros(2))
-    assert node.node.resume() == "/arm has torque again; it approaches its next command slowly"
+    assert node.node.resume() == "/arm: torque is on again; the joints approach the next command slowly"
     assert node.context.faults[-1] == ""
     node.cycles(3, send=joint_state(["joint_1"], [0.5]))
     assert len(node.written) == 3

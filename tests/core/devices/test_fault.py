@@ -110,7 +110,9 @@ def test_a_trip_leaves_the_node_running_without_torque(start: Any, monkeypatch: 
     node.cycle()
     trip(node, monkeypatch)
     assert not node.has_torque
-    assert node.context.faults == ["joint_1: 81 °C, at most 70 °C; joshua resume arm gives torque again"]
+    assert node.context.faults == [
+        "joint_1: 81 °C, at most 70 °C. Run `joshua resume arm` to re-enable torque"
+    ]
     before = len(node.context.publishers["/arm/state"].messages)
     written = len(node.context.publishers["~/applied_command"].messages)
     for _ in range(3):
@@ -121,7 +123,7 @@ def test_a_trip_leaves_the_node_running_without_torque(start: Any, monkeypatch: 
     status = node.context.publishers["/diagnostics"].messages[-1].status[0]
     assert (status.level, status.message) == (2, node.context.faults[0])
     assert ("torque", False, node.context.faults[0]) in node.node.test_results()
-    assert node.node.resume() == "/arm has torque again; it approaches its next command slowly"
+    assert node.node.resume() == "/arm: torque is on again; the joints approach the next command slowly"
     assert node.has_torque
     assert node.context.faults[-1] == ""
     node.cycle()
@@ -174,7 +176,7 @@ def test_resume_of_a_healthy_actuator_changes_nothing(start: Any) -> None:
 
 def test_a_leader_is_never_resumed(start: Any) -> None:
     node = start("ACTION_LEADER")
-    with pytest.raises(RefusedError, match="/arm never has torque"):
+    with pytest.raises(RefusedError, match="/arm never gets torque"):
         node.node.resume()
 
 
@@ -197,7 +199,7 @@ def test_an_estop_takes_the_torque_reads_it_back_and_reports(start: Any) -> None
     node.context.tick("safety")
     assert not node.has_torque, "releasing the latch moves nothing"
     assert node.context.faults[-1] == (
-        "the e-stop is released, and the torque is still off; joshua resume arm gives torque again"
+        "the e-stop is released, but torque is still off. Run `joshua resume arm` to re-enable torque"
     )
     node.node.resume()
     assert node.has_torque
@@ -271,7 +273,7 @@ def test_a_device_that_does_not_confirm_is_reported(start: Any, monkeypatch: pyt
 def test_torque_that_is_read_back_as_on_is_no_success(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     node = start()
     monkeypatch.setattr(node.arm, "read_torque", lambda: {"joint_1": False, "joint_2": True})
-    with pytest.raises(DeviceError, match="joint_2 still has torque: cut the supply by hand"):
+    with pytest.raises(DeviceError, match="torque of joint_2 is still on: cut the supply by hand"):
         node.stop()
 
 

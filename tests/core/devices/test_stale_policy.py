@@ -54,7 +54,7 @@ def test_joints_hold_first_and_then_let_go() -> None:
     loop.send(0.1, 0.1)
     took_s, reason = loop.run(10.0)
     assert took_s == pytest.approx(2.5, abs=0.03), "half a second until it is stale, two of holding"
-    assert reason == "no command came back within 2 s, so the torque was taken off"
+    assert reason == "commands did not resume within 2 s: torque was switched off"
 
 
 def test_before_the_first_command_and_after_an_order_to_stay_nothing_is_stale() -> None:
@@ -75,7 +75,7 @@ def test_joints_are_parked_slowly_within_their_limits() -> None:
     loop = Loop("PARK_THEN_RELEASE")
     loop.send(0.1, 0.1)
     took_s, reason = loop.run(20.0)
-    assert reason == "no command came back, so the joints were parked and their torque was taken off"
+    assert reason == "commands did not resume: the joints were parked and torque was switched off"
     assert loop.position == pytest.approx([0.4, -1.0], abs=0.06)
     assert took_s > 2.5 + 1.0, "1.1 rad at 1 rad/s at most"
 
@@ -144,13 +144,14 @@ def test_the_node_is_in_fault_until_it_is_resumed(node: ActuatorNode) -> None:
     assert node._actuator is not None
     assert set((node._actuator.read_torque() or {}).values()) == {False}
     assert context.faults == [
-        "no command came back within 0 s, so the torque was taken off; joshua resume arm gives torque again"
+        "commands did not resume within 0 s: torque was switched off. "
+        "Run `joshua resume arm` to re-enable torque"
     ]
     written = len(context.publishers["~/applied_command"].messages)
     context.receive("/arm/command", joint_state(["joint_1"], [0.2]))
     context.tick("control")
     assert len(context.publishers["~/applied_command"].messages) == written, "it does not come back by itself"
-    assert "approaches its next command slowly" in node.resume()
+    assert "approach the next command slowly" in node.resume()
     assert set((node._actuator.read_torque() or {}).values()) == {True}
 
 

@@ -136,7 +136,7 @@ class ActuatorNode(NodeBehaviour):
             self._watch()
         elif self._is_commanded and self._facts.restarted:
             self._safety.renew(actuator)
-            self._enter_fault("comes back after a failure and follows no command: look at the arm")
+            self._enter_fault("restarted after a failure, with torque off. Check the arm")
         elif self._is_commanded:
             self.energise()
         if not self._timer_runs:
@@ -168,12 +168,12 @@ class ActuatorNode(NodeBehaviour):
         actuator, _ = self._device()
         name = self.context.spec.full_name
         if not self._is_commanded:
-            raise RefusedError(f"{name} never has torque: a person moves it, or nobody commands it")
+            raise RefusedError(f"{name} never gets torque: it is a leader, or it has no commander")
         latch = self._safety.latch()
         if latch is not None:
-            raise RefusedError(f"{name} stays without torque: {latch.text}")
+            raise RefusedError(f"{name}: torque stays off: {latch.text}")
         if self._energised and not actuator.relaxed:
-            return f"{name} has torque and follows commands: there is nothing to resume"
+            return f"{name}: torque is already on, so there is nothing to resume"
         try:
             actuator.check()
         except DeviceError as error:
@@ -189,7 +189,7 @@ class ActuatorNode(NodeBehaviour):
             raise RefusedError(f"{name}: the fault is still there: {error}") from error
         self._stopped_by = ""  # its release need not be noticed any more
         self._leave_fault()
-        return f"{name} has torque again; it approaches its next command slowly"
+        return f"{name}: torque is on again; the joints approach the next command slowly"
 
     @verb(moves=True)
     def release_override(self) -> str:
@@ -311,7 +311,7 @@ class ActuatorNode(NodeBehaviour):
             if self._stopped_by:
                 self._stopped_by = ""
                 if self._is_commanded:
-                    self._enter_fault("the e-stop is released, and the torque is still off")
+                    self._enter_fault("the e-stop is released, but torque is still off")
                 else:
                     self._leave_fault()
         elif latch.identifier != self._stopped_by:
@@ -342,7 +342,7 @@ class ActuatorNode(NodeBehaviour):
     def _enter_fault(self, reason: str) -> None:
         spec = self.context.spec
         if self._is_commanded and self._safety.latch() is None:
-            reason = f"{reason.rstrip('.')}; joshua resume {spec.name} gives torque again"
+            reason = f"{reason.rstrip('.')}. Run `joshua resume {spec.name}` to re-enable torque"
         self._status.fault = reason
         self.context.fault(reason)
 

@@ -16,69 +16,6 @@ from joshua.guardian.order import HANG_LIMIT_S, GuardianOrder
 from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, SafeStop
 
-
-class Estop:
-    """The e-stops of one node; there are none without a folder of latches."""
-
-    def __init__(self, context: NodeContext) -> None:
-        run = context.spec.facts_as(ActuatorFacts).run
-        self._node = context.spec.full_name
-        self._latches = LatchFolder(Path(run.latch_folder)) if run.latch_folder else None
-        self._subject = Subject(run.robot, run.domain_id, self._node)
-        self._files = EstopFiles(run.estop_files)
-
-    def latch(self) -> Latch | None:
-        """The e-stop that stands, if any; some microseconds."""
-        return None if self._latches is None else self._latches.standing(self._subject)
-
-    def leave_order(self, implementation: str, request: dict[str, Any]) -> None:
-        """Leaves what releases the joints without this process."""
-        self._files.leave_order(self._node, implementation, request)
-
-    def left_order(self) -> dict[str, Any]:
-        """What the driver before this one has left for that in the same run; empty where there was none."""
-        order = self._files.read_order(self._node)
-        return {} if order is None else order[1]
-
-    def release(self, actuator: Actuator, latch: Latch, *, guarded: bool) -> str:
-        """Takes the torque off, reads it back and reports; returns what the device has said.
-
-        Args:
-            guarded: whether a guardian takes over, and reports, where this fails.
-
-        Raises:
-            DeviceError: the device does not say that its torque is off.
-        """
-        try:
-            actuator.release()
-            torque = actuator.read_torque()
-            on = [joint for joint, has_torque in (torque or {}).items() if has_torque]
-            if on:
-                raise DeviceError(f"{', '.join(on)} still has torque: cut the supply by hand")
-        except DeviceError as error:
-            if not guarded:
-                self._report(latch, complete=False, verified=False, detail=str(error))
-            raise
-        joints = dict.fromkeys(torque or (), "released")
-        self._report(latch, complete=True, verified=torque is not None, joints=joints)
-        if torque is None:
-            return "torque taken off; the device cannot say whether it is"
-        return f"torque off, read back from {len(joints)} joints"
-
-    def _report(
-        self,
-        latch: Latch,
-        *,
-        complete: bool,
-        verified: bool,
-        joints: dict[str, str] | None = None,
-        detail: str = "",
-    ) -> None:
-        self._files.report(
-            EstopReport(latch.identifier, self._node, "driver", complete, verified, joints or {}, detail)
-        )
-
-
 #: Time for an e-stop that reaches a device without its driver.
 ESTOP_TIMEOUT_S = 2.0
 
@@ -98,24 +35,29 @@ class ActuatorSafety:
         self._state = self._facts.safe_state
         self._link: GuardianLink | None = None
         self._applied = ""
-        self._estop = Estop(context)
+        run = self._facts.run
+        self._node = context.spec.full_name
+        self._latches = LatchFolder(Path(run.latch_folder)) if run.latch_folder else None
+        self._subject = Subject(run.robot, run.domain_id, self._node)
+        self._files = EstopFiles(run.estop_files)
         self.in_doubt = False
 
     def introduce(self, actuator: Actuator) -> None:
-        """Leaves what an e-stop needs where the driver of this open device cannot answer."""
+        """Leaves what an e-stop needs if the driver of this open device cannot answer."""
         action = self._facts.estop_action
         if action:
             with contextlib.suppress(NotImplementedError):  # who wants torque from it hears of that
                 request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
-                self._estop.leave_order(action, request.to_values())
+                self._files.leave_order(self._node, action, request.to_values())
 
     def remembered(self) -> dict[str, Any]:
-        """For a driver that is started again: how the one before has reached the device."""
-        return self._estop.left_order() if self._facts.restarted else {}
+        """For a restarted driver: how the one before it in the same run reached the device."""
+        order = self._files.read_order(self._node) if self._facts.restarted else None
+        return {} if order is None else order[1]
 
     def latch(self) -> Latch | None:
-        """The e-stop that stands, if any."""
-        return self._estop.latch()
+        """The e-stop that stands, if any; takes some microseconds."""
+        return None if self._latches is None else self._latches.standing(self._subject)
 
     def guard(self, actuator: Actuator) -> None:
         """Starts the guardian if the plan names its action. Raises DeviceError if it does not start."""
@@ -154,9 +96,9 @@ class ActuatorSafety:
             self._say_stopping()
         if self.in_doubt and self._link is not None:
             return  # it acts as soon as the device is closed
-        latch = self._estop.latch()
+        latch = self.latch()
         if latch is not None:
-            self._estop.release(actuator, latch, guarded=self._link is not None)
+            self._release(actuator, latch)
             self._applied = RELEASE
         elif self._state == HOLD and not self.in_doubt:
             actuator.hold()
@@ -174,7 +116,7 @@ class ActuatorSafety:
         """
         if self._link is not None:
             self._say_stopping()
-        said = self._estop.release(actuator, latch, guarded=self._link is not None)
+        said = self._release(actuator, latch)
         self.stand_down()
         return said
 
@@ -209,7 +151,7 @@ class ActuatorSafety:
         link, self._link = self._link, None
         if link is None:
             return
-        if self._applied == RELEASE or (self._applied and self._estop.latch() is None):
+        if self._applied == RELEASE or (self._applied and self.latch() is None):
             link.done()
             return
         try:
@@ -221,6 +163,32 @@ class ActuatorSafety:
         joints = ", ".join(f"{joint} {state}" for joint, state in report.get("joints", {}).items())
         state = report.get("action", self._state)
         self._context.log.info("safe state %s: %s %s", state, joints, report.get("detail", ""))
+
+    def _release(self, actuator: Actuator, latch: Latch) -> str:
+        """Takes the torque off, reads it back and reports; returns what the device said.
+
+        Raises:
+            DeviceError: the device does not confirm that; a guardian, if there is one, then acts and reports.
+        """
+        try:
+            actuator.release()
+            torque = actuator.read_torque()
+            on = [joint for joint, has_torque in (torque or {}).items() if has_torque]
+            if on:
+                raise DeviceError(f"torque of {', '.join(on)} is still on: cut the supply by hand")
+        except DeviceError as error:
+            if self._link is None:
+                self._report(latch, complete=False, verified=False, detail=str(error))
+            raise
+        joints = dict.fromkeys(torque or (), "released")
+        self._report(latch, complete=True, verified=torque is not None, joints=joints)
+        if torque is None:
+            return "torque switched off; the device cannot confirm it"
+        return f"torque off, read back from {len(joints)} joints"
+
+    def _report(self, latch: Latch, *, complete: bool, verified: bool, **more: Any) -> None:
+        values = {"joints": {}, "detail": "", **more}
+        self._files.report(EstopReport(latch.identifier, self._node, "driver", complete, verified, **values))
 
     def _request(self, actuator: Actuator, stop: SafeStop, action: str) -> dict[str, Any]:
         pose = stop.park_pose_rad if action == PARK else ()

@@ -9,8 +9,7 @@ from typing import Any
 
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import GoalGenerator
-from joshua.devices.joint_command import CommandReader
-from joshua.devices.mapping import LeaderMapping
+from joshua.devices.joint_command import CommandReader, LeaderMapping
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, Commander, TopicSpec

@@ -1,12 +1,14 @@
-"""What a driver is given beside its settings."""
+"""What actuators and sensors have in common, and what a driver is given beside its settings."""
 
 from __future__ import annotations
 
 import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from joshua.devices.errors import DeviceError
 from joshua.devices.stamps import StampClock
 from joshua.node.errors import Cancelled
 from joshua.plan.facts import ActuatorFacts, NodeFacts, SensorFacts
@@ -68,3 +70,25 @@ def open_driver(spec: NodeSpec) -> Actuator:
     implementation, settings = load_implementation(spec, Actuator)
     driver: Actuator = implementation(settings, ActuatorContext(spec.facts_as(ActuatorFacts)))
     return driver
+
+
+class Device(ABC):
+    """A device that is open between ``connect`` and ``disconnect``."""
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether the device is open."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Opens the device and checks it; the torque of joints stays as it is. Raises DeviceError."""
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """Closes the device; idempotent."""
+
+    def require_connected(self, verb: str) -> None:
+        """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""
+        if not self.connected:
+            raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")

@@ -202,14 +202,14 @@ class StalePolicy:
         elapsed_s = now_s - self._since_s
         if state is GoalState.HOLDING and elapsed_s >= self._after_s:
             if self._action != PARK:
-                return f"no command came back within {self._after_s:g} s, so the torque was taken off"
+                return f"commands did not resume within {self._after_s:g} s: torque was switched off"
             self._goals.park(self._pose)
         if state is GoalState.PARKING:
             if np.abs(position_rad - self._goals.limits.clip(self._pose)).max() < ARRIVED_RAD:
-                return "no command came back, so the joints were parked and their torque was taken off"
+                return "commands did not resume: the joints were parked and torque was switched off"
             if elapsed_s >= self._timeout_s:
                 return (
-                    "no command came back, so the torque was taken off; the park pose was not reached within "
+                    "commands did not resume: torque was switched off; the park pose was not reached within "
                     f"{self._timeout_s:g} s"
                 )
         return ""

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from joshua.devices.context import SensorContext
-from joshua.devices.device import Device
+from joshua.devices.context import Device, SensorContext
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.plan.facts import SensorFacts
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
-from joshua.devices.device import Device
+from joshua.devices.context import Device
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.node.verbs import VerbDeclarationError, verbs_of
 from joshua.testing import resources
