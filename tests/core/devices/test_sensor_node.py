@@ -298,6 +298,44 @@ def test_a_mock_camera_runs_at_its_rate_without_losing_a_frame() -> None:
     assert rows["readings plausible"]
 
 
+@pytest.mark.parametrize(
+    ("topics", "infos"),
+    [
+        ({"/top/image_raw": "Image"}, ["/top/camera_info"]),
+        ({"/top/image_raw": "Image", "/top/image_raw/compressed": "CompressedImage"}, ["/top/camera_info"]),
+        ({"/camera_top": "CompressedImage"}, ["/camera_top/camera_info"]),
+        ({"/top/image_raw": "Image", "/calibration": "CameraInfo"}, []),
+    ],
+)
+def test_each_picture_has_its_calibration_beside_it(topics: dict[str, str], infos: list[str]) -> None:
+    block = config_pb2.MockCameraConfig(width=64, height=48, fps=50)
+    spec = NodeSpec(
+        name="camera_top",
+        kind=NodeKind.SENSOR,
+        behaviour="",
+        implementation="joshua.mock.sensors:MockCamera",
+        settings_type="joshua.mock.settings:MockCameraSettings",
+        settings=MockCameraSettings.from_block(block).model_dump(mode="json"),
+        frame_id="optical",
+        publishers=tuple(
+            TopicSpec(name=name, type_name=f"sensor_msgs/msg/{kind}", rate_hz=50.0)
+            for name, kind in topics.items()
+        ),
+    )
+    context, node = start(spec)
+    wait_until(lambda: all(len(context.publishers[name].messages) > 3 for name in [*topics, *infos]))
+    end(context, node)
+    assert set(context.publishers) == {*topics, *infos, "/diagnostics"}
+    for name in infos:
+        stamps = [
+            {(message.header.stamp.sec, message.header.stamp.nanosec) for message in publisher.messages}
+            for publisher in (context.publishers[name], context.publishers[next(iter(topics))])
+        ]
+        assert len(stamps[0] & stamps[1]) > 2
+        info = context.publishers[name].messages[0]
+        assert (info.width, info.height, info.header.frame_id) == (64, 48, "optical")
+
+
 def diagnosis(context: RecordingContext) -> tuple[int, str, dict[str, str]]:
     context.tick("diagnostics")
     status = context.publishers["/diagnostics"].messages[-1].status[0]

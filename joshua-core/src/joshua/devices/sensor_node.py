@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 
 from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
@@ -14,7 +15,7 @@ from joshua.node.context import NodeContext
 from joshua.node.endpoints import Outputs
 from joshua.node.errors import Cancelled
 from joshua.node.implementation import load_implementation
-from joshua.plan import SensorFacts
+from joshua.plan import SensorFacts, TopicSpec
 
 #: Longest wait for a reading, so that the stop is noticed.
 READ_TIMEOUT_S = 0.2
@@ -25,12 +26,33 @@ SILENCE_S = 2.0
 #: How long opening a device again may take; a scanner's motor and a search at all line speeds take seconds.
 CONNECT_LIMIT_S = 30.0
 
+PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
 RECONNECT_FIRST_S = 0.25
 RECONNECT_LARGEST_S = 5.0
 
 
+def _camera_infos(topics: Sequence[TopicSpec], offered: Sequence[str]) -> list[TopicSpec]:
+    """Return the topics of the calibration beside each picture, where ROS 2's tools look for it.
+
+    A file that has a CAMERA_INFO topic says itself where it is.
+    """
+    if CAMERA_INFO not in offered or any(topic.type_name == CAMERA_INFO for topic in topics):
+        return []
+    found: dict[str, TopicSpec] = {}
+    for topic in topics:
+        if topic.type_name in PICTURES:
+            base = topic.name.removesuffix("/compressed")
+            folder, _, last = base.rpartition("/")
+            # two cameras may have all their topics in one folder, such as /top and /wrist
+            name = f"{folder if last.startswith('image') else base}/camera_info"
+            found.setdefault(name, topic.model_copy(update={"name": name, "type_name": CAMERA_INFO}))
+    return list(found.values())
+
+
 class SensorNode(NodeBehaviour):
-    """The standard behaviour of sensors.
+    """The standard behaviour of sensors. Beside pictures it publishes ``camera_info``.
 
     A thread reads; each new reading is published at once on every topic, at most at the topic's rate. A
     reading is published once: one that is not newer than the last is dropped and counted.
@@ -69,7 +91,8 @@ class SensorNode(NodeBehaviour):
             self.context.warn(f"{spec.full_name}: a sensor takes no commands, so {names} has no effect")
         self._sensor = sensor
         sensor.connect()
-        self._outputs = Outputs(map(self.context.publisher, spec.publishers))
+        topics = [*spec.publishers, *_camera_infos(spec.publishers, sensor.data_types)]
+        self._outputs = Outputs(map(self.context.publisher, topics))
         self._diagnostics = DiagnosticsPublisher(self.context, self._diagnostic_rows)
 
     def verb_providers(self) -> tuple[object, ...]:
