@@ -96,6 +96,16 @@ def test_refusals_do_not_flood_the_log(caplog: pytest.LogCaptureFixture) -> None
         one.joint_state(raw_joint_state(["a"], [math.nan]))
     assert one.refused == 250
     assert len(caplog.messages) == 3, "at the 1st, 10th and 100th"
+    one.joint_state(raw_joint_state(["a", "a"], [0.1, 0.2]))
+    assert "command refused (251 so far): a joint is named twice" in caplog.messages[-1], "another cause"
+
+
+def test_causes_from_outside_are_counted_up_to_a_bound(caplog: pytest.LogCaptureFixture) -> None:
+    one = reader()
+    for number in range(1100):
+        one.joint_state(raw_joint_state([f"stranger{number}"], [0.1]))
+    assert len([text for text in caplog.messages if "refused" in text]) < 110
+    assert len(one._causes) == 100
 
 
 def test_names_from_outside_are_shown_bounded_and_quoted(caplog: pytest.LogCaptureFixture) -> None:

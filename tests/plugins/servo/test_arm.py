@@ -11,6 +11,7 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_emulator import EmulatedBus
 from joshua_serial.errors import PortDisconnected
 from joshua_servo.errors import CalibrationMismatch, NoReply, NotCalibrated, NotEnabled
+from patience import BRISK_S
 from servo_families import Kind, drive_to, energised
 
 POSE = np.array([0.3, -0.2, 0.25, -0.3, 0.2, 0.1])
@@ -181,3 +182,22 @@ def test_a_joint_beyond_its_range_stays_until_it_is_told_and_comes_back_slowly(
         arm.hold()
     finally:
         arm.disconnect()
+
+
+def test_a_mute_servo_does_not_keep_the_others_from_holding(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.enable()
+    far = arm.read().position_rad + 0.4
+    arm.write(far)
+    time.sleep(0.5)  # the next goal may be half a second of full speed away
+    arm.write(far)
+    arm_emulator.fault("silent", 3)
+    arm.bus.reply_margin_s = BRISK_S
+    arm.bus.retries = 100
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+        arm.hold()
+    assert arm.bus.counters.lost[3] <= 10, "however many retries there are"
+    for servo in arm_emulator.servos():
+        if servo["id"] != 3:
+            assert abs(servo["goal_position"] - servo["present_position"]) < 250

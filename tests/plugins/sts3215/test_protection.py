@@ -131,3 +131,24 @@ def test_a_power_cut_is_noticed_and_does_not_energise_again(arm_emulator: Emulat
                 arm.read()
     assert "wrist_flex (id 4) lost torque or settings without a command" in str(caught.value)
     assert energised(arm_emulator) == {False}
+
+
+def test_a_voltage_that_a_servo_reports_is_logged_once(
+    arm_emulator: EmulatedBus, make_arm: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm_emulator.ask("set", volts=3.0)
+    for _ in range(5):
+        arm.read()
+    lines = [
+        text for text in caplog.messages if "shoulder_pan reports its supply voltage as out of range" in text
+    ]
+    assert lines == [
+        "shoulder_pan reports its supply voltage as out of range: 3.0 V. Check the supply and its cable"
+    ]
+    arm_emulator.ask("set", volts=12.0)
+    arm.read()
+    arm_emulator.ask("set", volts=3.0)
+    arm.read()
+    assert sum("shoulder_pan reports" in text for text in caplog.messages) == 2

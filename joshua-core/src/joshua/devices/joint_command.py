@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -13,7 +14,10 @@ import numpy.typing as npt
 from joshua.devices.actuator import FloatArray
 from joshua.plan.joints import JointRange
 
-#: Refusals are logged at the first, then at each power of ten.
+#: Causes of refusals that are counted apart; further ones are counted together.
+MOST_CAUSES = 100
+
+#: Refusals of one cause are logged at the first, then at each power of ten.
 _LOGGED_COUNTS = frozenset(10**power for power in range(12))
 
 
@@ -147,6 +151,7 @@ class CommandReader:
         self.accepted = 0
         self.refused = 0
         self._indices = {name: index for index, name in enumerate(joint_names)}
+        self._causes: Counter[str] = Counter()
         self._log = log
         self._mappings = mappings or {}
         self._unknown: set[str] = set()
@@ -236,8 +241,14 @@ class CommandReader:
 
     def _refuse(self, error: CommandError) -> None:
         self.refused += 1
-        if self.refused in _LOGGED_COUNTS:
-            self._log.warning("%s: command refused (%d so far): %s", self.topic, self.refused, error)
+        cause = str(error)
+        if cause in self._causes or len(self._causes) < MOST_CAUSES:  # they come from outside
+            self._causes[cause] += 1
+            if self._causes[cause] not in _LOGGED_COUNTS:
+                return
+        elif self.refused not in _LOGGED_COUNTS:
+            return
+        self._log.warning("%s: command refused (%d so far): %s", self.topic, self.refused, error)
 
 
 @dataclass(frozen=True)

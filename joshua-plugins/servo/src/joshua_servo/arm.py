@@ -41,6 +41,7 @@ from joshua_servo.torque import MoveValues, TorqueSwitch
 from joshua_servo.tuning import Tuning
 from joshua_servo.watch import HealthLimits, HealthWatch
 
+HOLD_S = 0.06  # a servo that does not answer delays the hold of the others by three requests at most
 TORQUE_CHECK_S = 0.5  # how often torque is looked at while all replies come
 MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
 
@@ -86,6 +87,7 @@ class ServoArm(Actuator):
         self._enabled = False
         self._tripped = ""
         self._relaxed: dict[int, str] = {}  # index of the joint, and why it has no torque
+        self._under_voltage: set[int] = set()
         self._grippers = [i for i, joint in enumerate(settings.joint_settings) if joint.gripper]
         self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
         self._goal_ticks, self._written_s = np.zeros(len(self._ids), np.int64), 0.0
@@ -210,6 +212,7 @@ class ServoArm(Actuator):
         with self._lock:
             readings, stamp_ns = self._state.feedback()
             self._readings = readings
+            self._report_voltage(readings)
             if self._enabled:
                 self._trip_where_needed(readings)
                 self._grips.look(readings, self._goal_ticks.tolist(), time.monotonic())
@@ -328,15 +331,21 @@ class ServoArm(Actuator):
             return self._map.radians(written)
 
     def hold(self) -> None:
-        """Stops where the joints are and keeps a grip; idle without torque. Raises DeviceDisconnected."""
+        """Stops where the joints are and keeps a grip; idle without torque.
+
+        Raises DeviceDisconnected, also where a servo does not answer; the others hold by then.
+        """
         self.require_connected("hold")
         with self._lock:
             if not self._enabled:
                 return
-            present = self._state.positions()
-            held = np.array(self._grips.held(present, self._goal_ticks.tolist()), dtype=np.int64)
-            self._send_goals(held)
+            found = self._state.found_positions(HOLD_S)
+            last = self._goal_ticks.tolist()
+            present = [found.get(servo_id, last[index]) for index, servo_id in enumerate(self._ids)]
+            held = np.array(self._grips.held(present, last), dtype=np.int64)
+            self._send_goals(held, found)
             self._remember(self._map.radians(held), held)
+            self._state.require_all(found)
 
     def release(self) -> None:
         """Takes torque off all joints and verifies it; does nothing on a closed device.
@@ -461,6 +470,17 @@ class ServoArm(Actuator):
             "joint, heat, the supply)."
         )
 
+    def _report_voltage(self, readings: Sequence[Feedback]) -> None:
+        """Logs that a servo reports its supply voltage as out of range, once for each time it does."""
+        reporting = {i for i, reading in enumerate(readings) if reading.status & self.family.status.voltage}
+        for index in sorted(reporting - self._under_voltage):
+            self.context.log.warning(
+                "%s reports its supply voltage as out of range: %.1f V. Check the supply and its cable",
+                self.joint_names[index],
+                readings[index].voltage_v,
+            )
+        self._under_voltage = reporting
+
     def _relax(self, reasons: Mapping[int, str]) -> None:
         """Takes the torque off grippers; a goal would enable it, so none is written until ``rejoin``."""
         if not reasons:
@@ -490,15 +510,18 @@ class ServoArm(Actuator):
     def _lost(self) -> int:
         return sum(self._bus.counters.lost.values())
 
-    def _send_goals(self, ticks: TickArray) -> None:
+    def _send_goals(self, ticks: TickArray, only: Collection[int] | None = None) -> None:
+        """Writes goals in joint order; relaxed joints, and ids that are not among ``only``, get none."""
         if self._dry_run:
             return
         goal = self.family.goal_position
         rows = {
             servo_id: goal.encode(tick)
             for index, (servo_id, tick) in enumerate(zip(self._ids, ticks.tolist(), strict=True))
-            if index not in self._relaxed
+            if index not in self._relaxed and (only is None or servo_id in only)
         }
+        if not rows:
+            return
         self._bus.sync_write(goal.address, goal.width, rows)
 
     def _remember(self, goal_rad: FloatArray, ticks: TickArray) -> None:

@@ -347,9 +347,15 @@ class ServoBus(ABC):
         received = self._receive(message, total, deadline_s)
         values = self.take_all(received, size, ids)
         if values is None:
-            values = self._sort_out(received, size, ids, message, deadline_s)
-            if len(values) < len(ids) and not is_fresh:
-                values = {}  # an order with gaps proves nothing
+            values = self._sort_out(received, size, ids, deadline_s)
+            missing = [servo_id for servo_id in ids if not values or servo_id not in values]
+            if values is None or (values and missing and not is_fresh):
+                for servo_id in missing:
+                    self._claim(servo_id, size, message, is_lost=True)
+                # an order with gaps proves nothing, where copies of former replies have this length
+                return {} if values is None else self._sync_read_once(address, length, ids, may_wait=may_wait)
+            for servo_id in missing:
+                self._lose(servo_id, size, message)
         if is_fresh or len(ids) == 1:
             for servo_id in values:
                 self._claim(servo_id, size, message, is_lost=False)
@@ -360,9 +366,9 @@ class ServoBus(ABC):
         return values
 
     def _sort_out(
-        self, received: bytes, size: int, ids: Sequence[int], message: bytes, deadline_s: float
-    ) -> dict[int, bytes]:
-        """The unusual case: takes whole replies of the right length, provided that they are in order."""
+        self, received: bytes, size: int, ids: Sequence[int], deadline_s: float
+    ) -> dict[int, bytes] | None:
+        """The unusual case: takes whole replies of the right length; None where they are out of order."""
         place = {servo_id: index for index, servo_id in enumerate(ids)}
         taken: dict[int, bytes] = {}
         last = -1
@@ -374,17 +380,12 @@ class ServoBus(ABC):
                 continue
             if index <= last:  # a late reply is among them, and nothing tells which one it is
                 self.counters.stale += 1
-                for servo_id in ids:
-                    self._claim(servo_id, size, message, is_lost=True)
-                return {}
+                return None
             last = index
             self.status[reply.servo_id] = reply.error
             taken[reply.servo_id] = reply.data
             if len(taken) == len(ids):
                 break
-        for servo_id in ids:
-            if servo_id not in taken:
-                self._lose(servo_id, size, message)
         self.counters.corrupt += search.broken
         return taken
 

@@ -6,7 +6,7 @@ import contextlib
 import time
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from joshua.api import DeviceDisconnected, DeviceError
@@ -31,7 +31,8 @@ class SetUp:
     """What setting up a servo of one family needs.
 
     Attributes:
-        torque_enable, motor_id, baudrate: registers; codes: line speeds by their code in the register.
+        torque_enable, motor_id, baudrate: registers; codes: line speeds by their code in the register;
+            other_codes: what some sources say of a code.
         lock: register that keeps the EEPROM from being written while it is 1; None where torque does that.
         working: what a servo of an arm needs beside its id: it moves to positions, and answers at once.
         quiet_s: a line without a byte for this long has nobody who answers a call to all.
@@ -45,6 +46,7 @@ class SetUp:
     baudrate: Register
     codes: Mapping[int, int]
     working: Mapping[Register, int]
+    other_codes: Mapping[int, int] = field(default_factory=dict)
     lock: Register | None = None
     quiet_s: float = 0.06
     calls: int = 2
@@ -122,12 +124,21 @@ class ServoBusTools(BusTools):
         if baudrate == former:
             return
         register = self.set_up.baudrate
-        code = next(code for code, speed in self.set_up.codes.items() if speed == baudrate)
+        readings = (*self.set_up.codes.items(), *self.set_up.other_codes.items())
+        codes = [code for code, speed in readings if speed == baudrate]
         for _ in range(ATTEMPTS):
-            bus.try_write(servo_id, register, code)
-            self.port.set_baudrate(baudrate)
-            with contextlib.suppress(NoReply):
-                if bus.read(servo_id, register) == code:
+            for code in codes:
+                bus.try_write(servo_id, register, code)
+                meant = [speed for other, speed in readings if other == code]
+                for speed in sorted(meant, key=lambda speed: speed != baudrate):
+                    self.port.set_baudrate(speed)
+                    with contextlib.suppress(NoReply):
+                        if bus.read(servo_id, register) == code:
+                            break
+                else:
+                    self.port.set_baudrate(former)
+                    continue
+                if speed == baudrate:
                     return
             self.port.set_baudrate(former)
         raise NoReply(f"id {servo_id} does not answer at {baudrate} bit/s.")

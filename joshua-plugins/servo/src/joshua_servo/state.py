@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from joshua.api import StampClock
 
@@ -101,6 +101,21 @@ class StateReader:
         found = self._bus.sync_read(address, length, self._ids, retries=retries, within_s=CYCLE_S)
         spread_ns = self._stamps.now_ns() - before_ns
         return found, before_ns + spread_ns // 2, spread_ns
+
+    def found_positions(self, within_s: float) -> dict[int, int]:
+        """Positions in ticks of the servos that answer, by id. Raises PortDisconnected.
+
+        Args:
+            within_s: no retry begins later than this.
+        """
+        present = self._family.present_position
+        values = self._bus.sync_read(present.address, present.width, self._ids, within_s=within_s)
+        return {servo_id: present.decode(value) for servo_id, value in values.items()}
+
+    def require_all(self, found: Collection[int]) -> None:
+        """Raises NoReply where a servo is missing among those found."""
+        if len(found) < len(self._ids):
+            self._all(dict.fromkeys(found, b""))
 
     def positions(self) -> list[int]:
         """Positions in ticks, as the servos count. Raises NoReply and PortDisconnected."""

@@ -19,14 +19,14 @@ from joshua_sts3215.packet import (
     Search,
     request,
 )
-from joshua_sts3215.registers import BAUDRATES, FEEDBACK, LOCK, MODEL_NAMES
+from joshua_sts3215.registers import FEEDBACK, LINE_SPEEDS, LOCK, MODEL_NAMES
 
 
 class Bus(ServoBus):
     """Requests to the servos on one port."""
 
     reply_overhead = OVERHEAD
-    baudrates = tuple(BAUDRATES.values())
+    baudrates = LINE_SPEEDS
 
     def identify(self, servo_id: int) -> FoundMotor:
         """Reads model, firmware and, once, the feedback of one servo. Raises NoReply and PortDisconnected."""

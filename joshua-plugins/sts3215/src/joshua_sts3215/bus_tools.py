@@ -13,12 +13,14 @@ from joshua_sts3215.registers import (
     BAUDRATES,
     FEEDBACK,
     ID,
+    LINE_SPEEDS,
     LOCK,
     MAX_TEMPERATURE,
     MODE,
     MODEL,
     MODEL_NAMES,
     MODEL_NUMBER,
+    OTHER_BAUDRATES,
     POSITION_MODE,
     RETURN_DELAY,
     STATUS_BITS,
@@ -35,7 +37,7 @@ class Sts3215BusTools(ServoBusTools):
     """Servos of the magnetic-encoder STS series on one port."""
 
     family = "STS3215 servos"
-    baudrates = tuple(BAUDRATES.values())
+    baudrates = LINE_SPEEDS
     ids = range(LARGEST_ID + 1)
     expected_models = (MODEL_NAMES[MODEL_NUMBER],)
     make_bus = Bus
@@ -44,6 +46,7 @@ class Sts3215BusTools(ServoBusTools):
         motor_id=ID,
         baudrate=BAUDRATE,
         codes=BAUDRATES,
+        other_codes=OTHER_BAUDRATES,
         lock=LOCK,
         working={MODE: POSITION_MODE, STATUS_LEVEL: 1, RETURN_DELAY: 0},
     )

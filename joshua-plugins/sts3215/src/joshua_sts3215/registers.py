@@ -15,8 +15,10 @@ MAX_SPEED_TICKS_S = 3400  # the servo's own maximum, about 5.2 rad/s
 TORQUE_OFF, TORQUE_ON = 0, 1
 POSITION_MODE = 0
 
-# Baud rate by register code; sources agree on codes 0 to 4, and public drivers on the rest.
+# Baud rate by register code. Sources agree on codes 0 to 4; public drivers have two readings of the rest.
 BAUDRATES = {0: 1_000_000, 1: 500_000, 2: 250_000, 3: 128_000, 4: 115_200, 5: 57_600, 6: 38_400, 7: 19_200}
+OTHER_BAUDRATES = {5: 76_800, 6: 57_600, 7: 38_400}
+LINE_SPEEDS = (*BAUDRATES.values(), 76_800)
 
 
 FIRMWARE = Register("firmware", 0, 2)  # major, minor

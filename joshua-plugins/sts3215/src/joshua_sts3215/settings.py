@@ -10,7 +10,7 @@ from joshua_servo.register import Register
 from joshua_servo.settings import GRIP_DEFAULTS, ServoJoint, ServoSettings
 
 from joshua_sts3215.registers import (
-    BAUDRATES,
+    LINE_SPEEDS,
     MAX_SPEED_TICKS_S,
     MODEL_NAMES,
     MODEL_NUMBER,
@@ -54,7 +54,7 @@ class Sts3215Settings(ServoSettings):
     """
 
     servo_name: ClassVar[str] = "STS3215"
-    line_speeds: ClassVar[tuple[int, ...]] = tuple(BAUDRATES.values())
+    line_speeds: ClassVar[tuple[int, ...]] = LINE_SPEEDS
     factory_speed: ClassVar[int] = 1_000_000
 
     joint_type: ClassVar[type[ServoJoint]] = Sts3215Joint

@@ -115,6 +115,19 @@ def test_sync_write_sync_read_and_bulk_read(bus: EmulatedBus, client: Client) ->
     assert bulk.getData(1, PRESENT, 4) == 1000
     assert bulk.getData(2, VOLTAGE, 2) == 120
     assert bulk.getData(3, 0, 2) == 1060
+    bus.hand({1: 1100})
+    assert client.succeeds(reader.fastSyncRead)
+    assert [reader.getData(i, PRESENT, 4) for i in (1, 2, 3)] == [1100, 1500, 2000]
+    bus.hand({1: 1000})
+    assert client.succeeds(bulk.fastBulkRead)
+    assert [bulk.getData(1, PRESENT, 4), bulk.getData(2, VOLTAGE, 2), bulk.getData(3, 0, 2)] == [
+        1000,
+        120,
+        1060,
+    ]
+    bus.fault("silent", 2)
+    assert reader.fastSyncRead() != sdk.COMM_SUCCESS, "the packet breaks off"
+    bus.ask("clear_faults")
     writer = sdk.GroupSyncWrite(client.port, client.packets, GOAL, 4)
     for servo_id in (1, 3):
         assert writer.addParam(servo_id, [0x00, 0x04, 0, 0])

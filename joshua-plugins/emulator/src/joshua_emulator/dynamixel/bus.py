@@ -10,6 +10,7 @@ from joshua_emulator.dynamixel.packets import (
     InstructionPacket,
     InstructionParser,
     ProtocolError,
+    fast_status_packet,
     status_packet,
 )
 from joshua_emulator.dynamixel.servo import Servo
@@ -23,7 +24,14 @@ MULTI_TURN_KEY = b"\x01\x44\x58\x4c\x22"  # parameters of CLEAR
 
 # What FACTORY_RESET leaves of id and baud rate, by its parameter.
 _KEPT_BY_RESET = {b"\xff": 0, b"\x01": 1, b"\x02": 2}
-_READS = (Instruction.READ, Instruction.SYNC_READ, Instruction.BULK_READ, Instruction.PING)
+_READS = (
+    Instruction.READ,
+    Instruction.SYNC_READ,
+    Instruction.BULK_READ,
+    Instruction.FAST_SYNC_READ,
+    Instruction.FAST_BULK_READ,
+    Instruction.PING,
+)
 _NAMES = {instruction.value: instruction.name.lower() for instruction in Instruction}
 
 
@@ -40,6 +48,8 @@ class DynamixelBus(EmulatedServoBus[Servo]):
         instruction = packet.instruction
         if instruction in (Instruction.SYNC_READ, Instruction.BULK_READ):
             return self._read_several(_reads(packet), listening, line_speed, end_s)
+        if instruction in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ):
+            return self._read_fast(list(_reads(packet)), listening, line_speed, end_s)
         if instruction in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
             for servo_id, address, data in _writes(packet):
                 for servo in listening:
@@ -81,6 +91,24 @@ class DynamixelBus(EmulatedServoBus[Servo]):
                 yield from self._transmit(group, line_speed)
             else:
                 self._wire.reply(length + 11, line_speed, 0.0)  # its slot stays empty
+
+    def _read_fast(
+        self, reads: list[tuple[int, int, int]], listening: list[Servo], line_speed: int, end_s: float
+    ) -> Iterable[TimedReply]:
+        """One packet of all servos in turn; it breaks off before the first that does not answer."""
+        parts = []
+        answering: list[Servo] = []
+        for servo_id, address, length in reads:
+            servo = next((s for s in listening if s.servo_id == servo_id and s.get("status_level")), None)
+            if servo is None:
+                break
+            error, data = servo.read(address, length, end_s)
+            parts.append((servo_id, error | servo.alert, data.ljust(length, b"\0")))
+            answering.append(servo)
+        if not answering:
+            return ()
+        reply = fast_status_packet(parts, sum(length + 4 for _, _, length in reads))
+        return self._transmit([(answering[0], reply)], line_speed)
 
     def _ping_all(self, listening: list[Servo], line_speed: int, end_s: float) -> Iterable[TimedReply]:
         free_id = 0
@@ -124,7 +152,7 @@ def _change(servo: Servo, packet: InstructionPacket, end_s: float) -> ProtocolEr
 def _reads(packet: InstructionPacket) -> Iterator[tuple[int, int, int]]:
     """Id, address and length of each read that an instruction asks for."""
     parameters = packet.parameters
-    if packet.instruction == Instruction.SYNC_READ:
+    if packet.instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
         for servo_id in parameters[4:]:
             yield servo_id, _word(parameters), _word(parameters[2:])
         return

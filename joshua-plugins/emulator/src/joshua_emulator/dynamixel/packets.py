@@ -6,7 +6,7 @@ stands inside a packet.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -30,8 +30,10 @@ class Instruction(IntEnum):
     STATUS = 0x55
     SYNC_READ = 0x82
     SYNC_WRITE = 0x83
+    FAST_SYNC_READ = 0x8A
     BULK_READ = 0x92
     BULK_WRITE = 0x93
+    FAST_BULK_READ = 0x9A
 
 
 class ProtocolError(IntEnum):
@@ -88,6 +90,20 @@ def packet(servo_id: int, instruction: int, parameters: bytes = b"") -> bytes:
 def status_packet(servo_id: int, error: int, data: bytes = b"") -> bytes:
     """A servo's reply."""
     return packet(servo_id, Instruction.STATUS, bytes((error,)) + data)
+
+
+def fast_status_packet(parts: Iterable[tuple[int, int, bytes]], size: int) -> bytes:
+    """The reply that servos put together to a fast read: one packet, and behind each part the CRC so far.
+
+    Args:
+        parts: id, error and data of each servo that answers; size: data bytes of all servos that were asked.
+    """
+    length = 1 + size
+    reply = HEADER + bytes((BROADCAST_ID,)) + length.to_bytes(2, "little") + bytes((Instruction.STATUS,))
+    for servo_id, error, data in parts:
+        reply += bytes((error, servo_id)) + data
+        reply += crc16(reply).to_bytes(2, "little")
+    return reply
 
 
 class InstructionParser:
