@@ -23,8 +23,8 @@ from joshua.plugins.targets import TargetError, load_target
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.planner.devices import Wanted
     from joshua.planner.pipeline import Checked
+    from joshua.planner.resolution import Wanted
     from joshua.plugins.emulator import Coupling, DeviceEmulator
 
 

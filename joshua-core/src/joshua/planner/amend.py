@@ -16,8 +16,7 @@ from joshua.config.checks.device_table import device_block, motor_ids
 from joshua.modes import mode_of
 from joshua.plan import Diagnostic, installing
 from joshua.planner.calibration_place import FileRefused, kept_calibrations
-from joshua.planner.devices import Wanted, joints_of, unpack, wanted_nodes
-from joshua.planner.resolution import also_needed_by
+from joshua.planner.resolution import Wanted, also_needed_by, joints_of, unpack, wanted_nodes
 from joshua.plugins import ActuatorSpec, DeviceSpec, EmulatorSpec, PluginStatus, Registry, SimulatorSpec
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.emulator import (

@@ -20,8 +20,7 @@ from joshua.plan import (
 from joshua.plan.facts import Facts
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.planner.draft import Draft
-from joshua.planner.resolution import Resolved
-from joshua.planner.safety import safety_facts
+from joshua.planner.resolution import Resolved, safety_facts
 from joshua.plugins import ActuatorSpec, ModelSpec, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types

@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from joshua.modes import mode_name
-from joshua.planner.devices import wanted_nodes
-from joshua.planner.resolution import Resolved, resolve_nodes
+from joshua.planner.resolution import Resolved, resolve_nodes, wanted_nodes
 from joshua.planner.services import ResolvedService, physics_of, resolve_services
 from joshua.plugins import SensorSpec, StoreSpec
 from joshua.schema import config_pb2 as pb

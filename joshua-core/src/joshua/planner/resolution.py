@@ -1,22 +1,102 @@
-"""From the blocks of a file to installed implementations and checked settings."""
+"""From the blocks of a file to installed implementations, checked settings, joints and safe states."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from joshua.config.checks.device_table import fitting_blocks
+from joshua.config.checks.context import unpacked
+from joshua.config.checks.device_table import fitting_blocks, value_name
 from joshua.plan import Related
-from joshua.planner.devices import Wanted, joints_of
-from joshua.planner.safety import check_safety
+from joshua.plan.graph import NodeEntry, RobotGraph
+from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, SensorSpec
 from joshua.plugins.block_context import BlockContext
+from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
+from joshua.schema.rules import block_rule
 
 if TYPE_CHECKING:
     from joshua.config.checks import Context
-    from joshua.plan import Diagnostic, JointRange
+    from joshua.plan import Diagnostic
     from joshua.planner.draft import Draft
+
+PARK_TIMEOUT_S = 5.0
+ON_STALE_AFTER_S = 5.0
+
+#: Beyond the time for parking: the guardian's own, its report, and the closing of the device.
+STOP_MARGIN_S = 6.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Wanted:
+    """One node that the mode starts: its entry in the file, and what its implementation is asked by.
+
+    Attributes:
+        block_name: member of the oneof, or the full message name of an ``Any`` block; "" where none is set.
+        block: the block's message, unpacked; None where none is set.
+        block_path: field path of the block.
+        enum_value: name such as ``PERCEPTION_LIDAR``.
+    """
+
+    entry: NodeEntry
+    kind: type[NodePluginSpec]
+    block_name: str
+    block: Any
+    block_path: str
+    enum_value: str
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the device is part of the simulated model."""
+        return self.block is not None and block_rule(self.block.DESCRIPTOR).simulated
+
+
+def wanted_nodes(graph: RobotGraph, *, devices: bool, models: bool) -> list[Wanted]:
+    """Lists the nodes that a mode starts, in the order of the file; a replay takes the place of leaders."""
+    return [
+        _wanted(entry)
+        for entry in graph.entries
+        if (models if entry.is_model else devices) and not (graph.replays and entry.leads)
+    ]
+
+
+def _wanted(entry: NodeEntry) -> Wanted:
+    owner = entry.owner
+    if entry.is_actuator:
+        name = owner.WhichOneof("actuator_config") or ""
+        enum_value = value_name(pb.ActionType, owner.action_type)
+        kind: type[NodePluginSpec] = ActuatorSpec
+    elif entry.is_sensor:
+        name = owner.WhichOneof("device_config") or ""
+        enum_value = value_name(pb.PerceptionType, owner.perception_type)
+        kind = SensorSpec
+    else:
+        name = next((n for n in ("plugin_config", "random_noise_config") if owner.HasField(n)), "")
+        if not name and owner.model_type == pb.RANDOM_NOISE:
+            name = "random_noise_config"  # omitted, it means its defaults
+        enum_value = value_name(pb.ModelType, owner.model_type)
+        kind = ModelSpec
+    path = f"{entry.owner_path}.{name}" if name else entry.owner_path
+    block = getattr(owner, name) if name else (owner if kind is ModelSpec else None)
+    if name == "plugin_config":
+        name, block = unpack(block)
+    return Wanted(entry, kind, name, block, path, enum_value)
+
+
+def unpack(block: Any) -> tuple[str, Any]:
+    """Opens an ``Any`` block: full message name, and the message or None where its type is unknown."""
+    return block.type_url.rpartition("/")[2], unpacked(block)
+
+
+def joints_of(settings: Any) -> tuple[JointRange, ...]:
+    """The joints of an actuator, as its settings know them without a connection; () where they do not."""
+    if settings is None:
+        return ()
+    from joshua.plugins.settings import ActuatorSettings  # needs pydantic, as the settings did
+
+    return settings.joints() if isinstance(settings, ActuatorSettings) else ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,3 +206,51 @@ def _is_complete(want: Wanted) -> bool:
         return True
     is_third_party = "." in want.block_name
     return is_third_party or want.block_name in fitting_blocks(want.entry.owner)
+
+
+def safety_facts(action: pb.SingleAction, spec: ActuatorSpec) -> dict[str, Any]:
+    """Facts about the safe state of an actuator, the action of its guardian and of an e-stop."""
+    from joshua.plan import OnStale, SafeStop
+
+    is_leader = action.action_type == pb.ACTION_LEADER
+    state = action.safe_state or (pb.RELEASE if is_leader else pb.HOLD)
+    name = pb.SafeState.Name(state) if state in pb.SafeState.values() else "HOLD"
+    facts: dict[str, Any] = {
+        "safe_state": name,
+        "estop_action": spec.safe_stop,
+        "keeps_last_goal": not (spec.safe_stop or spec.stops_itself or spec.virtual),
+    }
+    timeout_s = float(action.park_timeout_s) if action.HasField("park_timeout_s") else PARK_TIMEOUT_S
+    pose = tuple(action.park_pose_rad)
+    if not is_leader and action.on_stale in (pb.RELEASE, pb.PARK_THEN_RELEASE):
+        after_s = float(action.on_stale_after_s) if action.HasField("on_stale_after_s") else ON_STALE_AFTER_S
+        facts["on_stale"] = OnStale(pb.SafeState.Name(action.on_stale), after_s, pose, timeout_s)
+    if not is_leader and spec.safe_stop:
+        facts["safe_stop"] = SafeStop(spec.safe_stop, name, pose, timeout_s)
+        # Not only for parking: a guardian that looks for a device which is gone takes its time, too.
+        facts["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
+    return facts
+
+
+def check_safety(draft: Draft, want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange]) -> None:
+    """Find a park pose that does not fit the joints, and a device that cannot park."""
+    action, path, name = want.entry.owner, want.entry.owner_path, want.entry.node.node_name
+    has_guardian = bool(spec.safe_stop) and action.action_type != pb.ACTION_LEADER
+    parks_when_stale = action.on_stale == pb.PARK_THEN_RELEASE
+    found = draft.findings
+    if action.HasField("park_timeout_s") and not (has_guardian or parks_when_stale):
+        message = f"park_timeout_s has no effect: {name} has no guardian whose time it could limit"
+        found.append(draft.note("field-unused", message, f"{path}.park_timeout_s"))
+    parks = action.safe_state == pb.PARK_THEN_RELEASE
+    if parks and not spec.safe_stop:
+        message = f"{name}: the plugin of {want.block_name or want.enum_value} cannot park"
+        allowed: tuple[str, ...] = ("HOLD", "RELEASE")
+        found.append(draft.error("safe-state-unfit", message, f"{path}.safe_state", allowed=allowed))
+    elif (parks or parks_when_stale) and joints and len(action.park_pose_rad) not in (0, len(joints)):
+        names = ", ".join(joint.name for joint in joints)
+        message = (
+            f"{name}: the park pose has {len(action.park_pose_rad)} angles, "
+            f"but the actuator has {len(joints)} joints: {names}"
+        )
+        allowed = (f"{len(joints)} angles",)
+        found.append(draft.error("park-pose-unfit", message, f"{path}.park_pose_rad", allowed=allowed))

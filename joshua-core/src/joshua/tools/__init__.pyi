@@ -28,8 +28,8 @@ from joshua.config import load as load
 from joshua.config.diagnostics import render_text as render_text
 from joshua.config.checks.device_table import calibratable_blocks as calibratable_blocks
 from joshua.config.checks.device_table import device_block as device_block
-from joshua.planner.devices import Wanted as Wanted
-from joshua.planner.devices import wanted_nodes as wanted_nodes
+from joshua.planner.resolution import Wanted as Wanted
+from joshua.planner.resolution import wanted_nodes as wanted_nodes
 from joshua.plugins import Registry as Registry
 from joshua.plugins import load_registry as load_registry
 from joshua.plan.installing import install as install

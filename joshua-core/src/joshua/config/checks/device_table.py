@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-from joshua.config.checks.blocks import unpacked
+from joshua.config.checks.context import unpacked
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 from joshua.schema import options_pb2

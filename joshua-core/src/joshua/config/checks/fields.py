@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from joshua.config.checks.blocks import Block
-from joshua.config.checks.context import Context
+from joshua.config.checks.context import Block, Context
 from joshua.config.checks.device_table import frame_rate, messages_of, type_text
 from joshua.plan import Diagnostic
 from joshua.schema.rules import block_rule

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from joshua.config.checks.blocks import Block
-from joshua.config.checks.context import Context
+from joshua.config.checks.context import Block, Context
 from joshua.config.checks.device_table import block_of, device_block, fitting_blocks, fitting_types
 from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic

@@ -6,8 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 
-from joshua.config.checks.blocks import Block
-from joshua.config.checks.context import Context
+from joshua.config.checks.context import Block, Context
 from joshua.config.names import (
     NameFault,
     frame_fault,

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from joshua.config.checks.blocks import Block
-from joshua.config.checks.context import Context
+from joshua.config.checks.context import Block, Context
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from google.protobuf.message import Message
 
-from joshua.config.checks.blocks import Block
-from joshua.config.checks.context import Context
+from joshua.config.checks.context import Block, Context
 from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic
 from joshua.plan.graph import NodeEntry
