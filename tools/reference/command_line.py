@@ -20,7 +20,7 @@ HEAD = """# Command line
 BROUGHT = ("calibrate",)
 
 EXIT_CODES = {
-    ExitCode.OK: "finished, or stopped by the user in good order",
+    ExitCode.OK: "finished, or stopped by the user",
     ExitCode.FAILED: "a node failed, or the run ended in error",
     ExitCode.INVALID: "the configuration or the command line is invalid; nothing was started",
     ExitCode.NOT_INSTALLED: "a needed plugin or extra is not installed; nothing was started",

@@ -6,7 +6,7 @@ import pytest
 from joshua.cli.main import main
 from joshua.ipc.client import CallError, RunningSystem
 from joshua.plan import NodeKind, NodeSpec, Plan
-from joshua.tools import ForegroundJob
+from joshua.tools import foreground_job
 
 
 def test_status_and_stop_reach_it_and_a_call_says_so(
@@ -16,7 +16,7 @@ def test_status_and_stop_reach_it_and_a_call_says_so(
     arm = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="a:B", implementation="a:C")
     plan = Plan(source=str(tmp_path / "arm.pbtxt"), mode="MODE_CALIBRATION", nodes=(arm,))
     stopped: list[bool] = []
-    with ForegroundJob(
+    with foreground_job(
         plan, "MODE_CALIBRATION", ["arm"], lambda _: ("ready", "measures"), lambda: stopped.append(True)
     ):
         (system,) = RunningSystem.all()

@@ -9,7 +9,7 @@ class ExitCode(IntEnum):
     """What the exit code of a command means."""
 
     OK = 0
-    """Finished, or stopped by the user in good order."""
+    """Finished, or stopped by the user."""
     FAILED = 1
     """A node failed or the run ended in error."""
     INVALID = 2

@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return ExitCode.INTERRUPTED
     except BrokenPipeError:
-        # The reader of a pipe has closed it: there is nobody to write the rest to.
+        # The reader of a pipe has closed it, so the rest cannot be written.
         sys.stderr.close()
         return ExitCode.OK
     except OSError as error:

@@ -1,4 +1,4 @@
-"""The presets that ship with the core, as their header comments describe them."""
+"""The presets that come with the core, as their header comments describe them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Preset:
 
     @property
     def plugins(self) -> str:
-        """Distributions that the preset needs, as its header words them; "" where it needs none."""
+        """The distributions that the preset needs, in the words of its header; "" for none."""
         text = " ".join(self.sections.get("Plugins", ()))
         return "" if text == "none" else text
 
@@ -46,16 +46,12 @@ class Preset:
 
 
 def preset_names() -> list[str]:
-    """Lists the names of all presets, sorted."""
+    """List the names of all presets, sorted."""
     return sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}"))
 
 
 def read_preset(name: str) -> Preset:
-    """Reads one preset.
-
-    Raises:
-        FileNotFoundError: there is none of that name.
-    """
+    """Read one preset. Raises FileNotFoundError."""
     text = (FOLDER / f"{name}{SUFFIX}").read_text(encoding="utf-8")
     mode = _MODE.search(text)
     summary, sections = _header(text)
@@ -63,12 +59,12 @@ def read_preset(name: str) -> Preset:
 
 
 def read_presets() -> list[Preset]:
-    """Reads every preset, in the order of their names."""
+    """Read every preset, sorted by name."""
     return [read_preset(name) for name in preset_names()]
 
 
 def _header(text: str) -> tuple[str, dict[str, tuple[str, ...]]]:
-    """Splits the comment at the top of a preset into its summary and its titled sections."""
+    """Split the comment at the top of a preset into its summary and its titled sections."""
     lines = []
     for line in text.splitlines():
         if not line.startswith("#"):

@@ -3,7 +3,7 @@
 Nothing is imported before it is used. ``check(path)`` finds every problem of a file, ``plan(path)`` says what
 it starts, ``explain(name)`` documents a field. ``check_file`` and ``finish`` do the same in two steps, for a
 program that changes the configuration between them. ``RunningSystem`` finds what runs, calls its nodes and
-receives its ``events``; ``ForegroundJob`` lets a program hold nodes of a robot as a run does. A command of a
+receives its ``events``; ``foreground_job`` lets a program hold nodes of a robot as a run does. A command of a
 plugin takes its options, its exit codes and its emulators from here.
 """
 

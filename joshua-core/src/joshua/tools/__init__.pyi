@@ -43,8 +43,7 @@ from joshua.ipc.client import is_named as is_named
 from joshua.supervisor.log_files import log_directory as log_directory
 
 # Programs that take nodes
-from joshua.tools.foreground import ForegroundJob as ForegroundJob
-from joshua.tools.foreground import JobRefusedError as JobRefusedError
+from joshua.tools.foreground import foreground_job as foreground_job
 
 # Commands of plugins
 from joshua.cli.exit_codes import ExitCode as ExitCode

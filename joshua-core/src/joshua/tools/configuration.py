@@ -1,4 +1,4 @@
-"""Checking, planning and explaining, each as one function from values to values; no device is touched."""
+"""Checking, planning and finding values in a file, as functions that open no device."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def check(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
-    """Finds every problem of a configuration file; never raises for what stands in it.
+    """Find every problem of a configuration file; never raises for its content.
 
     Args:
         path: of the file; options: fields of ``Request``, such as ``overrides`` or ``emulate``.
@@ -21,12 +21,12 @@ def check(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
 
 
 def plan(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
-    """The same with the plan of what would be started, where no problem is an error."""
+    """Check a file, and plan what it starts if it has no errors."""
     return _examined(path, "SHOW", options)
 
 
 def spans(text: str, field_path: str) -> list[tuple[int, int]]:
-    """Where the values of a field stand in a configuration text, for a program that edits one.
+    """Find the values of a field in a configuration text, for a program that edits it.
 
     Args:
         text: of a file; field_path: such as ``calibration.arms``, without indices.
@@ -59,10 +59,10 @@ def spans(text: str, field_path: str) -> list[tuple[int, int]]:
 
 
 def calibration_place(emulate: bool, simulate: bool = False) -> Callable[[str, str], str]:
-    """The rule that names the calibration file for a configuration's path and its robot's id.
+    """Return the rule that names the calibration file for a configuration's path and its robot's id.
 
     Args:
-        emulate: emulated arms are calibrated, simulate: simulated ones: both are kept for this user.
+        emulate, simulate: whether the arms are emulated or simulated; theirs is kept for this user.
     """
     import os
 

@@ -13,14 +13,14 @@ from joshua.tools import (
     Checked,
     ExitCode,
     FileRefused,
-    ForegroundJob,
-    JobRefusedError,
     NodeKind,
+    NotStartedError,
     Plan,
     TargetError,
     calibration_place,
     exit_code_of,
     finish,
+    foreground_job,
     journal_path,
     open_driver,
     show_findings,
@@ -164,8 +164,8 @@ def taken(
         return "stopped" if is_over else "ready", doing or f"calibration: {state.value}"
 
     try:
-        stack.enter_context(ForegroundJob(plan, MODE, states, report, stop))
-    except JobRefusedError as error:
+        stack.enter_context(foreground_job(plan, MODE, states, report, stop))
+    except NotStartedError as error:
         raise Refused(str(error), error.code) from error
 
 

@@ -33,7 +33,7 @@ ENTRY_POINT_GROUP = "joshua.doctor"
 Check = Callable[[Host], Iterable[Finding]]
 
 SOFTWARE = "software"
-# The part of a version number whose change means that core and plugin no longer fit.
+# The part of a version number whose change means that core and plugin do not fit.
 SERIES = 2
 
 
