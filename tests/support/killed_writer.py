@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
@@ -35,7 +36,12 @@ def main() -> None:
     began, number = time.monotonic(), 0
     while True:
         picture = np.full((64, 64, 3), number % 250, np.uint8)
-        values = {"observation.state": [number, 0], "action": [number, 1], TOP: picture, SIDE: picture}
+        values: dict[str, Any] = {
+            "observation.state": [number, 0],
+            "action": [number, 1],
+            TOP: picture,
+            SIDE: picture,
+        }
         writer.add_frame(Frame(number, values))
         number += 1
         if writer.open_frames == length:

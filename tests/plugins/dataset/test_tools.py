@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import random
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -329,3 +330,23 @@ def test_statistics_without_quantiles_are_merged() -> None:
         {"min": np.zeros(1), "max": np.ones(1), "mean": np.ones(1), "std": np.zeros(1), "count": np.ones(1)}
     ] * 2
     assert set(statistics.merged(parts)) == {"min", "max", "mean", "std", "count"}
+
+
+def test_the_page_needs_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path / "a<b", lengths=(3, 2))
+    page = tmp_path / "page.html"
+    arguments = ["view", str(tmp_path / "a<b"), "--no-open", "--output", str(page), "--episodes", "1"]
+    assert run(*arguments) == 0
+    assert capsys.readouterr().out == f"{page}: episodes 1\n"
+    text = page.read_text()
+    assert "<h1>a&lt;b</h1>" in text
+    assert text.count("<section data-episode=") == 1
+    assert text.count("<tr>") == 3
+    assert "data:video/mp4;base64," in text
+    assert not re.findall(r"(?:src|href)=.https?:", text)
+    curves = json.loads(text.partition("<script type=application/json>")[2].partition("</script>")[0])
+    assert curves[1]["values"] == [[0.5, 0.0], [1.5, 0.0]]
+    assert (
+        run("view", str(tmp_path / "a<b"), "--no-open", "--output", str(tmp_path / "no" / "page.html")) == 1
+    )
+    assert "page.html cannot be written: No such file or directory" in capsys.readouterr().err

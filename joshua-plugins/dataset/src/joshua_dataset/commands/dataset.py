@@ -19,6 +19,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = one(actions, "check", "find gaps, frozen pictures, jumps and what disagrees")
     check.add_argument("--no-pictures", action="store_true", help="check the numbers alone, which is faster")
     workers(check)
+    view = one(actions, "view", "write one HTML page with curves, videos and timing, and open it")
+    view.add_argument(
+        "--episodes", type=numbers, default=(), metavar="LIST", help="such as 0-2 (default: first three)"
+    )
+    view.add_argument(
+        "--output", type=Path, metavar="PAGE", help="of the page; without it, beside the data set"
+    )
+    view.add_argument("--no-open", action="store_true", help="only write the page")
     stats = one(actions, "stats", "compute the statistics from the data")
     stats.add_argument("--write", action="store_true", help="replace meta/stats.json")
     workers(stats)
@@ -107,6 +115,27 @@ def _check(arguments: argparse.Namespace) -> int:
         warnings += not problem.serious
     sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings\n")
     return 1 if errors else 0
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    import tempfile
+    import webbrowser
+
+    from joshua.features import EpisodeError
+
+    from joshua_dataset.page import write_page
+
+    folder: Path = arguments.folder.resolve()
+    page = arguments.output or folder.with_name(f"{folder.name}.html")
+    with tempfile.TemporaryDirectory() as scratch:
+        try:
+            shown = write_page(folder, page, arguments.episodes, Path(scratch))
+        except OSError as error:
+            raise EpisodeError(f"{page} cannot be written: {error.strerror or error}") from error
+    sys.stdout.write(f"{page}: episodes {', '.join(map(str, shown)) or 'none'}\n")
+    if not arguments.no_open:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
 
 
 def _stats(arguments: argparse.Namespace) -> int:
