@@ -81,7 +81,7 @@ def test_a_verb_is_listed_called_and_logged(robot: Any) -> None:
     report = Caller(robot, work).run()
     assert report.exit_code == 0, robot.ui.text()
     assert "WARNING /waver: wave: done" in robot.ui.text()
-    assert "INFO /waver: ponder: done" in robot.ui.text()
+    assert "DEBUG /waver: ponder: done" in robot.ui.text()
 
 
 def test_each_refusal_says_what_is_wrong(robot: Any) -> None:

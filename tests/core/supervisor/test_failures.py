@@ -10,7 +10,7 @@ import venv
 import pytest
 from joshua.plan import TopicSpec
 from joshua.supervisor import managed_process, supervisor
-from joshua.supervisor.ladder import LadderTimes
+from joshua.supervisor.policies import LadderTimes
 from joshua.supervisor.tables import report_lines
 
 SHORT_LADDER = LadderTimes(request_s=0.3, terminate_s=0.3)

@@ -125,15 +125,6 @@ def test_a_child_has_no_descriptors_but_its_own(server, descriptors):
     assert os.read(descriptors[1], 4096) == b"[0, 1, 2, 3, 4]"
 
 
-def test_a_signal_reaches_a_child_and_a_stranger_gets_none(server, descriptors):
-    shell(server, descriptors[0], "import time; time.sleep(1000)")
-    started = wait_for(server, "started")
-    server.ask("signal", process_id=os.getpid(), number=signal.SIGKILL)
-    server.ask("signal", process_id=started.process_id, number=signal.SIGTERM)
-    exited = wait_for(server, "exited")
-    assert os.waitstatus_to_exitcode(exited.status) == -signal.SIGTERM
-
-
 def test_closing_kills_children_that_ignore_everything(server, descriptors, monkeypatch):
     monkeypatch.setattr(fork_server, "CLOSE_TIMEOUT_S", 60.0)  # a busy server gets the time for it
     script = """

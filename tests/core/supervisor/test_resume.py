@@ -13,7 +13,7 @@ import pytest
 from joshua.ipc.client import ask, running_systems
 from joshua.plan import NodeKind, RunReport
 from joshua.supervisor.heartbeats import HANG_AFTER_S
-from joshua.supervisor.ladder import LadderTimes
+from joshua.supervisor.policies import LadderTimes
 
 ARM = "/arm"
 RESUMED = {"reply": {"text": "has torque again"}, "node": ARM}

@@ -7,10 +7,10 @@ import json
 from joshua.ipc.messages import Topics
 from joshua.plan import NodeKind, NodeReport, NodeSpec, TopicSpec
 from joshua.plan.events import LogEntry
-from joshua.supervisor.ladder import LadderTimes
 from joshua.supervisor.managed_process import StackDump
 from joshua.supervisor.node_record import NodeRecord, priority_notes
 from joshua.supervisor.options import ladder_times, ready_timeout_s
+from joshua.supervisor.policies import LadderTimes
 from joshua.supervisor.supervisor import process_groups
 
 

@@ -49,9 +49,7 @@ class GuardianLink:
         self._order = order
         self._socket, theirs = socket.socketpair()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        program = [sys.executable, "-m", "joshua.guardian.main", "--descriptor", str(theirs.fileno())]
-        for entry in sys.path:
-            program += ["--path", entry]
+        program = [sys.executable, "-m", "joshua.guardian.main", str(theirs.fileno()), *sys.path]
         try:
             # A session of its own: no signal of a terminal or a process group reaches it.
             self._process = subprocess.Popen(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import importlib
 import json
@@ -293,15 +292,11 @@ def load_action(import_string: str) -> Action:
 
 def main() -> int:
     """Runs the guardian of the driver that started this program."""
-    parser = argparse.ArgumentParser(description="Started by a driver; not for use by hand.")
-    parser.add_argument("--descriptor", type=int, required=True, help="inherited socket of the driver")
-    parser.add_argument("--path", action="append", default=[], help="entry of the module search path")
-    arguments = parser.parse_args()
+    descriptor, *sys.path[:] = sys.argv[1:]
     for name in IGNORED:
         signal.signal(getattr(signal, name), signal.SIG_IGN)
-    sys.path[:] = arguments.path or sys.path
-    sock = socket.socket(fileno=arguments.descriptor)
-    os.set_inheritable(arguments.descriptor, False)
+    sock = socket.socket(fileno=int(descriptor))
+    sock.set_inheritable(False)
     line = bytearray()
     while not line.endswith(b"\n"):
         part = sock.recv(1)

@@ -66,10 +66,9 @@ class ForkServer:
         """Sends a request and returns its number.
 
         Args:
-            operation: ``fork`` (value ``title``), ``execute`` (``arguments``, ``environment``) or ``signal``
-                (``process_id``, ``number``), for a child that has not been reaped.
-            descriptors: control socket, standard output and standard error of a new child. An executed
-                program gets the control socket as its descriptor 3.
+            operation: ``fork`` (value ``title``) or ``execute`` (``arguments``, ``environment``).
+            descriptors: control socket, standard output and standard error of the child. An executed program
+                gets the control socket as its descriptor 3.
 
         Raises:
             EndOfStreamError: the server is gone.
@@ -170,11 +169,7 @@ def _serve_forked(ours: socket.socket, theirs: socket.socket, parent_id: int, pr
 def _execute_server(theirs: socket.socket, preload: bool) -> subprocess.Popen[bytes]:
     import subprocess  # the fork, which is the usual way, has no use for it
 
-    arguments = ["--descriptor", str(theirs.fileno()), "--parent", str(os.getpid())]
-    if not preload:
-        arguments.append("--no-preload")
-    for entry in sys.path:
-        arguments += ["--path", entry]
+    arguments = [str(theirs.fileno()), str(os.getpid()), str(preload), *sys.path]
     return subprocess.Popen(
         [sys.executable, "-m", "joshua.supervisor.fork_server_process", *arguments],
         pass_fds=[theirs.fileno()],

@@ -102,10 +102,7 @@ class Server:
         for payload in self._frames.receive():
             request = json.loads(payload)
             descriptors = self._frames.take_descriptors(request["descriptors"])
-            if request["operation"] == "signal":
-                self._signal(request["process_id"], request["number"])
-            else:
-                self._start_child(request, descriptors)
+            self._start_child(request, descriptors)
 
     def _start_child(self, request: dict[str, Any], descriptors: list[int]) -> None:
         server_id = os.getpid()
@@ -142,10 +139,6 @@ class Server:
             _show_crash()
         finally:
             os._exit(70)
-
-    def _signal(self, process_id: int, number: int) -> None:
-        if process_id in self._children:  # not reaped yet, so the number is still this child's
-            os.kill(process_id, number)
 
     def _reap(self) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -271,18 +264,9 @@ def _show_crash() -> None:
 
 def main() -> None:
     """Runs the server in a fresh interpreter."""
-    import argparse  # the forked server has no use for it
-
-    parser = argparse.ArgumentParser(description="Started by the supervisor; not for use by hand.")
-    parser.add_argument("--descriptor", type=int, required=True, help="inherited socket of the supervisor")
-    parser.add_argument("--parent", type=int, required=True, help="process id of the supervisor")
-    parser.add_argument("--no-preload", action="store_true", help="import no heavy modules")
-    parser.add_argument("--path", action="append", default=[], help="entry of the module search path")
-    arguments = parser.parse_args()
-    sys.path[:] = arguments.path
-    sock = socket.socket(fileno=arguments.descriptor)
-    os.set_inheritable(arguments.descriptor, False)
-    os._exit(serve(sock, arguments.parent, preload=not arguments.no_preload))
+    descriptor, parent_id, preload, *sys.path[:] = sys.argv[1:]
+    os.set_inheritable(int(descriptor), False)
+    os._exit(serve(socket.socket(fileno=int(descriptor)), int(parent_id), preload=preload == "True"))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from joshua.guardian.order import HANG_LIMIT_S
 from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, ThreadTime
@@ -29,13 +28,6 @@ def hang_limit_s(spec: NodeSpec) -> float:
     return limit_s if limit_s > 0 else HANG_AFTER_S[spec.kind]
 
 
-@dataclass
-class _Pulse:
-    judge: SilenceJudge
-    thread_id: int = 0
-    threads: dict[str, tuple[float, float]] = field(default_factory=dict)
-
-
 class HeartbeatWatch:
     """Watches the nodes of one process, each after its activation.
 
@@ -49,47 +41,46 @@ class HeartbeatWatch:
     ) -> None:
         self._loop = loop
         self._clock = AwakeClock(clock, WATCHER_LOOK_S)
-        self._pulses: dict[str, _Pulse] = {}
+        self._judges: dict[str, SilenceJudge] = {}
+        self._beats: dict[str, Heartbeat] = {}
 
     @property
     def active(self) -> bool:
         """Whether any node is watched."""
-        return bool(self._pulses)
+        return bool(self._judges)
 
     def begin(self, spec: NodeSpec) -> None:
         """Starts to watch a node."""
         name = spec.full_name
+        self._beats.pop(name, None)
 
         def loop() -> ThreadTime | None:
-            pulse = self._pulses.get(name)
-            return self._loop(pulse.thread_id if pulse is not None else 0)
+            return self._loop(self._beats[name].thread_id if name in self._beats else 0)
 
-        self._pulses[name] = _Pulse(SilenceJudge(hang_limit_s(spec), self._clock, loop))
+        self._judges[name] = SilenceJudge(hang_limit_s(spec), self._clock, loop)
 
     def drop(self, node: str) -> None:
         """Stops watching a node."""
-        self._pulses.pop(node, None)
+        self._judges.pop(node, None)
 
     def hear(self, beat: Heartbeat) -> None:
         """Notes a heartbeat."""
-        pulse = self._pulses.get(beat.node)
-        if pulse is not None:
-            pulse.thread_id = beat.thread_id
-            pulse.threads = {thread.name: (thread.age_s, thread.limit_s) for thread in beat.threads}
-            pulse.judge.heard()
+        if beat.node in self._judges:
+            self._beats[beat.node] = beat
+            self._judges[beat.node].heard()
 
     def end(self) -> None:
         """Stops watching."""
-        self._pulses.clear()
+        self._judges.clear()
 
     def hung(self) -> tuple[str, str] | None:
         """Returns (node, evidence) of a hang, or None. Call every ``CHECK_PERIOD_S``."""
-        for node, pulse in self._pulses.items():
-            judge = pulse.judge
+        for node, judge in self._judges.items():
             if judge.hung():
                 text = f"its loop has not run for {judge.silence_s():.2f} s (limit {judge.limit_s:g} s)"
                 return node, text
-            for name, (age_s, limit_s) in pulse.threads.items():
-                if age_s > limit_s:
-                    return node, f"its thread {name!r} has not run for {age_s:.1f} s (limit {limit_s:g} s)"
+            for thread in self._beats[node].threads if node in self._beats else ():
+                if thread.age_s > thread.limit_s:
+                    text = f"its thread {thread.name!r} has not run for {thread.age_s:.1f} s"
+                    return node, f"{text} (limit {thread.limit_s:g} s)"
         return None

@@ -56,20 +56,10 @@ class Launcher:
 
     def signal(self, process_id: int, number: int) -> None:
         """Sends a signal to a child unless it has ended."""
-        if process_id not in self._running:
-            return
-        if process_id in self._handles:
-            # Not through the server, which may hang. The handle never names another process.
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(self._handles[process_id], number)
-            return
-        if not self._lost:
-            try:
-                self._server.ask("signal", process_id=process_id, number=number)
-            except EndOfStreamError as error:
-                self._lose(str(error))
-        if self._lost:
-            with contextlib.suppress(ProcessLookupError):
+        with contextlib.suppress(ProcessLookupError):
+            if process_id in self._handles:
+                signal.pidfd_send_signal(self._handles[process_id], number)  # never reaches another process
+            elif process_id in self._running:
                 os.kill(process_id, number)
 
     def close(self) -> None:

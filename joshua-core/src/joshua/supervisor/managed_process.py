@@ -22,13 +22,12 @@ from joshua.plan.events import LogEntry
 from joshua.supervisor.child import Child, ChildEvent, Output
 from joshua.supervisor.fork_server import ForkServerEvent
 from joshua.supervisor.heartbeats import HeartbeatWatch
-from joshua.supervisor.ladder import HANG_TIMES, Rung, StopLadder
 from joshua.supervisor.launcher import Launcher, describe_status
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.node_record import NodeRecord
 from joshua.supervisor.options import SupervisorOptions, ladder_times, ready_timeout_s
+from joshua.supervisor.policies import HANG_TIMES, RestartPolicy, Rung, StopLadder
 from joshua.supervisor.reactor import Reactor, ReactorTimer
-from joshua.supervisor.restart import RestartPolicy
 
 
 class Change(Enum):

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from joshua.ipc.run_bases import base_directory
 from joshua.plan import NodeKind, NodeSpec
-from joshua.supervisor.ladder import LadderTimes
 from joshua.supervisor.log_files import log_directory
-from joshua.supervisor.restart import RestartLimits
+from joshua.supervisor.policies import LadderTimes, RestartLimits
 
 #: Timeout of each half of a node's start (to configured, to active), by kind.
 READY_TIMEOUT_S: dict[NodeKind, float] = {

@@ -28,8 +28,7 @@ from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
 from joshua.supervisor.options import LEAST_START_S, SupervisorOptions
 from joshua.supervisor.reactor import Reactor, StopSignals
-from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
-from joshua.supervisor.run_place import RunPlace
+from joshua.supervisor.run_directory import NodesInUseError, RunDirectory, RunPlace
 from joshua.supervisor.run_requests import RunRequests
 from joshua.supervisor.terminal_guard import TerminalGuard
 
