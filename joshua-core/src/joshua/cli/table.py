@@ -28,10 +28,11 @@ class Command:
 
 
 COMMANDS = tuple(
-    Command(name, f"joshua.cli.commands.{name}", summary)
+    Command(name, f"joshua.cli.commands.{name.replace('-', '_')}", summary)
     for name, summary in (
         ("presets", "list the presets, or print one"),
         ("new", "copy a preset to a file of your own"),
+        ("new-plugin", "write a plugin with a working driver, to make it your own"),
         ("plugins", "list the plugins, what each provides, and the problems of each"),
         ("status", "show the systems that run on this machine"),
         ("stop", "stop a running system"),
