@@ -1,0 +1,21 @@
+# The contract
+from joshua.plugins.discovery import PluginRow as PluginRow
+from joshua.plugins.discovery import PluginStatus as PluginStatus
+from joshua.plugins.hooks import hookimpl as hookimpl
+from joshua.plugins.host import load_registry as load_registry
+from joshua.plugins.registry import Registry as Registry
+from joshua.plugins.specs import ActuatorSpec as ActuatorSpec
+from joshua.plugins.specs import DeviceSpec as DeviceSpec
+from joshua.plugins.specs import EmulatorSpec as EmulatorSpec
+from joshua.plugins.specs import Environment as Environment
+from joshua.plugins.specs import EnvironmentSpec as EnvironmentSpec
+from joshua.plugins.specs import EpisodeWriterSpec as EpisodeWriterSpec
+from joshua.plugins.specs import ModelSpec as ModelSpec
+from joshua.plugins.specs import ModeOffer as ModeOffer
+from joshua.plugins.specs import NodePluginSpec as NodePluginSpec
+from joshua.plugins.specs import PluginSpec as PluginSpec
+from joshua.plugins.specs import SensorSpec as SensorSpec
+from joshua.plugins.specs import SimulatorSpec as SimulatorSpec
+from joshua.plugins.specs import StoreSpec as StoreSpec
+from joshua.plugins.specs import TrainerSpec as TrainerSpec
+from joshua.plugins.specs import TransportSpec as TransportSpec
