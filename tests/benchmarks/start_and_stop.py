@@ -69,7 +69,7 @@ def child(began_s: float) -> None:
     server = fork_server.start()
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose, Request
-    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
 
     examination = examine(

@@ -50,7 +50,7 @@ def main() -> None:
 def measure(server: fork_server.ForkServer, kind: str, case: str, duration_s: float) -> str:
     """Runs one case and returns its line."""
     from joshua.plan import NodeKind, NodeSpec, Plan, TopicSpec
-    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
     from joshua.testing.transport import transport_settings
 

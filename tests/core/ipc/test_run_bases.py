@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from joshua.ipc import run_bases
-from joshua.ipc.client import user_systems
+from joshua.ipc.client import RunningSystem
 from joshua.ipc.run_bases import RunDirectoryError, base_directories, base_directory
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 
@@ -36,13 +36,13 @@ def test_a_system_is_found_from_every_usual_environment(tmp_path, monkeypatch):
 
     service = make(base_directory({}))  # such as one that systemd starts
     assert base_directories(terminal) == [of_terminal, of_service]
-    assert [path for path, _ in user_systems(terminal)] == [service.path]
+    assert [system.path for system in RunningSystem.all(terminal)] == [service.path]
     with pytest.raises(NodesInUseError, match=f"/arm, /left/camera: held by process {os.getpid()}"):
         make(base_directory(terminal))
     assert base_directories({}, make=True) == [of_service, of_terminal]
     assert of_terminal.stat().st_mode & 0o777 == 0o700
     (tmp_path / "own").mkdir()
-    assert user_systems({"XDG_RUNTIME_DIR": str(tmp_path / "own")}) == []  # chosen: nothing else counts
+    assert RunningSystem.all({"XDG_RUNTIME_DIR": str(tmp_path / "own")}) == []  # chosen: nothing else counts
 
     of_service.chmod(0o755)
     assert base_directories(terminal) == [of_terminal]  # others may have written there

@@ -13,8 +13,7 @@ from joshua.plan.events import Event, LogEntry, Progress, RunEvent, RunStatus, S
 from joshua.supervisor import fork_server
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import HANG_AFTER_S
-from joshua.supervisor.options import SupervisorOptions
-from joshua.supervisor.policies import RestartLimits
+from joshua.supervisor.policies import RestartLimits, SupervisorOptions
 from joshua.supervisor.supervisor import Supervisor
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import router_port

@@ -9,8 +9,7 @@ from joshua.plan import NodeKind, NodeReport, NodeSpec, TopicSpec
 from joshua.plan.events import LogEntry
 from joshua.supervisor.managed_process import StackDump
 from joshua.supervisor.node_record import NodeRecord, priority_notes
-from joshua.supervisor.options import ladder_times, ready_timeout_s
-from joshua.supervisor.policies import LadderTimes
+from joshua.supervisor.policies import LadderTimes, ladder_times, ready_timeout_s
 from joshua.supervisor.supervisor import process_groups
 
 

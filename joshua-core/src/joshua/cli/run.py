@@ -106,7 +106,7 @@ def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig:
 
 def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float) -> RunReport:
     """Start the nodes and watch them until the end of the run."""
-    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
     from joshua.supervisor.terminal import Terminal
 

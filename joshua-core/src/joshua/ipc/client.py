@@ -77,7 +77,8 @@ class RunningSystem:
     @classmethod
     def all(cls, environment: Mapping[str, str] = os.environ) -> list[RunningSystem]:
         """Every running system of this user, whatever environment it was started in."""
-        return [cls(path, info) for path, info in user_systems(environment)]
+        bases = base_directories(environment)
+        return [cls(path, info) for base in bases for path, info in running_systems(base)]
 
     @classmethod
     def find(cls, word: str = "", environment: Mapping[str, str] = os.environ) -> RunningSystem:
@@ -261,11 +262,6 @@ def _error_of(answer: Mapping[str, Any]) -> CallError:
 def running_systems(base: Path) -> list[tuple[Path, RunInfo]]:
     """Running systems below a base directory, oldest first."""
     return [(path, info) for path, info in all_systems(base) if not is_free(path / LOCK_NAME)]
-
-
-def user_systems(environment: Mapping[str, str]) -> list[tuple[Path, RunInfo]]:
-    """Running systems of this user, whatever environment they were started in."""
-    return [item for base in base_directories(environment) for item in running_systems(base)]
 
 
 def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:

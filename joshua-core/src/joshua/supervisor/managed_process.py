@@ -25,8 +25,15 @@ from joshua.supervisor.heartbeats import HeartbeatWatch
 from joshua.supervisor.launcher import Launcher, describe_status
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.node_record import NodeRecord
-from joshua.supervisor.options import SupervisorOptions, ladder_times, ready_timeout_s
-from joshua.supervisor.policies import HANG_TIMES, RestartPolicy, Rung, StopLadder
+from joshua.supervisor.policies import (
+    HANG_TIMES,
+    RestartPolicy,
+    Rung,
+    StopLadder,
+    SupervisorOptions,
+    ladder_times,
+    ready_timeout_s,
+)
 from joshua.supervisor.reactor import Reactor, ReactorTimer
 
 
@@ -308,8 +315,9 @@ class ManagedProcess:
             elif asked and record.state in ("starting", "stopping") and status == 0:
                 record.state = "stopped"  # asked before it had started
             else:
+                reason, exit_code = self._why(status)
                 record.fail(
-                    refusal or record.kill_reason or self._why(status), self._exit_code_of_end(refusal)
+                    refusal or record.kill_reason or reason, EXIT_NODE_FAILED if refusal else exit_code
                 )
                 self._logbook.write(logging.ERROR, record.reason, record.spec.full_name)
         self._on_change(self, Change.ENDED)
@@ -406,7 +414,6 @@ class ManagedProcess:
     def _cancel_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
-            self._deadline = None
 
     def fail_start(self, limit_s: float) -> None:
         """Fails the nodes that are not ready, and stops the process."""
@@ -423,16 +430,12 @@ class ManagedProcess:
             record.fail(text, exit_code)
             self._logbook.write(logging.ERROR, text, name)
 
-    def _why(self, status: int | None) -> str:
+    def _why(self, status: int | None) -> tuple[str, int]:
+        """Reason and exit code of an unexpected end."""
         text = f"its process {describe_status(status)}"
         errors = list(self._child.last_errors) if self._child is not None else []
-        if self.specs[0].interpreter and any("No module named" in line for line in errors):
-            interpreter = self.specs[0].interpreter
-            what = installing.target(installing.CORE)
-            return f"{text}: {errors[-1]}; install what is missing: {interpreter} -m pip install {what}"
-        return f"{text}; it last wrote: {errors[-1]}" if errors else text
-
-    def _exit_code_of_end(self, refusal: str) -> int:
-        errors = self._child.last_errors if self._child is not None else ()
-        missing = self.specs[0].interpreter and any("No module named" in line for line in errors)
-        return EXIT_NOT_INSTALLED if missing and not refusal else EXIT_NODE_FAILED
+        interpreter = self.specs[0].interpreter
+        if interpreter and any("No module named" in line for line in errors):
+            remedy = f"{interpreter} -m pip install {installing.target(installing.CORE)}"
+            return f"{text}: {errors[-1]}; install what is missing: {remedy}", EXIT_NOT_INSTALLED
+        return f"{text}; it last wrote: {errors[-1]}" if errors else text, EXIT_NODE_FAILED

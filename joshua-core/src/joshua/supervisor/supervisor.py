@@ -26,7 +26,7 @@ from joshua.supervisor.log_files import new_log
 from joshua.supervisor.logbook import EventBus, Logbook, Subscriber
 from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
-from joshua.supervisor.options import LEAST_START_S, SupervisorOptions
+from joshua.supervisor.policies import LEAST_START_S, SupervisorOptions
 from joshua.supervisor.reactor import Reactor, StopSignals
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory, RunPlace
 from joshua.supervisor.run_requests import RunRequests

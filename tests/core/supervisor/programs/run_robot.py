@@ -18,7 +18,7 @@ def main() -> int:
     server = fork_server.start()
     show({"fork_server": server.process_id})
     from joshua.plan import Plan
-    from joshua.supervisor.options import SupervisorOptions
+    from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
 
     plan = Plan.model_validate_json(Path(sys.argv[1]).read_text())
