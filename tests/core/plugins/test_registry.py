@@ -56,7 +56,7 @@ TASKS = EnvironmentSpec(
 
 
 def test_several_plugins_may_offer_environments_of_different_names() -> None:
-    other = replace(TASKS, implementation="x:make", environments=(Environment("b/Reach-v0", ("reach",)),))
+    other = TASKS.replace(implementation="x:make", environments=(Environment("b/Reach-v0", ("reach",)),))
     registry = Registry((row("acme-one", TASKS), row("acme-two", other)))
     assert [found.id for found, _ in registry.environments()] == [
         "acme/Reach-v0",
@@ -65,7 +65,7 @@ def test_several_plugins_may_offer_environments_of_different_names() -> None:
     ]
     assert registry.environments("BACKEND_ISAAC") == ()
     assert {offer.implementation for _, offer in registry.environments("BACKEND_MJX")} == {"a:make", "x:make"}
-    same = Registry((row("acme-one", TASKS), row("acme-two", replace(TASKS, environments=(PUSH,)))))
+    same = Registry((row("acme-one", TASKS), row("acme-two", TASKS.replace(environments=(PUSH,)))))
     assert same.environments() == ()
     assert "both provide acme/Push-v0 with training" in same.rows()[0].reasons[0]
 
@@ -80,7 +80,7 @@ def test_installed_plugin_that_lacks_something_is_not_to_be_installed() -> None:
 
 def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None:
     registry = Registry(
-        (row("acme-one", LIDAR, CAMERA), row("acme-two", replace(LIDAR, implementation="x:Y")))
+        (row("acme-one", LIDAR, CAMERA), row("acme-two", LIDAR.replace(implementation="x:Y")))
     )
     assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is None
     assert registry.find(SensorSpec, "camera_config", "PERCEPTION_CAMERA") is CAMERA
@@ -97,14 +97,14 @@ def test_two_plugins_for_the_same_block_are_a_conflict_that_names_both() -> None
 
 def test_a_conflict_elsewhere_is_not_named() -> None:
     registry = Registry(
-        (row("acme-one", LIDAR, CAMERA), row("acme-two", replace(LIDAR, implementation="x:Y")))
+        (row("acme-one", LIDAR, CAMERA), row("acme-two", LIDAR.replace(implementation="x:Y")))
     )
     text = registry.missing("top", SensorSpec, "camera_config", "PERCEPTION_LIDAR")
     assert text == "top: acme-one provides camera_config for PERCEPTION_CAMERA, not for PERCEPTION_LIDAR"
 
 
 def test_a_conflict_of_models_is_named_though_they_have_no_block() -> None:
-    registry = Registry((row("acme-one", SMOLVLA), row("acme-two", replace(SMOLVLA, implementation="x:Y"))))
+    registry = Registry((row("acme-one", SMOLVLA), row("acme-two", SMOLVLA.replace(implementation="x:Y"))))
     assert registry.find(ModelSpec, "", "SMOLVLA") is None
     assert registry.missing("policy", ModelSpec, "", "SMOLVLA").startswith(
         "policy: two plugins provide SMOLVLA: acme-one and acme-two both provide SMOLVLA; neither"
@@ -112,7 +112,7 @@ def test_a_conflict_of_models_is_named_though_they_have_no_block() -> None:
 
 
 def test_two_entry_points_of_one_package_are_told_apart() -> None:
-    first, second = row("acme", LIDAR), row("acme", replace(LIDAR, implementation="x:Y"))
+    first, second = row("acme", LIDAR), row("acme", LIDAR.replace(implementation="x:Y"))
     registry = Registry((replace(first, name="old"), replace(second, name="new")))
     assert registry.rows()[0].reasons == (
         "old and new both provide PERCEPTION_LIDAR with lidar_config; neither is used for it: "
@@ -121,12 +121,12 @@ def test_two_entry_points_of_one_package_are_told_apart() -> None:
 
 
 def test_an_open_spec_conflicts_with_a_specific_one() -> None:
-    registry = Registry((row("acme-one", LIDAR), row("acme-two", replace(LIDAR, enum_values=()))))
+    registry = Registry((row("acme-one", LIDAR), row("acme-two", LIDAR.replace(enum_values=()))))
     assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is None
 
 
 def test_nobody_displaces_the_core() -> None:
-    registry = Registry((row("joshua-core", LIDAR), row("acme-two", replace(LIDAR, implementation="x:Y"))))
+    registry = Registry((row("joshua-core", LIDAR), row("acme-two", LIDAR.replace(implementation="x:Y"))))
     assert registry.find(SensorSpec, "lidar_config", "PERCEPTION_LIDAR") is LIDAR
     assert [r.status for r in registry.rows()] == [PluginStatus.OK, PluginStatus.CONFLICT]
     assert registry.rows()[1].reasons == (
@@ -140,7 +140,7 @@ def test_different_enum_values_of_one_block_live_together() -> None:
         implementation="a:B",
         enum_values=("ACTION_FOLLOWER",),
     )
-    leader = replace(follower, enum_values=("ACTION_LEADER",), implementation="c:D")
+    leader = follower.replace(enum_values=("ACTION_LEADER",), implementation="c:D")
     registry = Registry((row("acme-one", follower), row("acme-two", leader)))
     assert registry.find(ActuatorSpec, "sts3215_config", "ACTION_LEADER") is leader
     assert registry.find(ActuatorSpec, "sts3215_config", "ACTION_FOLLOWER") is follower

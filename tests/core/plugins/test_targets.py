@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Annotated, Any
 
 import pytest
@@ -56,7 +55,7 @@ def test_the_tools_of_a_bus_are_checked_like_the_rest() -> None:
         bus_tools="joshua_sts3215.bus_tools:Sts3215BusTools",
     )
     assert check_targets(arm) == []
-    assert check_targets(replace(arm, bus_tools="pathlib:PurePath")) == [
+    assert check_targets(arm.replace(bus_tools="pathlib:PurePath")) == [
         "bus_tools: pathlib:PurePath is a class derived from builtins.object, "
         "not a class derived from joshua_servo.bus_tools:BusTools"
     ]

@@ -2,12 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import FrozenInstanceError, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from typing_extensions import Self, dataclass_transform
+else:
+
+    def dataclass_transform(**_options: object) -> Any:
+        """Stand in for what only type checkers read."""
+        return lambda cls: cls
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PluginSpec:
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+class _Spec:
+    """Base of specs: made like frozen dataclasses, without the time that ``dataclass`` takes for each class.
+
+    Every check of a file imports these classes.
+    """
+
+    if not TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None:
+            known = [vars(cls).get("__annotations__", {}) for cls in type(self).__mro__]
+            fields = {name for kinds in known for name in kinds if "ClassVar" not in str(kinds[name])}
+            for name in values.keys() - fields:
+                raise TypeError(f"{type(self).__name__}() got an unexpected keyword argument {name!r}")
+            if "implementation" not in values:
+                raise TypeError(f"{type(self).__name__}() missing the keyword argument 'implementation'")
+            vars(self).update(values)
+
+    def replace(self, **values: Any) -> Self:
+        """Make the same spec with other values."""
+        return type(self)(**{**vars(self), **values})
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise FrozenInstanceError(f"cannot assign to field {name!r}")
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
+        )
+
+
+class PluginSpec(_Spec):
     """One thing that a plugin provides; the base of the kinds.
 
     Import strings look like ``acme.gripper:Gripper``; "" for none.
@@ -34,7 +72,6 @@ class PluginSpec:
     summary: str = ""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class NodePluginSpec(PluginSpec):
     """What runs in a node of its own beside a standard behaviour.
 
@@ -55,7 +92,6 @@ class NodePluginSpec(PluginSpec):
     ready_timeout_s: float = 0.0
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class DeviceSpec(NodePluginSpec):
     """An actuator or a sensor.
 
@@ -69,7 +105,6 @@ class DeviceSpec(NodePluginSpec):
     virtual: bool = False
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class ActuatorSpec(DeviceSpec):
     """An actuator.
 
@@ -92,7 +127,6 @@ class ActuatorSpec(DeviceSpec):
     bus_tools: str = ""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class SensorSpec(DeviceSpec):
     """A sensor.
 
@@ -136,7 +170,6 @@ class TrainerSpec(PluginSpec):
     base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class SimulatorSpec(PluginSpec):
     """A simulator: ``implementation`` is the behaviour of its node.
 
@@ -161,7 +194,6 @@ class EmulatorSpec(PluginSpec):
     base: ClassVar[str] = "joshua.plugins.emulator:DeviceEmulator"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class ModeOffer(PluginSpec):
     """An operation mode: ``implementation`` is its ``joshua.modes.ModeSpec``.
 
@@ -177,7 +209,6 @@ class ModeOffer(PluginSpec):
     name: str = ""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class TransportSpec(PluginSpec):
     """A transport of ROS 2 topics: ``implementation`` derives from ``joshua.api.transports.Transport``.
 
@@ -227,7 +258,6 @@ class Environment:
     summary: str = ""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class EnvironmentSpec(PluginSpec):
     """Tasks that trainers can learn: ``implementation`` is a function that makes any of them.
 
