@@ -26,13 +26,15 @@ def main() -> None:
     """Runs the loop for the time that the command line says."""
     leader, follower, rate_hz, seconds = sys.argv[1:]
     packets = sdk.protocol_packet_handler()
-    reader = sdk.GroupSyncRead(opened(leader), packets, PRESENT, 2)
+    port = opened(leader)
+    reader = sdk.GroupSyncRead(port, packets, PRESENT, 2)
     writer = sdk.GroupSyncWrite(opened(follower), packets, GOAL, 2)
     for servo_id in IDS:
         reader.addParam(servo_id)
         writer.addParam(servo_id, [0, 8])
     start_s = due_s = time.monotonic()
     while time.monotonic() < start_s + float(seconds):
+        port.ser.reset_input_buffer()  # else one late reply makes every later one a cycle old
         if reader.txRxPacket() == sdk.COMM_SUCCESS:
             for servo_id in IDS:
                 position = reader.getData(servo_id, PRESENT, 2)

