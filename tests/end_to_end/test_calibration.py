@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import subprocess
@@ -272,8 +273,6 @@ def test_an_interrupted_write_keeps_runs_away_until_it_is_recovered(
         "old": {str(i): old for i in range(1, 7)},
         "new": {str(i): half for i in range(1, 7)},
     }
-    import json
-
     (tmp_path / "calibration").mkdir()
     journal = tmp_path / "calibration" / "rig.leader_arm.interrupted.json"
     journal.write_text(json.dumps(note))
@@ -288,6 +287,43 @@ def test_an_interrupted_write_keeps_runs_away_until_it_is_recovered(
     assert is_untouched(arm)
     assert not journal.exists()
     assert "was interrupted" in joshua(env, "calibrate", "--recover", "--config", config).stdout
+
+
+def test_one_arm_is_recovered_while_the_other_is_not_plugged_in(
+    arm: EmulatedBus, tmp_path: Path, env: dict[str, str]
+) -> None:
+    path = robot(tmp_path, arm.port, mode="MODE_TEST")
+    block = path.read_text().split("robot {", 1)[1].rsplit("}", 2)[0] + "}"
+    second = block.replace("leader_arm", "other_arm").replace('"/leader"', '"/other"')
+    second = second.replace("node_id: 1", "node_id: 2").replace(arm.port, "/dev/ttyACM77")
+    path.write_text(path.read_text().replace("robot {", f"robot {{ {second}", 1))
+    config = str(path)
+    folder = tmp_path / "calibration"
+    folder.mkdir()
+    old, new = ({"homing_offset": n, "range_min": 0, "range_max": 4095} for n in (0, 33))
+    note = {"device_identity": "", "calibrated_at": "2026-01-31T12:00:00Z"}
+    note |= {"old": dict.fromkeys("123456", old), "new": dict.fromkeys("123456", new)}  # type: ignore[dict-item]
+    journals = {name: folder / f"rig.{name}.interrupted.json" for name in ("leader_arm", "other_arm")}
+    for name, journal in journals.items():
+        journal.write_text(json.dumps({"node_name": name, **note}))
+    (folder / ".rig.pbtxt.killed.new").write_text("left over")
+    arm.ask("set_register", id=1, name="homing_offset", value=33)
+
+    looked = joshua(env, "calibrate", "--check", "--config", config)
+    assert "leader_arm: a calibration was interrupted while it was written. Run" in looked.stdout
+
+    recovered = joshua(env, "calibrate", "--recover", "--config", config)
+    assert "leader_arm: an earlier calibration was interrupted; the servos hold the old" in recovered.stdout
+    assert recovered.returncode == 4
+    hint = f"joshua calibrate --recover --config {config} --node other_arm"
+    assert f"Connect other_arm and run `{hint}`." in recovered.stderr
+    assert is_untouched(arm)
+    assert not journals["leader_arm"].exists()
+    assert not list(folder.glob(".*.new"))
+    again = joshua(env, *hint.split()[1:])  # the hint runs, and says what it needs
+    assert again.returncode == 4
+    assert "/dev/ttyACM77" in again.stderr
+    assert "joshua calibrate: other_arm" in again.stderr
 
 
 def test_check_names_every_difference(arm: EmulatedBus, tmp_path: Path, env: dict[str, str]) -> None:

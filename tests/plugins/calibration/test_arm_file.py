@@ -96,6 +96,25 @@ def test_two_runs_do_not_lose_each_others_entries(tmp_path: Path, monkeypatch: p
     assert os.listdir(tmp_path) == ["rig.pbtxt"]
 
 
+def test_what_a_killed_run_left_is_swept(tmp_path: Path):
+    file = ArmFile(tmp_path / "rig.pbtxt")
+    save(file)
+    file.sweep()
+    (tmp_path / ".rig.pbtxt.killed.new").write_text("left over")
+    (tmp_path / ".other.pbtxt.killed.new").write_text("of another file")
+    file.sweep()
+    assert sorted(os.listdir(tmp_path)) == [".other.pbtxt.killed.new", "rig.pbtxt"]
+
+
+def test_a_file_that_cannot_be_replaced_leaves_nothing_behind(tmp_path: Path):
+    file = ArmFile(tmp_path / "rig.pbtxt")
+    prepared = file.prepare("leader_arm", NEW)
+    (tmp_path / "rig.pbtxt").mkdir()
+    with pytest.raises(FileRefused, match="cannot be replaced"):
+        prepared.commit()
+    assert os.listdir(tmp_path) == ["rig.pbtxt"]
+
+
 def test_a_link_stays_a_link_and_the_mode_stays(tmp_path: Path):
     (tmp_path / "real.pbtxt").write_text("")
     (tmp_path / "real.pbtxt").chmod(0o640)

@@ -15,6 +15,7 @@ from joshua.plan import NodeKind, NodeSpec, Plan
 from joshua_calibration import hardware
 from joshua_calibration.arms import Refused, taken
 from joshua_calibration.front_end import ArmState
+from joshua_calibration.journal import Journal
 
 ARM = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="b:B", implementation="c:C")
 PLAN = Plan(source="robot.pbtxt", mode="MODE_CALIBRATION", nodes=(ARM,))
@@ -46,8 +47,9 @@ def test_a_check_that_is_told_to_stop_says_that_it_is_not_finished(monkeypatch: 
         assert doing == "calibration is compared"
         stop()
 
+    arm = SimpleNamespace(node_name="arm", journal=Journal("nowhere.json"))
     monkeypatch.setattr(hardware, "plan_of", lambda *_: (PLAN, {}))
-    monkeypatch.setattr(hardware, "find_arms", lambda *_, **__: [SimpleNamespace(node_name="arm")])
+    monkeypatch.setattr(hardware, "find_arms", lambda *_, **__: [arm])
     monkeypatch.setattr(hardware, "open_arms", lambda *_, **__: None)
     monkeypatch.setattr(hardware, "taken", stopped_at_once)
     arguments: Any = SimpleNamespace(sim=False, nodes=(), recover=False)

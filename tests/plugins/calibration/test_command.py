@@ -224,6 +224,16 @@ def test_what_cannot_be_exported_is_said(
     assert said in capsys.readouterr().err
 
 
+def test_what_check_finds_is_exported_also_from_a_file_that_calibrates(
+    lerobot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    config = str(robot(tmp_path, "/dev/ttyACM0", mode="MODE_CALIBRATION"))
+    assert main(["calibrate", "import-lerobot", str(lerobot), "--config", config]) == 0
+    capsys.readouterr()
+    assert main(["calibrate", "export-lerobot", "--config", config]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(lerobot.read_text())
+
+
 def test_an_exchange_looks_at_no_arm(config: str, capsys: pytest.CaptureFixture[str]):
     assert main(["calibrate", "import-lerobot", "x", "--check", "--config", config]) == 2
     assert "takes neither --check nor --recover" in capsys.readouterr().err

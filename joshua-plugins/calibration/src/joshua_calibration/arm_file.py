@@ -49,6 +49,12 @@ class ArmFile:
             why = "may not be written by this user" if folder.is_dir() else "is no folder"
             raise FileRefused(f"{self.path}: the calibration goes there, and {folder} {why}: put that right")
 
+    def sweep(self) -> None:
+        """Removes new content that a killed run has left beside the file. Raises FileRefused."""
+        target = self.path.resolve()
+        if _leftovers(target):
+            PreparedFile(target, _take(target)).discard()
+
     def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
         """Writes the new content beside the file, where it waits for ``commit``; others wait meanwhile.
 
@@ -102,8 +108,7 @@ class PreparedFile:
 
     def make_temporary(self) -> tuple[int, str]:
         """Makes the file for the new content; removes what runs that were killed have left."""
-        for left in self._target.parent.glob(f".{self._target.name}.*.new"):
-            left.unlink(missing_ok=True)
+        self._sweep()
         handle, name = tempfile.mkstemp(
             prefix=f".{self._target.name}.", suffix=".new", dir=self._target.parent
         )
@@ -116,22 +121,30 @@ class PreparedFile:
         try:
             self._temporary.replace(self._target)
         except OSError as error:
+            self.discard()
             raise FileRefused(f"{self._target}: cannot be replaced ({error.strerror})") from error
-        finally:
-            self._let_go()
+        self._let_go()
         with contextlib.suppress(OSError):  # the content stands; only its survival of a power cut is at stake
             sync_folder(self._target.parent)
 
     def discard(self) -> None:
-        """Removes the new content; does nothing after ``commit``."""
-        if self._temporary is not None:
-            self._temporary.unlink(missing_ok=True)
+        """Removes the new content, and what killed runs have left; no effect after ``commit``."""
+        if self._lock >= 0:
+            self._sweep()
         self._let_go()
+
+    def _sweep(self) -> None:
+        for left in _leftovers(self._target):
+            left.unlink(missing_ok=True)
 
     def _let_go(self) -> None:
         lock, self._lock = self._lock, -1
         if lock >= 0:
             os.close(lock)
+
+
+def _leftovers(target: Path) -> list[Path]:
+    return list(target.parent.glob(f".{target.name}.*.new"))
 
 
 def _take(target: Path) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -120,7 +121,9 @@ def find_arms(
             before = file.arm(spec.name) or previous.get(spec.name)
         except FileRefused as error:
             raise Refused(str(error), ExitCode.INVALID) from error
-        journal = Journal(journal_path(path, spec.name))
+        how = " --emulate" if rig is not None else " --sim" if simulated else ""
+        command = f"joshua calibrate --recover --config {shlex.quote(plan.source)} --node {spec.name}{how}"
+        journal = Journal(journal_path(path, spec.name), command)
         guide = guides.get(spec.name) or target.hand
         arms.append(Arm(spec.name, target, file, journal, before, guide))
     return _chosen(arms, left_out, only)
@@ -169,15 +172,26 @@ def taken(
         raise Refused(str(error), error.code) from error
 
 
-def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:
-    """Opens every arm and takes its torque off; says what is wrong with all of them. Raises Refused."""
-    problems = []
+def open_those_there(arms: Sequence[Arm], stack: ExitStack) -> tuple[list[Arm], list[str]]:
+    """Opens the arms that are plugged in; returns them, and what is wrong with the others."""
+    there, problems = [], []
     for arm in arms:
         stack.callback(arm.target.disconnect)
         try:
             arm.target.connect()
-            if release:
-                arm.target.release()
+        except DeviceError as error:
+            problems.append(f"{arm.node_name}: {error}")
+        else:
+            there.append(arm)
+    return there, problems
+
+
+def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:
+    """Opens every arm and takes its torque off; says what is wrong with all of them. Raises Refused."""
+    there, problems = open_those_there(arms, stack)
+    for arm in there if release else ():
+        try:
+            arm.target.release()
         except DeviceError as error:
             problems.append(f"{arm.node_name}: {error}")
     if problems:

@@ -37,13 +37,14 @@ def compare(
         DeviceError: the device does not answer.
     """
     identity = target.identity
+    note = ["a calibration was interrupted while it was written"] if interrupted else []
+    recover = "Run the command with --recover instead of --check"
     if calibration is None:
-        problem = "the file holds no calibration of this arm"
-        return Comparison(node_name, identity, "", (), (problem,), "Calibrate it, or import one")
-    problems, remedy = [], "Calibrate the arm again, or include the file that belongs to it"
-    if interrupted:
-        problems.append("a calibration was interrupted while it was written")
-        remedy = "Run the command with --recover in place of --check"
+        problems = [*note, "the file holds no calibration of this arm"]
+        remedy = recover if interrupted else "Calibrate it, or import one"
+        return Comparison(node_name, identity, "", (), tuple(problems), remedy)
+    problems = note
+    remedy = recover if interrupted else "Calibrate the arm again, or include the file that belongs to it"
     if calibration.device_identity and identity and calibration.device_identity != identity:
         problems.append(f"the calibration was made for {calibration.device_identity}, and this is {identity}")
         remedy = remedy if interrupted else "Connect the other arm, or include the calibration of this one"

@@ -120,7 +120,7 @@ def _import(checked: Checked, arguments: argparse.Namespace) -> None:
 
 
 def _export(checked: Checked, arguments: argparse.Namespace) -> None:
-    known = {block.node_name: block for block in checked.loaded.config.calibration.arms}
+    known = _known(checked, arguments)
     if not known:
         raise _Refused("the file holds no calibration: calibrate the arms first")
     items = arguments.items or list(known)
@@ -133,8 +133,7 @@ def _export(checked: Checked, arguments: argparse.Namespace) -> None:
         if path and Path(path).exists() and not arguments.force:
             raise _Refused(f"{path} exists already: choose another name, or add --force to replace it")
     for node, path in pairs:
-        calibration = ArmCalibration.from_block(known[node])
-        text = to_lerobot(calibration, servo_adds_offset=_adds_offset(checked, node)) + "\n"
+        text = to_lerobot(known[node], servo_adds_offset=_adds_offset(checked, node)) + "\n"
         if not path:
             sys.stdout.write(text)
             continue
@@ -146,6 +145,22 @@ def _export(checked: Checked, arguments: argparse.Namespace) -> None:
                 f"{path}: cannot be written ({error.strerror}); name a folder of your own"
             ) from error
         sys.stdout.write(f"{node}: written to {path}\n")
+
+
+def _known(checked: Checked, arguments: argparse.Namespace) -> dict[str, ArmCalibration]:
+    """The calibrations that ``--check`` compares with the servos: in force, else in the arms' file.
+
+    Raises FileRefused.
+    """
+    loaded = checked.loaded
+    found = {block.node_name: ArmCalibration.from_block(block) for block in loaded.config.calibration.arms}
+    path = calibration_place(arguments.emulate)(loaded.path, loaded.config.general.id)
+    for entry in loaded.graph.actuators if path else ():
+        name = entry.node.node_name
+        kept = None if name in found else ArmFile(path).arm(name)
+        if kept is not None:
+            found[name] = kept
+    return found
 
 
 def _actuators(checked: Checked) -> dict[str, list[int]]:

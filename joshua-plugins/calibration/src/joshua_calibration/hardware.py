@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -18,14 +19,24 @@ from joshua.tools import (
     request_of,
 )
 
-from joshua_calibration.arms import MODE, Refused, find_arms, open_arms, plan_of, recover_arms, taken
+from joshua_calibration.arms import (
+    MODE,
+    Refused,
+    find_arms,
+    open_arms,
+    open_those_there,
+    plan_of,
+    recover_arms,
+    taken,
+)
 from joshua_calibration.comparison import compare, comparison_text
-from joshua_calibration.transaction import Recovery
 
 if TYPE_CHECKING:
     import argparse
 
     from joshua.tools import EmulatedRig
+
+    from joshua_calibration.session import Arm
 
 
 def with_arms(arguments: argparse.Namespace) -> int:
@@ -57,12 +68,15 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
     stop = threading.Event()
     doing = "calibration is recovered" if arguments.recover else "calibration is compared"
     taken(plan, arms, stop.set, stack, doing)
-    open_arms(arms, stack, release=False)
     if arguments.recover:
-        outcomes = recover_arms(arms)
-        if all(outcome is Recovery.NOTHING for outcome in outcomes):
-            sys.stdout.write("no calibration of these arms was interrupted\n")
-        return ExitCode.OK
+        return _recover(arms, stack)
+    for arm in arms:  # also where the arm is not plugged in
+        if arm.journal.stands:
+            sys.stdout.write(
+                f"{arm.node_name}: a calibration was interrupted while it was written. Run "
+                f"`{arm.journal.recovery}`.\n"
+            )
+    open_arms(arms, stack, release=False)
     code = ExitCode.OK
     for arm in arms:
         if stop.is_set():
@@ -70,10 +84,32 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
         # a calibration run does not load the file that it replaces; an emulator tells what it holds itself
         wanted = arm.previous if plan.mode == MODE else previous.get(arm.node_name) or arm.previous
         try:
-            found = compare(arm.node_name, wanted, arm.target, interrupted=arm.journal.path.exists())
+            found = compare(arm.node_name, wanted, arm.target, interrupted=arm.journal.stands)
         except DeviceError as error:
             raise Refused(f"{arm.node_name}: {error}", ExitCode.HARDWARE) from error
         sys.stdout.write(comparison_text(found))
         if found.problems:
             code = ExitCode.FAILED
     return code
+
+
+def _recover(arms: Sequence[Arm], stack: ExitStack) -> int:
+    """Recovers the interrupted arms that are plugged in; the others may be absent. Raises Refused."""
+    interrupted = [arm for arm in arms if arm.journal.stands]
+    for arm in arms:
+        arm.file.sweep()
+        if not arm.journal.stands:
+            arm.journal.remove()
+    if not interrupted:
+        sys.stdout.write("no calibration of these arms was interrupted\n")
+        return ExitCode.OK
+    there, problems = open_those_there(interrupted, stack)
+    recover_arms(there)
+    if problems:
+        commands = "\n".join(
+            f"Connect {arm.node_name} and run `{arm.journal.recovery}`."
+            for arm in interrupted
+            if arm not in there
+        )
+        raise Refused("\n".join([*problems, commands]), ExitCode.HARDWARE)
+    return ExitCode.OK

@@ -39,10 +39,19 @@ class Journal:
 
     Args:
         path: of the note.
+        recovery: the command that recovers the arm.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], recovery: str = "joshua calibrate --recover --config FILE"
+    ) -> None:
         self.path = Path(path)
+        self.recovery = recovery
+
+    @property
+    def stands(self) -> bool:
+        """Whether a calibration was interrupted while it was written."""
+        return self.path.exists()
 
     def read(self) -> Record | None:
         """The note; None where there is none. Raises JournalRefused."""
@@ -73,5 +82,7 @@ class Journal:
             ) from error
 
     def remove(self) -> None:
-        """Removes the note: servos and file agree. Does nothing where there is none."""
+        """Removes the note and what a killed run has left of one: servos and file agree. Idempotent."""
+        for left in self.path.parent.glob(f".{self.path.name}.*"):
+            left.unlink(missing_ok=True)
         self.path.unlink(missing_ok=True)

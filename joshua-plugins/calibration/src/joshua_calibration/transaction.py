@@ -101,8 +101,10 @@ def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recov
         NotWritten: it was another arm's, or the servos do not take their values; the note stays.
     """
     try:
+        file.sweep()
         record = journal.read()
         if record is None:
+            journal.remove()
             return Recovery.NOTHING
         entry = file.arm(record.node_name)
     except (JournalRefused, FileRefused) as error:
@@ -173,7 +175,7 @@ def _undone(
         )
     return NotWritten(
         f"{reason}\nThe old calibration stands in the file, and the servos could not be put back yet: "
-        f"{failure}\nThe arm gets no torque before they are: connect it and run joshua calibrate --recover.",
+        f"{failure}\nTorque of this arm stays off until then. Connect it and run `{journal.recovery}`.",
         restored=False,
     )
 
