@@ -134,7 +134,7 @@ BROKEN: list[tuple[type[Actuator], str, str]] = [
     (reads(lambda r: replace(r, velocity_rad_s=-r.velocity_rad_s)), "velocity", "joint_1 moved by "),
     (reads(lambda r: replace(r, velocity_rad_s=np.zeros(2))), "velocity", "adds up to 0.000 rad"),
     (IgnoresLimits, "limits", "write of a goal 1 rad above the limits returned one 1.0"),
-    (MovesBeyondLimits, "limits", "a joint stands 1.000 rad beyond its limits after such goals"),
+    (MovesBeyondLimits, "limits", "a joint is 1.000 rad beyond its limits after such goals"),
     (AnswersInTicks, "limits", "write of the present position returned a goal 2048"),
     (TakesNan, "refused goals", "write of NaN returned array("),
     (TakesAnyShape, "refused goals", "write of shape (3,) returned array("),

@@ -133,7 +133,7 @@ def settings(folder: Path, **changes: object) -> DatasetSettings:
         "folder": str(folder / "set"),
         "task": "Wave.",
         "robot_type": "arm",
-        "writer": "joshua_dataset.lerobot_writer:LeRobotWriter",
+        "writer": "joshua_dataset.writer:LeRobotWriter",
     }
     return DatasetSettings.model_validate(values | changes)
 
@@ -291,9 +291,9 @@ def test_store_and_its_writer_are_asked_for(tmp_path: Path) -> None:
     (missing,) = examine(request).errors
     assert missing.code == "plugin-missing"
     assert "requires the plugin joshua-dataset" in missing.message
-    path.write_text(dataset_file().replace("FORMAT_HUGGINGFACE", "FORMAT_CSV"))
-    (unfit,) = examine(Request(str(path), purpose=Purpose.LAUNCH)).errors
-    assert "provides data_store for FORMAT_HUGGINGFACE, not for FORMAT_CSV" in unfit.message
+    for kind in ("FORMAT_CSV", "FORMAT_JSONL", "FORMAT_PARQUET"):
+        path.write_text(dataset_file().replace("FORMAT_HUGGINGFACE", kind))
+        assert not examine(Request(str(path), purpose=Purpose.LAUNCH)).errors
 
 
 def test_only_the_simulation_mode_makes_episodes(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ Why one file: the clauses of one contract, in the order in which they run, with 
 
 from __future__ import annotations
 
+import functools
 import time
 import warnings
 from collections.abc import Callable, Collection, Mapping
@@ -15,7 +16,7 @@ from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointLimi
 from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
 from joshua.plugins import ActuatorSpec, load_registry
 from joshua.testing import lifecycle, resources
-from joshua.testing.conformance import Checklist, ViolationError, clause, name_of, refuses, require
+from joshua.testing.conformance import Checklist, must, must_refuse, name_of, said, violation
 from joshua.testing.values import (
     FRAME,
     PLAUSIBLE_RAD,
@@ -39,9 +40,6 @@ STALL_S = 0.02
 
 #: Wrong units differ by more: a turn is 6.3 rad, a degree 0.017, 1 rpm 0.10 rad/s.
 VELOCITY_FACTOR = 3.0
-
-_TWO_DEVICES = "a robot has two arms of the same kind in one process"
-_STOPS = "the guardian stops the joints with it after the driver has died"
 
 
 def check_actuator(
@@ -121,53 +119,27 @@ class _Clauses:
         self._factory = factory
         self._timeout_s = timeout_s
 
-    @clause("the plan, a leader and data sets name the joints before the device is open")
     def joints(self) -> None:
         with lifecycle.made(self._factory) as device:
             before = device.joint_names
             device.connect()
-            after = device.joint_names
-        require(
-            before == after,
-            f"connect changed joint_names from {before} to {after}",
-            "the names are those of the device, and the settings do not list them",
-        )
+            must("joints", before == device.joint_names, before, device.joint_names)
 
     def description(self) -> None:
         with lifecycle.made(self._factory) as device:
             names, limits = device.joint_names, device.limits
-        require(
-            isinstance(names, tuple) and bool(names) and all(isinstance(n, str) and n for n in names),
-            f"joint_names is {names!r}",
-            "the names are not made from the settings as a tuple of strings",
-            "messages name each joint",
-        )
-        require(
-            len(set(names)) == len(names),
-            f"joint_names {names} contains a name twice",
-            "the names are made from something that two joints share",
-            "commands find their joints by name",
-        )
+        are_names = isinstance(names, tuple) and all(isinstance(name, str) and name for name in names)
+        must("names.type", are_names and bool(names), names)
+        must("names.twice", len(set(names)) == len(names), names)
         low, high, speed = limits.position_min_rad, limits.position_max_rad, limits.velocity_max_rad_s
         check_array("limits.position_min_rad", low, len(names))
         check_array("limits.position_max_rad", high, len(names))
         check_array("limits.velocity_max_rad_s", speed, len(names))
         for index, name in enumerate(names):
-            require(
-                low[index] < high[index],
-                f"the limits of {name} are {low[index]:g} to {high[index]:g} rad",
-                "the limits are swapped, or a direction is inverted without swapping them",
-                "a joint without a range cannot be commanded",
-            )
-        largest = float(np.abs([low, high]).max())
-        check_plausible(f"a limit is {largest:g} rad", largest, PLAUSIBLE_RAD)
-        check_plausible(f"a speed limit is {speed.max():g} rad/s", float(speed.max()), PLAUSIBLE_RAD_S)
-        require(
-            float(speed.min()) > 0,
-            f"the speed limits are {speed}",
-            "a vendor's 0, which means «no limit», is taken as a speed",
-            "a joint with a speed limit of 0 never moves",
-        )
+            must("range", low[index] < high[index], name, low[index], high[index])
+        check_plausible("a limit", [low, high], PLAUSIBLE_RAD, "rad")
+        check_plausible("a speed limit", speed, PLAUSIBLE_RAD_S, "rad/s")
+        must("speed", float(speed.min()) > 0, speed)
 
     def order(self) -> None:
         with lifecycle.made(self._factory) as device:
@@ -187,26 +159,14 @@ class _Clauses:
 
     def reading(self) -> None:
         with lifecycle.opened(self._factory) as device:
-            reading, count = device.read(), len(device.joint_names)
-            require(
-                isinstance(reading, JointReading),
-                f"read returned {type(reading).__name__}",
-                "read returns the value of the library underneath",
-                "the node publishes a JointReading",
-            )
+            reading = device.read()
+            must("reading.type", isinstance(reading, JointReading), type(reading).__name__)
             for label in ("position_rad", "velocity_rad_s", "effort"):
-                check_array(f"read().{label}", getattr(reading, label), count)
-            largest = float(np.abs(reading.position_rad).max())
-            check_plausible(f"a position is {largest:g} rad", largest, PLAUSIBLE_RAD)
-            fastest = float(np.abs(reading.velocity_rad_s).max())
-            check_plausible(f"a velocity is {fastest:g} rad/s", fastest, PLAUSIBLE_RAD_S)
+                check_array(f"read().{label}", getattr(reading, label), len(device.joint_names))
+            check_plausible("a position", reading.position_rad, PLAUSIBLE_RAD, "rad")
+            check_plausible("a velocity", reading.velocity_rad_s, PLAUSIBLE_RAD_S, "rad/s")
             beyond = _beyond(reading.position_rad, device.limits)
-            require(
-                beyond <= POSITION_TOLERANCE_RAD,
-                f"a joint is {beyond:.3f} rad beyond its limits",
-                "zero, direction or unit of read and limits differ",
-                "positions and limits must agree about zero and direction",
-            )
+            must("reading.beyond", beyond <= POSITION_TOLERANCE_RAD, beyond)
 
     def stamps(self) -> None:
         with lifecycle.opened(self._factory) as device:
@@ -219,22 +179,12 @@ class _Clauses:
             if first.position_rad.flags.writeable:
                 first.position_rad[:] += 1e3
             second = device.read().position_rad
-            require(
-                bool(np.abs(second - kept).max() < PLAUSIBLE_RAD),
-                "a change of one reading shows in the next",
-                "read returns the driver's own array instead of a copy",
-                "others keep a reading while the device continues",
-            )
+            must("reading.shared", bool(np.abs(second - kept).max() < PLAUSIBLE_RAD))
             device.enable()
             goal = device.read().position_rad.copy()
             asked = goal.copy()
             written = device.write(goal)
-            require(
-                bool((goal == asked).all()) and written is not goal,
-                "write changed or returned the array that it was given",
-                "the clamp works in place",
-                "the array belongs to the caller",
-            )
+            must("write.shared", bool((goal == asked).all()) and written is not goal)
 
     def further_messages(self) -> None:
         with lifecycle.made(self._factory) as device:
@@ -246,21 +196,14 @@ class _Clauses:
             for type_name in types:
                 check_message(device.further_message(type_name, FRAME), type_name, "further_message")
 
-    @clause("a goal for a joint without torque becomes a jump when torque is enabled")
     def torque(self) -> None:
         with lifecycle.opened(self._factory) as device:
             goal = device.read().position_rad
             for state in ("before enable", "after release"):
-                refuses(
-                    lambda: device.write(goal),
-                    DeviceError,
-                    f"write {state}",
-                    "write does not check that torque is on; some servos enable it themselves on a goal",
-                )
+                must_refuse("torque", lambda: device.write(goal), DeviceError, state)
                 device.enable()
                 device.release()
 
-    @clause("an e-stop reports with it whether torque is off")
     def torque_read_back(self) -> None:
         with lifecycle.opened(self._factory) as device:
             device.enable()
@@ -269,72 +212,47 @@ class _Clauses:
             for verb, expected in (("enable", True), ("release", False)):
                 getattr(device, verb)()
                 told = device.read_torque()
-                require(
-                    told == dict.fromkeys(device.joint_names, expected),
-                    f"read_torque after {verb} returned {told!r}",
-                    "it repeats what the driver requested, or is not by joint name",
-                )
+                must("torque.read", told == dict.fromkeys(device.joint_names, expected), verb, told)
 
-    @clause("nobody expects a motion before the first command")
     def enable(self) -> None:
-        cause = "enable does not set the goal to the present position before it switches torque on"
         with lifecycle.opened(self._factory) as device:
-            self._require_still_enable(device, "enable", cause)
+            self._require_still_enable(device, "enable")
             for _ in range(ATTEMPTS):
                 device.enable()
                 goal = device.write(_far(device))
                 device.release()  # while the joints are on their way: the device still has that goal
                 if np.abs(device.read().position_rad - goal).max() > 2 * POSITION_TOLERANCE_RAD:
                     break
-            self._require_still_enable(device, "enable after a release during a motion", cause)
+            self._require_still_enable(device, "enable after a release during a motion")
 
-    def _require_still_enable(self, device: Actuator, what: str, cause: str) -> None:
+    def _require_still_enable(self, device: Actuator, what: str) -> None:
         for _ in range(ATTEMPTS):
             began_s = time.monotonic()
             device.enable()
             before = device.read().position_rad
             late = time.monotonic() - began_s > 5 * STALL_S
             moved = _moved(device, before, 0.3)
-            require(moved <= POSITION_TOLERANCE_RAD, f"{what} moved a joint by {moved:.3f} rad", cause)
+            must("enable", moved <= POSITION_TOLERANCE_RAD, what, moved)
             if not late:
                 return
             device.release()
 
     def limits(self) -> None:
-        stops = "the limits keep the joint from its mechanical stops"
         with lifecycle.opened(self._factory) as device:
             device.enable()
             here, limits = device.read().position_rad, device.limits
             written = device.write(here)
             check_array("write(goal)", written, len(device.joint_names))
             off = float(np.abs(written - here).max())
-            require(
-                off <= RESOLUTION_RAD,
-                f"write of the present position returned a goal {off:.3f} rad away from it",
-                "the returned value is in another unit, or about another zero",
-                "data sets record as action what write returns",
-            )
-            for label, goal in (
-                ("above", limits.position_max_rad + 1),
-                ("below", limits.position_min_rad - 1),
-            ):
+            must("write.other", off <= RESOLUTION_RAD, off)
+            above, below = limits.position_max_rad + 1, limits.position_min_rad - 1
+            for label, goal in (("above", above), ("below", below)):
                 over = _beyond(device.write(goal), limits)
                 device.hold()
-                require(
-                    over <= 1e-6,
-                    f"write of a goal 1 rad {label} the limits returned one {over:.3f} rad {label} them",
-                    "write passes the goal on, or returns the requested goal instead of the written one",
-                    stops,
-                )
+                must("write.beyond", over <= 1e-6, label, over)
             beyond = _beyond(device.read().position_rad, limits)
-            require(
-                beyond <= POSITION_TOLERANCE_RAD,
-                f"a joint is {beyond:.3f} rad beyond its limits after such goals",
-                "write clamps the goal that it returns, but not the one that it sends",
-                stops,
-            )
+            must("limits.beyond", beyond <= POSITION_TOLERANCE_RAD, beyond)
 
-    @clause("a value that is not a position must never reach a motor")
     def refused_goals(self) -> None:
         with lifecycle.opened(self._factory) as device:
             device.enable()
@@ -348,25 +266,15 @@ class _Clauses:
                 f"shape (1, {len(here)})": here[None, :],
                 "an empty array": np.zeros(0),
             }.items():
-                refuses(
-                    lambda goal=goal: device.write(goal),  # type: ignore[misc]
-                    ValueError,
-                    f"write of {label}",
-                    "write does not begin with self.checked_goal(goal_rad)",
-                )
+                must_refuse("goal.taken", functools.partial(device.write, goal), ValueError, label)
             moved = _moved(device, here, 0.2)
-            require(
-                moved <= POSITION_TOLERANCE_RAD,
-                f"a refused goal moved a joint by {moved:.3f} rad",
-                "write checks the goal after it has sent it",
-            )
+            must("goal.moved", moved <= POSITION_TOLERANCE_RAD, moved)
 
     def motion(self) -> None:
         with lifecycle.opened(self._factory) as device:
             device.enable()
             self._travel(device)
 
-    @clause("the node publishes velocity_rad_s; controllers and policies take it as rad/s")
     def velocity(self) -> None:
         with lifecycle.opened(self._factory) as device:
             device.enable()
@@ -381,14 +289,9 @@ class _Clauses:
                 wrong = (ratio < 1 / VELOCITY_FACTOR) | (ratio > VELOCITY_FACTOR)
                 if not wrong.any():
                     return
-                if attempt == ATTEMPTS - 1:
-                    index = int(np.flatnonzero(seen)[wrong.argmax()])
-                    raise ViolationError(
-                        f"{device.joint_names[index]} moved by {moved[index]:.3f} rad, while its velocity "
-                        f"over that time adds up to {added[index]:.3f} rad",
-                        cause="velocity_rad_s is in degrees, ticks or turns, has the opposite sign, or is "
-                        "never filled in",
-                    )
+                index = int(np.flatnonzero(seen)[wrong.argmax()])
+                last = attempt == ATTEMPTS - 1
+                must("velocity", not last, device.joint_names[index], moved[index], added[index])
 
     def _travel(self, device: Actuator) -> list[JointReading]:
         """Command a goal near by until the joints are there; return all readings from rest to rest."""
@@ -402,20 +305,14 @@ class _Clauses:
             device.write(goal)
             readings.append(device.read())
             left = np.abs(readings[-1].position_rad - goal)
-            if not rest_s and left.max() <= POSITION_TOLERANCE_RAD / 2:
+            worst = int(left.argmax())
+            if not rest_s and left[worst] <= POSITION_TOLERANCE_RAD / 2:
                 rest_s = time.monotonic() + 0.2
-            elif not rest_s and time.monotonic() > end:
-                worst = int(left.argmax())
-                raise ViolationError(
-                    f"{device.joint_names[worst]} is {left[worst]:.3f} rad from its goal "
-                    f"after {self._timeout_s:g} s; it had to move {step[worst]:.2f} rad",
-                    "a goal in radians leads to that position in radians",
-                    "write and read differ in unit, zero or direction, or torque is off after enable",
-                )
+            in_time = bool(rest_s) or time.monotonic() < end
+            must("motion", in_time, device.joint_names[worst], left[worst], self._timeout_s, step[worst])
             time.sleep(0.005)
         return readings
 
-    @clause("hold is the safe state of an arm that must not fall")
     def hold(self) -> None:
         with lifecycle.opened(self._factory) as device:
             device.enable()
@@ -429,15 +326,10 @@ class _Clauses:
                 moved = _moved(device, stop, 0.4)
                 if stalled and moved > 2 * POSITION_TOLERANCE_RAD and attempt < ATTEMPTS - 1:
                     continue
-                require(
-                    moved <= 2 * POSITION_TOLERANCE_RAD,
-                    f"a joint moved on by {moved:.3f} rad after hold",
-                    "hold does not set the goal to the present position",
-                )
+                must("hold", moved <= 2 * POSITION_TOLERANCE_RAD, moved)
                 if np.abs(stop - goal).max() > 2 * POSITION_TOLERANCE_RAD or attempt > 1:
                     break
 
-    @clause("release is the last resort and must not depend on the state before")
     def release(self) -> None:
         for state, reach in STATES.items():
             with lifecycle.made(self._factory) as device:
@@ -446,10 +338,8 @@ class _Clauses:
                     device.release()
                     device.release()
                 except Exception as error:
-                    observed = f"release raised {type(error).__name__}: {error} ({state})"
-                    raise ViolationError(observed, cause="release needs an open device, or torque") from error
+                    raise violation("release", said(error), state) from error
 
-    @clause(_STOPS)
     def safe_stop(self) -> None:
         with lifecycle.made(self._factory) as device:
             before = resources.take()
@@ -462,11 +352,7 @@ class _Clauses:
                 _check_stop(request, state)
         with lifecycle.opened(self._factory) as device:
             told = device.read_torque()
-        require(
-            told is None or not any(told.values()),
-            f"after {type(off).__name__}.run with RELEASE, read_torque returned {told!r}",
-            "run reports what it wanted to reach instead of what it read back",
-        )
+        must("stop.torque", told is None or not any(told.values()), type(off).__name__, told)
 
     def _request(self, device: Actuator, action: str) -> SafeStopRequest | None:
         """Return the driver's request; None from one that has no safe stop and need not."""
@@ -476,36 +362,22 @@ class _Clauses:
             spec = _spec_of(device)
             if spec is not None and not (spec.virtual or spec.stops_itself):
                 warnings.warn(f"{type(device).__name__} has {NO_SAFE_STOP}", stacklevel=2)
-            require(
-                spec is None or not spec.safe_stop,
-                "safe_stop_request is not overridden, and the plugin names a safe_stop",
-                "the driver does not make the request that its plugin names",
-            )
+            must("stop.missing", spec is None or not spec.safe_stop)
             return None
-        require(
-            isinstance(request, SafeStopRequest),
-            f"safe_stop_request returned {type(request).__name__}",
-            "it returns plain values instead of a joshua.api.SafeStopRequest",
-        )
+        must("stop.request", isinstance(request, SafeStopRequest), type(request).__name__)
         assert isinstance(request, SafeStopRequest)
         return request
 
     def instances(self) -> None:
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
-            if not lifecycle.both_open(first, second, why=_TWO_DEVICES):
+            if not lifecycle.both_open(first, second):
                 return  # one device cannot be opened twice: nothing else to check
             first.enable()
             still = second.read().position_rad
             first.write(_far(first))
-            refuses(
-                lambda: second.write(still),
-                DeviceError,
-                "write to one while only the other has torque",
-                lifecycle.SHARED,
-                _TWO_DEVICES,
-            )
+            must_refuse("instances.torque", lambda: second.write(still), DeviceError)
             first.disconnect()
-            require(second.connected, "closing one closed the other", lifecycle.SHARED, _TWO_DEVICES)
+            must("instances.closed", second.connected)
             second.read()
 
 
@@ -513,17 +385,9 @@ def _check_stop(request: SafeStopRequest, state: str) -> None:
     """Run a request as the guardian does, from its plain values; every joint must reach a state."""
     name = f"{type(request).__name__}.run with {request.action}"
     result: object = type(request).from_values(request.to_values()).run()
-    require(
-        isinstance(result, SafeStopResult),
-        f"{name} returned {type(result).__name__}",
-        "it returns plain values, or nothing, instead of a joshua.api.SafeStopResult",
-    )
+    must("stop.result", isinstance(result, SafeStopResult), name, type(result).__name__)
     assert isinstance(result, SafeStopResult)
-    require(
-        bool(result.joints) and set(result.joints.values()) == {state},
-        f"{name} returned {result}; every joint should be {state!r}",
-        "the device was not reached, or the result is not read back from it",
-    )
+    must("stop.state", set(result.joints.values()) == {state}, name, result, state)
 
 
 def _spec_of(device: Actuator) -> ActuatorSpec | None:

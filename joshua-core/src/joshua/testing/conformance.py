@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import json
 import traceback
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, TypeVar
-
-F = TypeVar("F", bound=Callable[..., object])
+from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -35,37 +36,43 @@ class ConformanceError(AssertionError):
 
 
 class ViolationError(Exception):
-    """Ends a clause with its violation; without ``why`` the reason of the clause holds."""
+    """Ends a clause with its violation."""
 
-    def __init__(self, observed: str, why: str = "", cause: str = "") -> None:
+    def __init__(self, observed: str, why: str, cause: str) -> None:
         super().__init__(observed)
         self.observed, self.why, self.cause = observed, why, cause
 
 
-def clause(why: str) -> Callable[[F], F]:
-    """Declare why a violation of a clause is wrong."""
-
-    def declare(check: F) -> F:
-        check.why = why  # type: ignore[attr-defined]
-        return check
-
-    return declare
+def violation(row: str, *values: object) -> ViolationError:
+    """Return the violation of a row of ``violations.json``; values go into what was observed."""
+    observed, why, cause = _rows()[row]
+    return ViolationError(observed.format(*values), why, cause)
 
 
-def require(holds: bool, observed: str, cause: str, why: str = "") -> None:
-    """End the clause unless something holds. Raises ViolationError."""
+def must(row: str, holds: bool, *values: object) -> None:
+    """End the clause with a row of ``violations.json`` unless something holds. Raises ViolationError."""
+    if not holds:
+        raise violation(row, *values)
+
+
+def must_refuse(row: str, call: Callable[[], object], errors: type[Exception], *values: object) -> None:
+    """Require that a call raises an error of a kind, with a message. Raises ViolationError."""
+    what, why, cause = _rows()[row]
+    refuses(call, errors, what.format(*values), why=why, cause=cause)
+
+
+def require(holds: bool, observed: str, *, why: str, cause: str) -> None:
+    """End the clause unless something holds; for kits with texts of their own. Raises ViolationError."""
     if not holds:
         raise ViolationError(observed, why, cause)
 
 
-def refuses(
-    call: Callable[[], object], errors: type[Exception], what: str, cause: str, why: str = ""
-) -> None:
+def refuses(call: Callable[[], object], errors: type[Exception], what: str, *, why: str, cause: str) -> None:
     """Require that a call raises an error of a kind, with a message. Raises ViolationError."""
     try:
         result = call()
     except errors as error:
-        require_message(error, what)
+        must("message.empty", bool(str(error).strip()), what, type(error).__name__)
     except Exception as error:
         observed = f"{what} raised {type(error).__name__} ({error}) instead of {errors.__name__}"
         raise ViolationError(observed, why, cause) from error
@@ -73,14 +80,16 @@ def refuses(
         raise ViolationError(f"{what} returned {result!r} instead of raising {errors.__name__}", why, cause)
 
 
-def require_message(error: Exception, what: str) -> None:
-    """Require that an error says something. Raises ViolationError."""
-    require(
-        bool(str(error).strip()),
-        f"{what} raised {type(error).__name__} without a message",
-        "the error is raised without a text that names the device and the remedy",
-        "the user sees only the message",
-    )
+def said(error: BaseException) -> str:
+    """Return class and message of an error."""
+    return f"{type(error).__name__}: {error}"
+
+
+@functools.cache
+def _rows() -> dict[str, tuple[str, str, str]]:
+    """What each violation says: what was observed, why it is wrong, and the likely cause."""
+    text = Path(__file__).with_name("violations.json").read_text(encoding="utf-8")
+    return {row: (observed, why, cause) for row, (observed, why, cause) in json.loads(text).items()}
 
 
 class Checklist:
@@ -105,14 +114,13 @@ class Checklist:
         try:
             check()
         except ViolationError as error:
-            why = error.why or getattr(check, "why", "")
-            self.violations.append(Violation(name, error.observed, why, error.cause))
+            self.violations.append(Violation(name, error.observed, error.why, error.cause))
         except Exception as error:  # noqa: BLE001 (any exception of the checked code is a finding)
             place = traceback.extract_tb(error.__traceback__)[-1]
             self.violations.append(
                 Violation(
                     name,
-                    f"{type(error).__name__}: {error} (at {place.filename}:{place.lineno})",
+                    f"{said(error)} (at {place.filename}:{place.lineno})",
                     "a call failed that the contract allows here",
                     "an error at that place, or a device that is not what the driver expects",
                 )

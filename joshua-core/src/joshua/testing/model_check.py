@@ -12,7 +12,8 @@ import numpy as np
 
 from joshua.models.model import Model, ModelError, Observation
 from joshua.testing import lifecycle
-from joshua.testing.conformance import Checklist, ViolationError, clause, name_of, refuses, require
+from joshua.testing.conformance import Checklist, must, must_refuse, name_of, said, violation
+from joshua.testing.values import kind_of
 
 ModelFactory = Callable[[], Model]
 
@@ -80,14 +81,12 @@ class _Clauses:
             _load(model)
             yield model
 
-    @clause("the message must say that the calls are in the wrong order, not that the model failed")
     def order(self) -> None:
         with lifecycle.made(self._factory, close) as model:
-            cause = "act does not check that the model is loaded"
-            refuses(lambda: model.act(self._observe()), ModelError, "act before load", cause)
+            must_refuse("order.unloaded", lambda: model.act(self._observe()), ModelError, "before load")
             _load(model)
             model.close()
-            refuses(lambda: model.act(self._observe()), ModelError, "act after close", cause)
+            must_refuse("order.unloaded", lambda: model.act(self._observe()), ModelError, "after close")
 
     def load(self) -> None:
         with self._loaded():
@@ -97,39 +96,19 @@ class _Clauses:
         with self._loaded() as model:
             count = len(model.joints.names)
             actions: Any = model.act(self._observe())
-            kind = type(actions).__name__
-            kind += f" of {actions.dtype}" if isinstance(actions, np.ndarray) else ""
-            require(
-                isinstance(actions, np.ndarray) and actions.dtype == np.float64,
-                f"act returned {kind}",
-                "act returns a tensor, or an array of another type",
-                "actions are radians in float64, without the types of the model's library",
-            )
-            require(
-                actions.ndim == 2 and actions.shape[0] >= 1 and actions.shape[1] == count,
-                f"act returned shape {actions.shape}; {count} joints need (T, {count}), T ≥ 1",
-                "act returns one action without the dimension of time, or several with that of a batch",
-                "the node plays one row for each period of the publisher",
-            )
-            require(
-                bool(np.isfinite(actions).all()),
-                "act returned a value that is not finite",
-                "a normalisation divides by a deviation of zero, or the weights did not converge",
-                "the node refuses such actions and fails",
-            )
+            is_array = isinstance(actions, np.ndarray) and actions.dtype == np.float64
+            must("actions.type", is_array, kind_of(actions))
+            fits = actions.ndim == 2 and actions.shape[0] >= 1 and actions.shape[1] == count
+            must("actions.shape", fits, actions.shape, count)
+            must("actions.finite", bool(np.isfinite(actions).all()))
 
-    @clause("actions are positions in radians that the joints can reach")
     def limits(self) -> None:
         with self._loaded() as model:
             joints = model.joints
             for _ in range(20):
                 actions = model.act(self._observe())
                 over = np.maximum(actions - joints.position_max_rad, joints.position_min_rad - actions).max()
-                require(
-                    over <= 1e-6,
-                    f"an action is {over:.3f} rad beyond a joint's limits",
-                    "actions stay in the model's normalised range, or are not clipped",
-                )
+                must("actions.beyond", over <= 1e-6, over)
 
     def own_data(self) -> None:
         with self._loaded() as model:
@@ -137,19 +116,9 @@ class _Clauses:
             shown = copy.deepcopy(dict(observation.values))
             first = model.act(observation)
             kept = first.copy()
-            require(
-                _same(dict(observation.values), shown),
-                "act changed the observation",
-                "the preprocessing works in place",
-                "other parts of the node use the same data",
-            )
+            must("observation", _same(dict(observation.values), shown))
             model.act(self._observe())
-            require(
-                bool((first == kept).all()),
-                "the next act changed the actions that were returned before",
-                "one buffer is used for all actions",
-                "a chunk plays while the model works on the next one",
-            )
+            must("actions.shared", bool((first == kept).all()))
 
     def reset(self) -> None:
         with self._loaded() as model:
@@ -158,21 +127,18 @@ class _Clauses:
                 model.reset()
             model.act(self._observe())
 
-    @clause("a run may hold two models of the same kind in one process")
     def instances(self) -> None:
         first, second = self._factory(), self._factory()
-        require(first is not second, "the factory made the same object twice", lifecycle.SHARED)
+        must("factory.same", first is not second)
         with lifecycle.made(lambda: first, close), lifecycle.made(lambda: second, close):
             _load(first)
-            what = "act of one while only the other is loaded"
-            refuses(lambda: second.act(self._observe()), ModelError, what, lifecycle.SHARED)
+            must_refuse("instances.loaded", lambda: second.act(self._observe()), ModelError)
             second.load()
             second.close()
             try:
                 first.act(self._observe())
             except Exception as error:
-                observed = f"closing one broke the other: {type(error).__name__}: {error}"
-                raise ViolationError(observed, cause=lifecycle.SHARED) from error
+                raise violation("instances.broke", said(error)) from error
 
 
 def _same(first: dict[str, Any], second: dict[str, Any]) -> bool:

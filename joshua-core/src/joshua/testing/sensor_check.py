@@ -12,7 +12,7 @@ import numpy as np
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages.make import stamp_ns
 from joshua.testing import lifecycle
-from joshua.testing.conformance import Checklist, ViolationError, clause, name_of, require
+from joshua.testing.conformance import Checklist, ViolationError, must, name_of, said, violation
 from joshua.testing.values import FRAME, check_message, check_stamps, check_types
 
 #: Time by which a read may exceed its timeout on a loaded machine.
@@ -84,22 +84,12 @@ class _Clauses:
             reading = device.read(0.2)
             if reading is not None:
                 return reading
-            require(
-                time.monotonic() < end,
-                f"no reading in {self._timeout_s:g} s",
-                "the device waits for a start command, or read returns None too early",
-                "an open sensor delivers readings",
-            )
+            must("reading.none", time.monotonic() < end, self._timeout_s)
 
     def description(self) -> None:
         with lifecycle.made(self._factory) as device:
             types = device.data_types
-        require(
-            isinstance(types, tuple) and bool(types),
-            f"data_types is {types!r}",
-            "data_types is a list, or is filled only by connect",
-            "the configuration names the type of a topic, and is checked without the device",
-        )
+        must("data_types", isinstance(types, tuple) and bool(types), types)
         check_types("data_types", types)
 
     def order(self) -> None:
@@ -112,55 +102,31 @@ class _Clauses:
     def reading(self) -> None:
         with lifecycle.opened(self._factory) as device:
             reading = self.next(device)
-            require(
-                isinstance(reading, Reading),
-                f"read returned {type(reading).__name__}",
-                "read returns the data alone",
-                "the node publishes a Reading with stamp and sequence number",
-            )
-            require(
-                isinstance(reading.sequence, int) and reading.sequence >= 0,
-                f"sequence is {reading.sequence!r}",
-                "a stamp or a float is used as sequence number",
-                "the sequence number counts acquisitions from 0",
-            )
+            must("reading.type", isinstance(reading, Reading), type(reading).__name__)
+            number = reading.sequence
+            must("sequence.type", isinstance(number, int) and number >= 0, number)
             text = device.implausible(reading)
-            require(
-                text == "",
-                f"implausible returned {text!r} for a reading of a healthy device",
-                "a bound is too tight, or the reading is in a wrong unit",
-                "MODE_TEST fails a sensor whose readings cannot be true",
-            )
+            must("reading.implausible", text == "", text)
 
-    @clause("a reading that is returned twice is published as if it were measured twice")
     def sequence(self) -> None:
         with lifecycle.opened(self._factory) as device:
             last = -1
             for _ in range(10):
-                reading = self.next(device)
-                require(
-                    reading.sequence > last,
-                    f"sequence went from {last} to {reading.sequence}",
-                    "read returns the latest reading instead of waiting for the next, or does not count",
-                )
-                last = reading.sequence
+                number = self.next(device).sequence
+                must("sequence.order", number > last, last, number)
+                last = number
 
     def stamps(self) -> None:
         with lifecycle.opened(self._factory) as device:
             check_stamps(lambda: self.next(device).stamp_ns, 10)
 
-    @clause("a reading is published and recorded while the sensor continues")
     def own_data(self) -> None:
         with lifecycle.opened(self._factory) as device:
             first = self.next(device)
             kept = copy.deepcopy(first.data)
             for _ in range(3):
                 self.next(device)
-            require(
-                _equal(first.data, kept),
-                "the data of a reading changed when later ones were read",
-                "one buffer is used for all readings",
-            )
+            must("reading.changed", _equal(first.data, kept))
 
     def messages(self) -> None:
         with lifecycle.opened(self._factory) as device:
@@ -170,14 +136,8 @@ class _Clauses:
                 check_message(message, type_name, "message")
                 header = getattr(message, "header", None)
                 stamp = reading.stamp_ns if header is None else stamp_ns(header.stamp)
-                require(
-                    stamp == reading.stamp_ns,
-                    f"{type_name} is stamped {stamp}, its acquisition was at {reading.stamp_ns}",
-                    "message takes the time of the call",
-                    "stamps are taken at acquisition, not at publication",
-                )
+                must("message.stamp", stamp == reading.stamp_ns, type_name, stamp, reading.stamp_ns)
 
-    @clause("the node checks for a stop request between two reads")
     def timeout(self) -> None:
         with lifecycle.opened(self._factory) as device:
             for timeout_s in (0.0, 0.05) * 5:
@@ -187,28 +147,21 @@ class _Clauses:
                     took_s = time.monotonic() - started
                     if took_s <= timeout_s + SLACK_S:
                         break
-                require(
-                    took_s <= timeout_s + SLACK_S,
-                    f"read({timeout_s:g}) returned after {took_s:.2f} s",
-                    "read waits for the device without a timeout of its own",
-                )
+                must("timeout", took_s <= timeout_s + SLACK_S, timeout_s, took_s)
 
-    @clause("a robot has two sensors of the same kind in one process")
     def instances(self) -> None:
-        why = self.instances.why  # type: ignore[attr-defined]
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
-            if not lifecycle.both_open(first, second, why=why):
+            if not lifecycle.both_open(first, second):
                 return  # one device cannot be opened twice: nothing else to check
             self.next(first)
             second.disconnect()
-            require(first.connected, "closing one closed the other", lifecycle.SHARED)
+            must("instances.closed", first.connected)
             try:
                 self.next(first)
             except ViolationError:
                 raise
             except Exception as error:
-                observed = f"closing one broke the other: {type(error).__name__}: {error}"
-                raise ViolationError(observed, cause=lifecycle.SHARED) from error
+                raise violation("instances.broke", said(error)) from error
 
 
 def _equal(first: Any, second: Any) -> bool:

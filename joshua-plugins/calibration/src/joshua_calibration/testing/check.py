@@ -317,7 +317,7 @@ class _TargetClauses:
         why = "a robot has two arms of the same kind, calibrated one after the other"
         cause = "state stands on the class or in the module in place of the instance"
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
-            if lifecycle.both_open(first, second, why=why, cause=cause):
+            if lifecycle.both_open(first, second):
                 first.disconnect()
                 require(second.connected, "closing one closed the other", why=why, cause=cause)
                 second.raw_positions()
