@@ -46,7 +46,7 @@ from joshua.plugins.settings import FromField as FromField
 from joshua.plugins.block_context import BlockContext as BlockContext
 
 # What a plugin provides
-from joshua.plugins.hooks import hookimpl as hookimpl
+from joshua.plugins.host import hookimpl as hookimpl
 from joshua.plugins.specs import PluginSpec as PluginSpec
 from joshua.plugins.specs import ActuatorSpec as ActuatorSpec
 from joshua.plugins.specs import SensorSpec as SensorSpec

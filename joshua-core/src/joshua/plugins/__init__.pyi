@@ -1,7 +1,7 @@
 # The contract
 from joshua.plugins.discovery import PluginRow as PluginRow
 from joshua.plugins.discovery import PluginStatus as PluginStatus
-from joshua.plugins.hooks import hookimpl as hookimpl
+from joshua.plugins.host import hookimpl as hookimpl
 from joshua.plugins.host import load_registry as load_registry
 from joshua.plugins.registry import Registry as Registry
 from joshua.plugins.specs import ActuatorSpec as ActuatorSpec

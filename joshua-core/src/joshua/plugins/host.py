@@ -9,12 +9,24 @@ from dataclasses import replace
 import pluggy
 
 from joshua.plugins.discovery import PluginRow, PluginStatus, discover, is_blocked
-from joshua.plugins.hooks import PROJECT_NAME, PluginHooks
 from joshua.plugins.registry import Registry
 from joshua.plugins.specs import PluginSpec
 from joshua.plugins.verify import verify_specs
 
 _HOOK = "joshua_specs"
+PROJECT_NAME = "joshua"
+
+hookspec = pluggy.HookspecMarker(PROJECT_NAME)
+hookimpl = pluggy.HookimplMarker(PROJECT_NAME)
+
+
+class PluginHooks:
+    """Hooks that a plugin may implement."""
+
+    @hookspec
+    def joshua_specs(self) -> Iterable[PluginSpec]:
+        """Names what the plugin provides."""
+        raise NotImplementedError
 
 
 def load_registry(blocked: Iterable[str] = ()) -> Registry:

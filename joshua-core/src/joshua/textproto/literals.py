@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from typing import TypeVar
+
+from google.protobuf import text_format
 
 from joshua.textproto.limits import MAX_NUMBER_CHARACTERS
 
-_OCTAL = re.compile(r"(-?)0(\d+)$")
-_OCTAL_FLOAT = re.compile(r"-?0[0-9]+")
-_INFINITY = re.compile(r"-?inf(?:inity)?f?$", re.IGNORECASE)
-_NAN = re.compile(r"nanf?$", re.IGNORECASE)
-_TRUE = frozenset(("true", "t", "1", "True"))
-_FALSE = frozenset(("false", "f", "0", "False"))
+_Value = TypeVar("_Value")
+_OCTAL = re.compile(r"^(-?)0(\d+)$")
 _ESCAPE = re.compile(
     r"\\(?:(?P<letter>[abfnrtv\\'\"])|(?P<octal>[0-7]{1,3})|x(?P<hex>[0-9a-fA-F]{1,2})"
     r"|u(?P<short>[0-9a-fA-F]{4})|U(?P<long>[0-9a-fA-F]{8})|(?P<bad>.|\Z))"
@@ -37,47 +37,29 @@ class BadEscapeError(ValueError):
 
 def integer(text: str) -> int | None:
     """Reads a decimal, hexadecimal or octal integer; None where the text is none."""
-    if len(text) > MAX_NUMBER_CHARACTERS:
-        return None
-    octal = _OCTAL.match(text)
-    if octal is not None:
-        text = f"{octal[1]}0o{octal[2]}"
-    return plain_integer(text)
+    return plain_integer(_OCTAL.sub(r"\g<1>0o\g<2>", text))
 
 
 def plain_integer(text: str) -> int | None:
     """Reads an integer as enum numbers are written: a leading zero does not make it octal."""
-    if len(text) > MAX_NUMBER_CHARACTERS:
-        return None
-    try:
-        return int(text, 0)
-    except ValueError:
-        return None
+    return _parsed(lambda digits: int(digits, 0), text) if len(text) <= MAX_NUMBER_CHARACTERS else None
 
 
 def number(text: str) -> float | None:
     """Reads a floating-point number, ``inf`` or ``nan``; None where the text is none."""
-    if _OCTAL_FLOAT.match(text):
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    if _INFINITY.match(text):
-        return float("-inf") if text.startswith("-") else float("inf")
-    if _NAN.match(text):
-        return float("nan")
-    try:
-        return float(text.rstrip("fF"))
-    except ValueError:
-        return None
+    return _parsed(text_format.ParseFloat, text)
 
 
 def boolean(text: str) -> bool | None:
     """Reads a truth value; None where the text is none."""
-    if text in _TRUE:
-        return True
-    return False if text in _FALSE else None
+    return _parsed(text_format.ParseBool, text)
+
+
+def _parsed(parse: Callable[[str], _Value], text: str) -> _Value | None:
+    try:
+        return parse(text)
+    except ValueError:
+        return None
 
 
 def string_bytes(literal: str) -> bytes:
