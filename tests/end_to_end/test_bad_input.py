@@ -177,7 +177,7 @@ def test_the_plan_is_shown_and_nothing_is_started(good):
     result = joshua("plan", "--config", str(good))
     assert result.returncode == 0, result.stderr
     assert "/leader (id 1): ACTION_LEADER" in result.stdout
-    assert "hears     /leader/joint_states [sensor_msgs/msg/JointState]" in result.stdout
+    assert "subscribes /leader/joint_states [sensor_msgs/msg/JointState]" in result.stdout
     shown = joshua("plan", "--config", str(good), "--format", "json")
     assert [node["name"] for node in json.loads(shown.stdout)["nodes"]] == ["leader", "follower"]
 

@@ -48,7 +48,7 @@ def test_arms_and_cameras_run_without_hardware(environment: dict[str, str]) -> N
     assert result.returncode == 0, result.stdout + result.stderr
     for name in ("leader_arm", "follower_arm", "camera_top", "camera_wrist"):
         assert f"emulated: {name} at " in result.stdout
-    assert "all 4 nodes ready" in result.stdout
+    assert "all 5 nodes ready" in result.stdout
     assert "ended with 0" in result.stdout
 
 

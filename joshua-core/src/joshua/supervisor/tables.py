@@ -223,13 +223,13 @@ def status_lines(status: RunStatus, screen: Screen = PLAIN) -> list[str]:
     return [head, *(f"  {_fit(cells, width - 2, screen)}" for cells in nodes)]
 
 
-def node_cells(node: NodeStatus) -> list[Cell]:
-    """A node's state in cells: its name, what it shows, its progress, and its rates."""
+def node_cells(node: NodeStatus, *, full_topics: bool = False) -> list[Cell]:
+    """A node's state in cells: its name, what it shows, its progress, and the rates of what it publishes."""
     if node.state != "ready":
         return [Cell(clean(node.full_name)), state_cell(node)]
     texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
     texts += [f"[{progress_text(item)}]" for item in node.progress]
-    return [*(Cell(clean(text)) for text in texts), *rate_cells(node)]
+    return [*(Cell(clean(text)) for text in texts), *_rate_cells(node, full_topics)]
 
 
 def state_cell(node: NodeStatus) -> Cell:
@@ -237,14 +237,13 @@ def state_cell(node: NodeStatus) -> Cell:
     return Cell.of(node.state, _STATES.get(node.state, ""))
 
 
-def rate_cells(node: NodeStatus) -> list[Cell]:
-    """The rates of what a node publishes; one below its target says so."""
+def _rate_cells(node: NodeStatus, full_topics: bool) -> list[Cell]:
     cells = []
     for topic, rate_hz in node.published_hz.items():
         if topic in _HOUSEKEEPING:
             continue
         target_hz = node.target_hz.get(topic, 0.0)
-        name = topic.rpartition("/")[2]
+        name = topic if full_topics else topic.rpartition("/")[2]
         if rate_hz < LOW * target_hz:
             cells.append(Cell.of(f"{name} {rate_hz:.1f} of {target_hz:g} Hz!", RED))
         else:

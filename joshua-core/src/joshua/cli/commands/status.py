@@ -154,7 +154,8 @@ def _lines(info: RunInfo, status: RunStatus) -> list[str]:
     )
     rows: list[tuple[str, ...]] = [("  NODE", "STATE", "PROCESS", "RESTARTS", "RATES")]
     for node in status.nodes:
-        told = node_cells(node)[1:] if node.state == "ready" else [Cell(node.reason or node.doing)]
+        told = [Cell(node.reason)] if node.reason else [Cell(node.doing)] if node.state != "ready" else []
+        told += node_cells(node, full_topics=True)[1:] if node.state == "ready" else []
         first, *rest = told or [Cell("")]
         cells = (f"  {node.full_name}", state_cell(node), str(node.process_id), str(node.restarts))
         rows += [(*cells, first), *(("", "", "", "", cell) for cell in rest)]
