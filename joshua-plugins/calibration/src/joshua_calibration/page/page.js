@@ -34,6 +34,7 @@ function show(next) {
     item.className = place < at ? "past" : place === at ? "now" : "";
     item.toggleAttribute("aria-current", place === at);
   }
+  byId("pose").hidden = view.step !== "homing" || Boolean(board.ended);
   setText(byId("instruction"), board.ended || view.instruction);
   const message = byId("message");
   setText(message, board.ended ? "" : view.message);
