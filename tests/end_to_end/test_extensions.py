@@ -80,6 +80,16 @@ class Patrol(NodeBehaviour):
         """Goes to a point, and says what it sees of the arm."""
         self.point = where.point
         return Seen(self.point, self.arms)
+
+    @verb(moves=False)
+    def report(self) -> str:
+        """Says where it is."""
+        return f"at the {self.point}"
+
+    @verb(moves=True)
+    def march(self) -> str:
+        """Walks."""
+        return "never over the network"
 ''',
     "toy_patrol/report.py": """
 SUMMARY = "say what the patrol is for"
@@ -261,7 +271,9 @@ def test_it_is_listed_with_its_mode_and_its_command(joshua: JoshuaProgram) -> No
     assert joshua("patrol-report", "--loud").stdout == "ALL QUIET\n"
 
 
-def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(joshua: JoshuaProgram) -> None:
+def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
     assert joshua("--config", "robot.pbtxt", "--validate-only").returncode == 0
     empty = joshua("--config", "robot.pbtxt", "--set", "robot { }", "--validate-only")
     assert "needs an arm to walk with" in empty.stderr + empty.stdout
@@ -272,6 +284,14 @@ def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(joshua: Josh
     # its subscription is served: at some time it has heard of the two joints of the arm
     eventually(lambda: call(joshua)["arms"] == 2, "a message of the arm")
     assert call(joshua)["point"] == "bridge"
+    # verbs without a request are services of ROS 2, too; one that moves is refused, because anybody may call
+    place = f'transport {{ kind: TRANSPORT_ZENOH listen_endpoints: "{joshua.router}" }}'
+    (tmp_path / "place.pbtxt").write_text(place, encoding="utf-8")
+    said = joshua("service", "call", "/patrol/report", "--config=place.pbtxt")
+    assert said.stdout.splitlines() == ["success: true", "message: at the bridge"], said.stderr
+    refused = joshua("service", "call", "/patrol/march", "--config=place.pbtxt")
+    assert refused.returncode == 1
+    assert "only the user who runs the robot may call it" in refused.stdout
     eventually(lambda: "/patrol/point" in joshua("status").stdout, "the rate of its topic")
     joshua.stop(run)
     assert run.returncode == 0

@@ -45,6 +45,7 @@ COMMANDS = tuple(
         ("emulate", "run only the emulators of a file"),
         ("topic", "list, show and publish topics of a running graph"),
         ("node", "list the nodes of a running graph"),
+        ("service", "list and call the services of a running graph"),
         ("plan", "show what a file starts, without starting it"),
     )
 )

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 HASH_UNSUPPORTED = "TypeHashNotSupported"
 """What Humble's middleware writes in place of a type hash."""
 
-_ROS = re.compile(r"^([a-z][a-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)$")
-_DDS = re.compile(r"^([a-z][a-z0-9_]*)::msg::dds_::([A-Z][A-Za-z0-9]*)_$")
+_ROS = re.compile(r"^([a-z][a-z0-9_]*)/(?:(msg|srv)/)?([A-Z][A-Za-z0-9_]*)$")
+_DDS = re.compile(r"^([a-z][a-z0-9_]*)::(msg|srv)::dds_::([A-Z][A-Za-z0-9_]*)_$")
 _selected = ""
 
 
@@ -35,7 +35,7 @@ def ros_type_name(name: str) -> str:
             f"{name!r} is not a message type name; write it as package/msg/Type, "
             "such as sensor_msgs/msg/JointState"
         )
-    return f"{match[1]}/msg/{match[2]}"
+    return f"{match[1]}/{match[2] or 'msg'}/{match[3]}"
 
 
 def dds_type_name(name: str) -> str:
@@ -44,8 +44,8 @@ def dds_type_name(name: str) -> str:
     Raises:
         MessageError: the name is not a message type name.
     """
-    package, _, base = ros_type_name(name).split("/")
-    return f"{package}::msg::dds_::{base}_"
+    package, kind, base = ros_type_name(name).split("/")
+    return f"{package}::{kind}::dds_::{base}_"
 
 
 def shown_type_name(wire_name: str) -> str:
@@ -113,11 +113,24 @@ def require_type(name: str) -> str:
         MessageError: the name is malformed or unknown; the nearest names stand in the message.
     """
     full = ros_type_name(name)
+    if "/srv/" in full:
+        _add_services(distro() == "humble")
     if full not in typestore().fielddefs:
         near = difflib.get_close_matches(full, known_types(), n=3, cutoff=0.5)
         hint = f"; the nearest are {', '.join(near)}" if near else ""
         raise MessageError(f"the message type {full} is not known to ROS 2 {distro()}{hint}")
     return full
+
+
+@lru_cache(maxsize=2)
+def _add_services(humble: bool) -> None:
+    from joshua.messages.services import service_definitions
+
+    messages, others = service_definitions()
+    _load(humble, ("byte", "char")).register(messages)
+    for store in (_load(humble), _load(humble, ("byte", "char")), _load(False, ("char",))):
+        store.fielddefs.update(messages)
+        store.fielddefs.update(others)
 
 
 def message_class(type_name: str) -> Any:

@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from itertools import count
+from queue import Empty, Queue
 from typing import Any
 
 from joshua.ipc.frames import FrameError
@@ -63,6 +65,46 @@ class Calls:
         self._wake = wake
         self._describe = describe
         self._beside = ""
+        self._asked: dict[int, Queue[CallReply]] = {}
+        self._numbers = count(-1, -1)  # those of the supervisor count upwards
+
+    def ask(
+        self,
+        verb: str,
+        payload: dict[str, Any],
+        timeout_s: float,
+        providers: Sequence[object],
+        *,
+        active: bool,
+        caller: Caller,
+    ) -> CallReply:
+        """Call a verb for a caller outside the run and wait for the answer; any thread but the loop.
+
+        Args:
+            verb, payload: what is called, with what; timeout_s: how long.
+            providers, active, caller: as for ``take``.
+        """
+        end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
+        number = next(self._numbers)
+        call = Call(id=number, node=self._name, verb=verb, payload=payload, deadline_ns=end_ns)
+        answer: Queue[CallReply] = Queue()
+        self._asked[call.id] = answer
+        try:
+            self.take(call, providers, active=active, caller=caller)
+            return answer.get(timeout=timeout_s)
+        except Empty:
+            text = f"{self._name} did not answer {verb} within {timeout_s:g} s"
+            return self._reply(call, ok=False, code="timeout", text=text)
+        finally:
+            del self._asked[call.id]
+
+    def send(self, reply: CallReply) -> None:
+        """Pass an answer to whoever called."""
+        answer = self._asked.get(reply.id)
+        if answer is not None:
+            answer.put(reply)
+        elif reply.id >= 0:
+            self._send(reply)
 
     def take(self, call: Call, providers: Sequence[object], *, active: bool, caller: Caller = LOCAL) -> None:
         """Answers a call, or puts it where its verb runs; control thread.
@@ -75,7 +117,7 @@ class Calls:
             verbs = verbs_of(providers)
             if call.verb == LIST_VERBS:
                 infos = [item.info().model_dump() for item in verbs.values()]
-                self._send(self._reply(call, payload={"verbs": infos}))
+                self.send(self._reply(call, payload={"verbs": infos}))
                 return
             verb = verbs.get(call.verb)
             if verb is None:
@@ -137,7 +179,7 @@ class Calls:
             reply, error = self.serve(job)
         finally:
             self._beside = ""
-        self._send(reply)
+        self.send(reply)
         if error is not None:
             self._context.fail_with(error)
 
@@ -151,7 +193,7 @@ class Calls:
         return self._reply(call, ok=False, code=code, text=text, allowed=names, moves=moves)
 
     def _refuse(self, call: Call, code: str, text: str, names: tuple[str, ...] = ()) -> None:
-        self._send(self._refusal(call, code, text, names))
+        self.send(self._refusal(call, code, text, names))
 
 
 def _unfit(reply: CallReply) -> str:

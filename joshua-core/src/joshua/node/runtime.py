@@ -8,9 +8,9 @@ import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from joshua.ipc.messages import Call, Failure, Heartbeat, Message, Report, Said, Step, printable
+from joshua.ipc.messages import Call, CallReply, Failure, Heartbeat, Message, Report, Said, Step, printable
 from joshua.ipc.process_attributes import lock_memory, prefer_this_process, set_timer_slack
 from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
@@ -20,6 +20,8 @@ from joshua.node.endpoints import Endpoints
 from joshua.node.errors import Cancelled, InterruptedLifecycleError, NodeError, exit_code_of
 from joshua.node.implementation import load_behaviour
 from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
+from joshua.node.ros_services import offer_services
+from joshua.node.verbs import Caller, verbs_of
 from joshua.plan import ActuatorFacts, CheckResult, JointTrace, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
 
@@ -28,6 +30,9 @@ TOTALS_PERIOD_S = 0.5
 
 #: How long reader threads may take to notice the stop.
 READER_JOIN_S = 1.0
+
+#: How long a verb may take that a ROS 2 service calls.
+SERVICE_TIMEOUT_S = 5.0
 
 #: The default of 50 µs would show in every tick.
 TIMER_SLACK_NS = 1000
@@ -112,6 +117,13 @@ class NodeRuntime:
         self._calls.take(call, self._behaviour.verb_providers(), active=active)
         return True
 
+    def _ask(self, verb: str, payload: dict[str, Any]) -> CallReply:
+        """Call a verb for a ROS 2 node elsewhere."""
+        assert self._behaviour is not None
+        providers, active = self._behaviour.verb_providers(), not self.context.stop_requested
+        caller = Caller("network")
+        return self._calls.ask(verb, payload, SERVICE_TIMEOUT_S, providers, active=active, caller=caller)
+
     def wake(self) -> None:
         """Wakes the node's loop, after the activation was set."""
         self._wake.set()
@@ -155,6 +167,9 @@ class NodeRuntime:
         self._enter("activate")
         self._behaviour.activate()
         self._serves_calls = True  # from the moment on in which the supervisor may pass one on
+        if self._services.transport().carries_services:
+            verbs = verbs_of(self._behaviour.verb_providers()).values()
+            offer_services(handle, self._spec, verbs, self._ask)
         set_timer_slack(TIMER_SLACK_NS)
         if self._controls_a_device():
             text = f"{prefer_this_process() or 'normal'}, {'memory locked' if lock_memory() else ''}"
@@ -212,7 +227,7 @@ class NodeRuntime:
         reply, error = self._calls.serve(job)
         if as_activation and error is None:
             self._enter("active")
-        self._services.send(reply)
+        self._calls.send(reply)
         if error is not None:
             raise error
 

@@ -42,6 +42,7 @@ PRELOADED_TYPES = (
     "rcl_interfaces/msg/Log",
     "rcl_interfaces/msg/ParameterEvent",
     "diagnostic_msgs/msg/DiagnosticArray",
+    "std_srvs/srv/Trigger_Response",
 )
 
 #: Math libraries start threads when loaded, and a process with threads cannot fork safely.

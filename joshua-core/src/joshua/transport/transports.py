@@ -80,8 +80,17 @@ class NodeInfo:
     endpoints: Sequence[EndpointInfo] = field(default_factory=tuple)
 
 
+@dataclass(frozen=True)
+class ServiceInfo:
+    """One service in the graph."""
+
+    node: str
+    name: str
+    type_name: str
+
+
 class Endpoint(ABC):
-    """A publisher or subscription of a node.
+    """A publisher, subscription or service of a node.
 
     Attributes:
         topic: fully qualified name.
@@ -195,6 +204,32 @@ class NodeHandle(ABC):
         require_topic(topic)
         return self._add(lambda: self._make_subscription(topic, full, qos, callback, emit))
 
+    def create_service(self, name: str, type_name: str, serve: Callable[[bytes], bytes]) -> Endpoint:
+        """Offer a service.
+
+        Args:
+            name: fully qualified name, such as ``/arm/stop``.
+            type_name: ROS 2 type, such as ``std_srvs/srv/Trigger``.
+            serve: called with each serialised request, one at a time, on a thread of the node; returns the
+                serialised response.
+
+        Raises:
+            TransportError: the name is invalid, the node is closed, or the transport carries no services.
+            MessageError: the type is unknown.
+        """
+        full = require_type(type_name)
+        require_topic(name)
+        return self._add(lambda: self._make_service(name, full, serve))
+
+    def call_service(self, name: str, type_name: str, request: bytes, timeout_s: float) -> bytes:
+        """Call a service and return its serialised response.
+
+        Raises:
+            TransportError: nobody answers in time, the server refuses, or the transport carries no services.
+            MessageError: the type is unknown.
+        """
+        return self._call(require_topic(name), require_type(type_name), request, timeout_s)
+
     def close(self) -> None:
         """Close the endpoints and leave the graph; idempotent."""
         with self._lock:
@@ -235,6 +270,14 @@ class NodeHandle(ABC):
     ) -> Subscription:
         """Declare a subscription of a valid topic and a known type."""
 
+    def _make_service(self, name: str, type_name: str, serve: Callable[[bytes], bytes]) -> Endpoint:
+        """Offer a service of a valid name and a known type."""
+        raise TransportError(f"the transport {self._transport.settings.kind} carries no services")
+
+    def _call(self, name: str, type_name: str, request: bytes, timeout_s: float) -> bytes:
+        """Call a service of a valid name and a known type."""
+        raise TransportError(f"the transport {self._transport.settings.kind} carries no services")
+
     @abstractmethod
     def _leave(self) -> None:
         """Leave the graph; called once, after the endpoints are closed."""
@@ -258,6 +301,9 @@ class Transport(ABC):
     Open it with ``joshua.transport.open_transport(settings)``, once in a process, after any fork. A class
     that derives from it joins the graph before it calls this constructor.
     """
+
+    #: Whether nodes can offer and call services.
+    carries_services: ClassVar[bool] = False
 
     def __init__(self, settings: TransportSettings) -> None:
         self.settings = settings
@@ -318,6 +364,10 @@ class Transport(ABC):
     @abstractmethod
     def nodes(self) -> list[NodeInfo]:
         """The graph as known at present: every node of the domain, ours and ROS 2's, with its endpoints."""
+
+    def services(self) -> list[ServiceInfo]:
+        """The services in the graph as known at present, sorted by name."""
+        return []
 
     @abstractmethod
     def _make_node(self, name: str, namespace: str) -> NodeHandle:

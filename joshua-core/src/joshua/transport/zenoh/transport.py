@@ -8,20 +8,25 @@ from dataclasses import replace
 from typing import Any
 
 from joshua.messages import dds_type_name, type_hash
+from joshua.messages.typestore import shown_type_name
 from joshua.plan import QosProfile, TransportSettings
+from joshua.transport.delivery import Delivery
 from joshua.transport.transports import (
     Emit,
+    Endpoint,
     NodeHandle,
     NodeInfo,
     Publisher,
     Sample,
+    ServiceInfo,
     Subscription,
     Transport,
     TransportError,
 )
 from joshua.transport.zenoh.graph import Graph
-from joshua.transport.zenoh.keys import NODE, PUBLISHER, SUBSCRIPTION, Entity, data_key
+from joshua.transport.zenoh.keys import CLIENT, NODE, PUBLISHER, SERVICE, SUBSCRIPTION, Entity, data_key
 from joshua.transport.zenoh.publisher import ZenohPublisher
+from joshua.transport.zenoh.services import ZenohService, call
 from joshua.transport.zenoh.settings import (
     close_session,
     open_session,
@@ -32,6 +37,9 @@ from joshua.transport.zenoh.settings import (
 from joshua.transport.zenoh.subscription import ZenohSubscription
 from joshua.transport.zenoh.watch import Watch
 
+#: Requests that wait while a service is busy; further ones displace the oldest.
+_MOST_REQUESTS = 10
+
 
 class ZenohNode(NodeHandle):
     """One node of a session."""
@@ -39,6 +47,7 @@ class ZenohNode(NodeHandle):
     def __init__(self, home: ZenohTransport, entity: Entity) -> None:
         super().__init__(home, entity.name, entity.namespace)
         self.home, self._entity = home, entity
+        self._requests: Delivery | None = None
         self._token: Any = home.session.liveliness().declare_token(entity.token)
 
     def publisher_node(self, publisher_gid: bytes) -> str:
@@ -60,7 +69,19 @@ class ZenohNode(NodeHandle):
         entity, key = self._endpoint(SUBSCRIPTION, topic, type_name, qos)
         return ZenohSubscription(self, entity, key, qos, callback, emit or _ignore)
 
+    def _make_service(self, name: str, type_name: str, serve: Callable[[bytes], bytes]) -> Endpoint:
+        if self._requests is None:
+            self._requests = Delivery(f"joshua-services {self.name}", _MOST_REQUESTS, lambda take: take())
+        entity, key = self._endpoint(SERVICE, name, type_name, QosProfile())
+        return ZenohService(self, entity, key, serve, self._requests)
+
+    def _call(self, name: str, type_name: str, request: bytes, timeout_s: float) -> bytes:
+        entity, key = self._endpoint(CLIENT, name, type_name, QosProfile())
+        return call(self.home.session, entity, key, request, timeout_s)
+
     def _leave(self) -> None:
+        if self._requests is not None:
+            self._requests.close()
         self._token.undeclare()
 
     def _endpoint(self, kind: str, topic: str, type_name: str, qos: QosProfile) -> tuple[Entity, str]:
@@ -79,6 +100,8 @@ class ZenohNode(NodeHandle):
 class ZenohTransport(Transport):
     """A Zenoh session with the graph of its domain. Never open one before a fork."""
 
+    carries_services = True
+
     def __init__(self, settings: TransportSettings) -> None:
         require_certificates(settings)
         try:
@@ -93,6 +116,14 @@ class ZenohTransport(Transport):
     def nodes(self) -> list[NodeInfo]:
         """The graph as known at present."""
         return self.graph.nodes()
+
+    def services(self) -> list[ServiceInfo]:
+        """The services in the graph as known at present, sorted by name."""
+        found = {
+            ServiceInfo(item.full_name, item.topic, shown_type_name(item.type_name))
+            for item in self.graph.entities(SERVICE)
+        }
+        return sorted(found, key=lambda item: (item.name, item.node))
 
     @property
     def connected(self) -> bool:

@@ -1,0 +1,88 @@
+"""Services over Zenoh by the conventions of rmw_zenoh: a server is a queryable, a call a query.
+
+Source: ros2/rmw_zenoh, docs/design.md, «Service Servers» and «Service Clients».
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from joshua.transport.delivery import Delivery
+from joshua.transport.transports import Endpoint, TransportError
+from joshua.transport.zenoh.keys import ATTACHMENT, Entity
+
+if TYPE_CHECKING:
+    from joshua.transport.zenoh.transport import ZenohNode
+
+_log = logging.getLogger("joshua.transport")
+
+
+class ZenohService(Endpoint):
+    """Answers the queries of one service on the thread that its node has for services."""
+
+    def __init__(
+        self,
+        node: ZenohNode,
+        entity: Entity,
+        key: str,
+        serve: Callable[[bytes], bytes],
+        requests: Delivery,
+    ) -> None:
+        super().__init__(node, entity.topic)
+        self._key, self._serve = key, serve
+        session = node.home.session
+        handler: Any = zenoh.handlers.Callback(
+            lambda query: requests.push(lambda: self._answer(query)), indirect=False
+        )
+        self._queryable: Any = session.declare_queryable(key, handler, complete=True)
+        self._token: Any = session.liveliness().declare_token(entity.token)
+
+    def _leave(self) -> None:
+        self._token.undeclare()
+        self._queryable.undeclare()
+
+    def _answer(self, query: Any) -> None:
+        attachment = query.attachment.to_bytes() if query.attachment is not None else b""
+        if self._closed or query.payload is None or len(attachment) != ATTACHMENT.size:
+            query.drop()  # not from a client of ROS 2
+            return
+        sequence, _, length, gid = ATTACHMENT.unpack(attachment)
+        try:
+            response = self._serve(query.payload.to_bytes())
+        except Exception as error:  # noqa: BLE001 - a failing service must not end the others
+            _log.exception("the service %s failed", self.topic)
+            query.reply_err(f"{type(error).__name__}: {error}".encode())
+        else:
+            query.reply(
+                self._key, response, attachment=ATTACHMENT.pack(sequence, time.time_ns(), length, gid)
+            )
+        query.drop()
+
+
+def call(session: zenoh.Session, client: Entity, key: str, request: bytes, timeout_s: float) -> bytes:
+    """Call a service once.
+
+    Raises:
+        TransportError: nobody answers in time, or the server refuses.
+    """
+    replies: Any = session.get(
+        key,
+        target=zenoh.QueryTarget.ALL_COMPLETE,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        timeout=timeout_s,
+        payload=request,
+        attachment=ATTACHMENT.pack(1, time.time_ns(), 16, client.gid),
+    )
+    refusals = []
+    for reply in replies:
+        if reply.ok is not None:
+            return bytes(reply.ok.payload.to_bytes())
+        refusals.append(reply.err.payload.to_string())
+    if refusals and "imeout" not in refusals[0]:
+        raise TransportError(f"the service {client.topic} failed: {refusals[0]}")
+    raise TransportError(f"the service {client.topic} did not answer within {timeout_s:g} s")

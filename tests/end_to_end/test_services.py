@@ -1,0 +1,97 @@
+"""Services of a running robot over Zenoh: parameters and verbs, from the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from joshua.testing.domain import reserved_domain
+from joshua.testing.program import JoshuaProgram
+
+ROBOT = """
+general { mode: MODE_TELEOPERATE name: "bench" id: "bench-001" }
+robot {
+  actions {
+    node { node_name: "arm" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 20 } }
+    action_type: ACTION_LEADER mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+  actions {
+    node { node_name: "copy" node_id: 2
+      subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" } }
+    action_type: ACTION_FOLLOWER mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+}
+"""
+PARAMETERS = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+)
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
+    """Runs ``joshua service`` beside a running robot."""
+    folder = tmp_path_factory.mktemp("services")
+    (folder / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
+    with reserved_domain() as domain_id:
+        joshua = JoshuaProgram(folder, domain_id)
+        place = f'transport {{ kind: TRANSPORT_ZENOH listen_endpoints: "{joshua.router}" }}'
+        (folder / "place.pbtxt").write_text(place, encoding="utf-8")
+        run = joshua.start("--config", "robot.pbtxt")
+        assert run.stdout is not None
+        assert any(" ready after " in line for line in run.stdout)
+        options = ("--config=place.pbtxt", "--wait=30")
+        yield lambda *words: joshua("service", words[0], *options, *words[1:])
+        joshua.close()
+
+
+def test_every_node_offers_its_parameters_and_verbs(service: Callable[..., Any]) -> None:
+    lines = service("list", "-t").stdout.splitlines()
+    for node in ("/arm", "/copy"):
+        for name in PARAMETERS:
+            kind = "".join(part.capitalize() for part in name.split("_"))
+            assert f"{node}/{name} [rcl_interfaces/srv/{kind}]" in lines
+    assert "/copy/resume [std_srvs/srv/Trigger]" in lines
+    assert service("type", "/copy/resume").stdout == "std_srvs/srv/Trigger\n"
+
+
+def test_parameters_are_the_settings_of_the_node_and_fixed(service: Callable[..., Any]) -> None:
+    names = service("call", "/copy/list_parameters").stdout
+    assert "use_sim_time" in names
+    assert "num_motors" in names
+    values = service("call", "/copy/get_parameters", "{names: [num_motors, nonsense]}").stdout
+    assert "integer_value: 2" in values
+    assert "- type: 0" in values, "a parameter that is not there has no type"
+    described = service("call", "/copy/describe_parameters", "{names: [num_motors]}").stdout
+    assert "type: 2" in described
+    assert "read_only: true" in described
+    refused = service("call", "/copy/set_parameters", "{parameters: [{name: num_motors}, {name: nonsense}]}")
+    assert "change it there and restart the run" in refused.stdout
+    assert "no parameter 'nonsense'" in refused.stdout
+    types = service("call", "/copy/get_parameter_types", "{names: [num_motors, use_sim_time]}")
+    assert types.stdout == "types: [2, 1]\n"
+
+
+def test_a_verb_that_gives_torque_is_refused_with_the_reason(service: Callable[..., Any]) -> None:
+    refused = service("call", "/copy/resume")
+    assert refused.returncode == 1
+    assert "success: false" in refused.stdout
+    assert "only the user who runs the robot may call it" in refused.stdout
+
+
+def test_a_service_that_is_not_there_and_a_wrong_request_are_named(service: Callable[..., Any]) -> None:
+    unknown = service("call", "/copi/resume", "--wait", "3")
+    assert (unknown.returncode, unknown.stdout) == (2, "")
+    assert "no node offers the service /copi/resume. Did you mean /copy/resume?" in unknown.stderr
+    wrong = service("call", "/copy/get_parameters", "{name: [a]}")
+    assert wrong.returncode == 2
+    assert "did you mean names?" in wrong.stderr
+    over_dds = service("list", "--transport", "dds")
+    assert over_dds.returncode == 1
+    assert "the transport dds carries no services. Use --transport zenoh" in over_dds.stderr
