@@ -292,7 +292,8 @@ def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(
     refused = joshua("service", "call", "/patrol/march", "--config=place.pbtxt")
     assert refused.returncode == 1
     assert "only the user who runs the robot may call it" in refused.stdout
-    eventually(lambda: "/patrol/point" in joshua("status").stdout, "the rate of its topic")
+    status = ("status", "--format", "json")
+    eventually(lambda: "/patrol/point" in joshua(*status).stdout, "the rate of its topic")
     joshua.stop(run)
     assert run.returncode == 0
 
