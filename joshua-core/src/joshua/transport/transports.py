@@ -90,11 +90,7 @@ class ServiceInfo:
 
 
 class Endpoint(ABC):
-    """A publisher, subscription or service of a node.
-
-    Attributes:
-        topic: fully qualified name.
-    """
+    """A publisher, subscription or service of a node; ``topic`` is its fully qualified name."""
 
     def __init__(self, node: NodeHandle, topic: str) -> None:
         self.topic = topic
@@ -121,11 +117,7 @@ class Publisher(Endpoint):
 
     @abstractmethod
     def publish(self, cdr: Buffer) -> None:
-        """Send one serialised message; never block a control loop for longer than the hand-over.
-
-        Raises:
-            TransportError: the publisher is closed or the middleware refuses the message.
-        """
+        """Send one serialised message. Raises TransportError if closed or refused."""
 
     @property
     @abstractmethod
@@ -250,10 +242,7 @@ class NodeHandle(ABC):
 
     @abstractmethod
     def publisher_node(self, publisher_gid: bytes) -> str:
-        """Full name of the node that owns a publisher anywhere in the graph; "" while it is not known.
-
-        It searches the graph: ask once for each publisher, not for each message.
-        """
+        """Full name of the node that owns a publisher; "" if not known. Searches the whole graph."""
 
     @abstractmethod
     def _make_publisher(self, topic: str, type_name: str, qos: QosProfile, emit: Emit | None) -> Publisher:
