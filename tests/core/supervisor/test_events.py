@@ -31,7 +31,7 @@ from joshua.plan.events import (
     event_record,
 )
 from joshua.supervisor.control_server import STREAM_BACKLOG_BYTES, ControlServer
-from joshua.supervisor.logbook import MAX_STREAMS, EventBus
+from joshua.supervisor.logbook import MAX_STREAMS, Logbook
 from joshua.supervisor.reactor import Reactor
 from joshua.supervisor.run_requests import RunRequests
 from joshua.supervisor.tables import progress_text, status_lines
@@ -67,19 +67,24 @@ def test_progress_is_said_in_the_status() -> None:
     assert line == "running 1 s | /a [episodes 3/10, 0.5/s, 14 s left]"
 
 
-def test_a_display_that_fails_is_cut_off_and_the_others_go_on() -> None:
-    heard: list[Event] = []
-    said: list[str] = []
+def test_a_display_that_fails_is_cut_off_and_the_others_go_on(tmp_path: Path) -> None:
+    heard: list[dict[str, Any]] = []
 
     def broken(event: Event) -> None:
         raise ValueError("no paint")
 
-    bus = EventBus(broken, heard.append)
-    bus.on_cut_off = said.append
-    bus.publish(READY)
-    bus.publish(STATUS)
-    assert heard == [READY, STATUS]
-    assert said == ["the user interface function failed and is disconnected: ValueError: no paint"]
+    reactor = Reactor()
+    logbook = Logbook(reactor, tmp_path / "log.jsonl", broken)
+    client: Any = SimpleNamespace(closed=False, offer=lambda line: heard.append(json.loads(line)))
+    assert logbook.subscribe(client, ["ready", "status", "log"])
+    logbook.publish(READY)
+    logbook.publish(STATUS)
+    logbook.close()
+    reactor.close()
+    traceback, said, *events = heard
+    assert "no paint" in traceback["text"]
+    assert said["text"] == "the user interface broken failed and is disconnected: ValueError: no paint"
+    assert [event_of(record) for record in events] == [READY, STATUS]
 
 
 class Served:
@@ -87,9 +92,8 @@ class Served:
 
     def __init__(self, folder: Path) -> None:
         self.reactor = Reactor()
-        self.bus = EventBus()
-        logbook: Any = SimpleNamespace(events=self.bus)
-        handlers = RunRequests(logbook, self.reactor, (), lambda: STATUS, lambda _: None).handlers()
+        self.bus = Logbook(self.reactor, folder / "log.jsonl")
+        handlers = RunRequests(self.bus, self.reactor, (), lambda: STATUS, lambda _: None).handlers()
         self.path = folder / "control.sock"
         self.server = ControlServer(self.reactor, self.path, handlers)
         self.system = RunningSystem(folder, RunInfo("x", 7, "r.pbtxt", "", 0, ("/a",)))
@@ -121,6 +125,7 @@ class Served:
         self.reactor.post(self._over.set)
         self._thread.join()
         self.server.close()
+        self.bus.close()
         self.reactor.close()
 
 
@@ -196,8 +201,8 @@ def test_what_is_no_event_is_said(served: Served) -> None:
         assert "ready" in answer["allowed"]
 
 
-def test_a_stream_that_nobody_reads_any_more_is_forgotten() -> None:
-    bus = EventBus()
+def test_a_stream_that_nobody_reads_any_more_is_forgotten(tmp_path: Path) -> None:
+    bus = Logbook(Reactor(), tmp_path / "log.jsonl")
     client: Any = SimpleNamespace(closed=True)
     assert bus.subscribe(client)
     bus.publish(READY)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import time
+import traceback
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,29 +25,34 @@ Subscriber = Callable[[Event], None]
 MAX_STREAMS = 8
 
 
-class EventBus:
-    """Publishes events. A subscriber that raises is removed: a display must not stop a robot's nodes.
+class Logbook(logging.Handler):
+    """Publishes events and writes log entries. Those of other threads go through the loop.
 
     Args:
-        subscribers: in this process.
+        reactor: the supervisor's loop.
+        path: of the log file.
+        ui: receives every event. It is removed if it raises: a display must not stop a robot's nodes.
     """
 
-    def __init__(self, *subscribers: Subscriber) -> None:
-        self._subscribers = list(subscribers)
+    def __init__(self, reactor: Reactor, path: Path, ui: Subscriber | None = None) -> None:
+        super().__init__()
+        self.path = path
+        self._reactor = reactor
+        self._ui = ui
         self._streams: list[tuple[Connection, frozenset[str]]] = []
-        self.on_cut_off: Callable[[str], None] = lambda text: None
+        self._file = LogFile(path, lambda text: self._post(logging.WARNING, text))
+        remove_old_logs(path.parent)
 
     def publish(self, event: Event) -> None:
-        """Passes an event to its subscribers."""
-        for subscriber in tuple(self._subscribers):
-            try:
-                subscriber(event)
-            except Exception as error:
-                self._subscribers.remove(subscriber)
-                name = type(subscriber).__name__
-                logging.getLogger("joshua.supervisor").debug("the user interface failed", exc_info=True)
-                reason = f"{type(error).__name__}: {error}"
-                self.on_cut_off(f"the user interface {name} failed and is disconnected: {reason}")
+        """Passes an event to the user interface and to the programs that want it."""
+        try:
+            if self._ui is not None:
+                self._ui(event)
+        except Exception as error:  # noqa: BLE001 (whatever a display raises)
+            name, self._ui = getattr(self._ui, "__name__", type(self._ui).__name__), None
+            self.write(logging.DEBUG, traceback.format_exc().rstrip())
+            reason = f"{type(error).__name__}: {error}"
+            self.write(logging.ERROR, f"the user interface {name} failed and is disconnected: {reason}")
         if self._streams:
             self._streams = [item for item in self._streams if not item[0].closed]
             line = b""
@@ -67,29 +73,6 @@ class EventBus:
         self._streams.append((connection, frozenset(names)))
         return True
 
-
-class Logbook:
-    """Writes entries to the file and publishes them. Entries of other threads go through the loop.
-
-    Args:
-        reactor: the supervisor's loop.
-        events: receives the entries.
-        path: of the log file.
-    """
-
-    def __init__(self, reactor: Reactor, events: EventBus, path: Path) -> None:
-        self.path = path
-        self.events = events
-        events.on_cut_off = lambda text: self.write(logging.ERROR, text)
-        self._reactor = reactor
-        self._file = LogFile(path, lambda text: self._post(logging.WARNING, text))
-        self._handler = _Forwarder(self)
-        remove_old_logs(path.parent)
-
-    def capture(self) -> None:
-        """Adds what modules of this process log, such as the router's."""
-        logging.getLogger("joshua").addHandler(self._handler)
-
     def write(self, level: int, text: str, node: str = "") -> None:
         """Writes a line of the supervisor about a node or about the run."""
         self.add(LogEntry(time.time_ns(), node, level, printable(text), stream="supervisor"))
@@ -97,23 +80,23 @@ class Logbook:
     def add(self, entry: LogEntry) -> None:
         """Writes an entry. Supervisor's thread only."""
         self._file.put(entry.as_json())
-        self.events.publish(entry)
+        self.publish(entry)
+
+    def capture(self) -> None:
+        """Adds what modules of this process log, such as the router's."""
+        logging.getLogger("joshua").addHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Adds a record of any thread."""
+        self._post(record.levelno, self.format(record), record.name)
 
     def close(self) -> None:
         """Writes pending entries and closes the file."""
-        logging.getLogger("joshua").removeHandler(self._handler)
+        logging.getLogger("joshua").removeHandler(self)
         self._file.close()
         self._reactor.run_posted()
+        super().close()
 
     def _post(self, level: int, text: str, logger: str = "") -> None:
         entry = LogEntry(time.time_ns(), "", level, printable(text), logger=logger, stream="supervisor")
         self._reactor.post(lambda: self.add(entry))
-
-
-class _Forwarder(logging.Handler):
-    def __init__(self, logbook: Logbook) -> None:
-        super().__init__()
-        self._logbook = logbook
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._logbook._post(record.levelno, self.format(record), record.name)

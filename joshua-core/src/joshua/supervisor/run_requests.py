@@ -136,7 +136,7 @@ class RunRequests:
         names = request.get("events", [])
         if not isinstance(names, list) or not all(name in EVENT_NAMES for name in names):
             return _error("invalid", f"events is {names!r}; allowed is a list of names", EVENT_NAMES)
-        if not self._logbook.events.subscribe(client, names):
+        if not self._logbook.subscribe(client, names):
             return _error("refused", f"{MAX_STREAMS} programs watch this run already: end one of them")
         if not names or "status" in names:
             client.offer(json.dumps(event_record(self._run_status())).encode() + b"\n")

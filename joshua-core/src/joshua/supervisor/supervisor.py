@@ -10,7 +10,8 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
 from enum import Enum
 from typing import Any
 
@@ -23,7 +24,7 @@ from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import CHECK_PERIOD_S
 from joshua.supervisor.launcher import Launcher
 from joshua.supervisor.log_files import new_log
-from joshua.supervisor.logbook import EventBus, Logbook, Subscriber
+from joshua.supervisor.logbook import Logbook, Subscriber
 from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
 from joshua.supervisor.policies import LEAST_START_S, SupervisorOptions
@@ -83,7 +84,7 @@ class Supervisor:
         self._plan = plan
         self._fork_server = fork_server
         self._options = options or SupervisorOptions()
-        self._events = EventBus(*([ui] if ui else []))
+        self._ui = ui
         self._reactor = Reactor()
         self._processes: list[ManagedProcess] = []
         self._phase = Phase.STARTING
@@ -104,27 +105,26 @@ class Supervisor:
         """Runs the plan to its end and returns the report. Call it once."""
         self._began_s = self._options.began_s or time.monotonic()
         log = new_log(self._options.log_directory, self._plan.robot_id)
-        self._logbook = Logbook(self._reactor, self._events, log)
+        self._logbook = Logbook(self._reactor, log, self._ui)
         self._logbook.capture()
         self._requests = RunRequests(
             self._logbook, self._reactor, self._processes, self.status, self.stop_soon
         )
         signals = StopSignals(self._reactor, self._on_signal)
-        closers: list[Callable[[], None]] = [self._reactor.close, self._logbook.close, signals.close]
-        try:
+        with ExitStack() as stack:
+            stack.callback(self._reactor.close)
+            stack.callback(self._logbook.close)
+            stack.callback(signals.close)
             if self._options.handle_signals:
                 signals.install()
-            if self._open_run_directory(closers):
-                self._start(closers)
+            if self._open_run_directory(stack):
+                self._start(stack)
                 while self._phase is not Phase.ENDED:
                     self._turn()
             report = self._report()
             self._event("stopped", "", report.reason)
-            self._events.publish(report)
+            self._logbook.publish(report)
             return report
-        finally:
-            while closers:
-                closers.pop()()
 
     def _turn(self) -> None:
         """Runs one turn of the loop. An exception in this program stops the nodes cleanly."""
@@ -139,7 +139,7 @@ class Supervisor:
 
     # Start.
 
-    def _open_run_directory(self, closers: list[Callable[[], None]]) -> bool:
+    def _open_run_directory(self, stack: ExitStack) -> bool:
         plan = self._plan
         nodes = [spec.full_name for spec in plan.nodes]
         try:
@@ -158,15 +158,16 @@ class Supervisor:
             self._logbook.write(logging.ERROR, self._reason)
             return False
         self._place = RunPlace(self._reactor, self._logbook, directory, self._requests.handlers())
-        closers.append(self._place.close)
+        stack.callback(self._place.close)
         self._run = directory.facts(self._logbook.path)
         return True
 
-    def _start(self, closers: list[Callable[[], None]]) -> None:
+    def _start(self, stack: ExitStack) -> None:
         plan, options = self._plan, self._options
         launcher = Launcher(self._reactor, self._fork_server, self._on_fork_server_lost)
         self._terminal_guard = TerminalGuard(plan.nodes)
-        closers += [launcher.close, self._terminal_guard.close]
+        stack.callback(launcher.close)
+        stack.callback(self._terminal_guard.close)
         tools = (self._reactor, launcher, self._logbook)
         groups = process_groups(plan.nodes)
         self._processes += [
@@ -182,7 +183,7 @@ class Supervisor:
         for process in self._processes:
             process.run = self._run
             process.spawn()
-        if not self._open_router(closers):
+        if not self._open_router(stack):
             return
         for process in self._processes:
             process.start()
@@ -197,7 +198,7 @@ class Supervisor:
             if not (process.ready if self._activated else process.configured):
                 process.fail_start(max(self._options.duration_s or 0.0, LEAST_START_S))
 
-    def _open_router(self, closers: list[Callable[[], None]]) -> bool:
+    def _open_router(self, stack: ExitStack) -> bool:
         from joshua.plugins.targets import TargetError
         from joshua.transport import TransportError, prepare_transport
 
@@ -210,7 +211,7 @@ class Supervisor:
             self._stop(f"the transport cannot be opened: {type(error).__name__}: {error}", EXIT_FAILED)
             return False
         if self._router is not None:
-            closers.append(self._router.close)
+            stack.callback(self._router.close)
         return True
 
     def _on_change(self, process: ManagedProcess, change: Change) -> None:
@@ -227,13 +228,13 @@ class Supervisor:
         if isinstance(message, ipc.CallReply):
             self._requests.replied(message)
         elif isinstance(message, ipc.Progressed):
-            self._events.publish(message.progress)
+            self._logbook.publish(message.progress)
         elif isinstance(message, ipc.FirstMessage):
             if self._first_message_s is None:
                 self._first_message_s = message.stamp_ns / 1e9 - self._began_s
         elif isinstance(message, ipc.Said):
             if message.kind == "shown":
-                self._events.publish(self.status())
+                self._logbook.publish(self.status())
             elif message.kind == "fault":
                 self._event("fault" if message.text else "resumed", message.node, message.text)
             elif message.kind == "stop-run":
@@ -396,7 +397,7 @@ class Supervisor:
         if self._router is not None:
             notes.append(str(self._router.description))
         table = start_table(self._plan, self._records(), ready_s, notes)
-        self._events.publish(table)
+        self._logbook.publish(table)
         self._logbook.write(logging.DEBUG, f"all nodes ready after {ready_s:.2f} s")
 
     def status(self) -> RunStatus:
@@ -407,7 +408,7 @@ class Supervisor:
     def _show_status(self) -> None:
         if self._phase is not Phase.ENDED:
             self._place.look()
-            self._events.publish(self.status())
+            self._logbook.publish(self.status())
             self._reactor.call_later(self._options.status_period_s, self._show_status)
 
     def _started(self, process: ManagedProcess) -> None:
@@ -424,4 +425,4 @@ class Supervisor:
             self._event(kind or record.state, node, text or record.reason)
 
     def _event(self, kind: str, node: str, text: str) -> None:
-        self._events.publish(RunEvent(kind, node, text, time.time_ns()))
+        self._logbook.publish(RunEvent(kind, node, text, time.time_ns()))
