@@ -8,12 +8,12 @@ from joshua.api.specs import Environment, EnvironmentSpec
 #: As data: naming them imports neither Gymnasium nor MuJoCo.
 ENVIRONMENTS = (
     Environment(
-        "joshua/SoArm100Reach-v0", ("reach", "reach_sparse"), "the grip goes to a place in front of the arm"
+        "joshua/SoArm100Reach-v0", ("reach", "reach_sparse"), "the gripper moves to a goal before the arm"
     ),
     Environment(
         "joshua/SoArm100PickPlace-v0",
         ("pick_place", "pick_place_sparse"),
-        "the cube goes onto the goal, and the jaw lets go",
+        "the arm puts the cube on the goal and releases it",
     ),
     Environment("joshua/Ant-v0", ("forward",), "the ant runs along x"),
 )
