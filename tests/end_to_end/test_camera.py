@@ -82,8 +82,8 @@ def test_a_camera_that_is_unplugged_comes_back_and_fails_the_test(
             camera.fault("unplug", replug_after_s=0.2)
             code, text = watched.end()
     assert code == 1, text
-    assert "connection lost: http://127.0.0.1" in text
-    assert "the connection is back" in text
+    assert "disconnected: http://127.0.0.1" in text
+    assert "reconnected" in text
     assert re.search(r"FAIL  /camera  connection +lost 1 times", text)
 
 

@@ -58,9 +58,7 @@ def test_unknown_names_are_warned_about_once(caplog: pytest.LogCaptureFixture) -
         command = one.joint_state(joint_state(["x", "b"], [9.0, 0.2]))
         assert command is not None
         assert list(command.indices) == [1]
-    assert caplog.messages == [
-        "/command: no joint is named 'x'; the joints are 'a', 'b', 'c'. Those names are ignored"
-    ]
+    assert caplog.messages == ["/command: the unknown joints 'x' are ignored; the joints are 'a', 'b', 'c'"]
     one.joint_state(joint_state(["b", "x"], [0.2, 9.0]))
     assert len(caplog.messages) == 1
     assert one.accepted == 4
@@ -73,10 +71,10 @@ def test_unknown_names_are_warned_about_once(caplog: pytest.LogCaptureFixture) -
         (raw_joint_state(["a"], []), "1 names and 0 positions"),
         (
             raw_joint_state([], []),
-            "it names none of the joints; it names nothing, the joints are 'a', 'b', 'c'",
+            "it names no known joint: it names nothing, the joints are 'a', 'b', 'c'",
         ),
         (raw_joint_state(["a", "a"], [0.1, 0.2]), "a joint is named twice"),
-        (raw_joint_state(["x"], [0.1]), "it names none of the joints; it names 'x'"),
+        (raw_joint_state(["x"], [0.1]), "it names no known joint: it names 'x'"),
         (raw_joint_state(["a", "b"], [0.1, math.nan]), "the position of 'b' is nan"),
         (raw_joint_state(["a"], [math.inf]), "the position of 'a' is inf"),
     ],
@@ -169,7 +167,7 @@ def test_a_trajectory_without_points_means_stop() -> None:
         (trajectory(["a"], (-1.0, [0.0])), "time_from_start is negative"),
         (trajectory(["a", "b"], (1.0, [0.0, 0.0]), (2.0, [0.1])), "2 names and 1 positions in point 1"),
         (trajectory(["a"], (1.0, [0.0]), (2.0, [math.inf])), "the position of 'a' is inf"),
-        (trajectory(["x"], (1.0, [0.0])), "it names none of the joints"),
+        (trajectory(["x"], (1.0, [0.0])), "it names no known joint"),
     ],
 )
 def test_a_bad_trajectory_is_refused(caplog: pytest.LogCaptureFixture, message: Any, reason: str) -> None:

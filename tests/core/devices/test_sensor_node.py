@@ -144,8 +144,8 @@ def test_a_lost_connection_is_opened_again(scripted: Any, caplog: pytest.LogCapt
     end(context, node)
     assert scripted.connections[:5] == ["open", "closed", "open", "closed", "closed"]
     assert caplog.messages == [
-        "connection lost: the cable is gone; trying again until it is back",
-        "the connection is back",
+        "disconnected: the cable is gone; reconnecting",
+        "reconnected",
     ]
     assert ("connection", False, "lost 1 times") in node.test_results()
 
@@ -157,7 +157,7 @@ def test_attempts_go_on_until_the_device_is_back(scripted: Any, caplog: pytest.L
     scripted.script.put((5, 0, 20))
     wait_until(lambda: values(context) == [20])
     end(context, node)
-    assert "not back yet: the port is not there; next attempt in 0.02 s" in caplog.messages
+    assert "still disconnected: the port is not there; next attempt in 0.02 s" in caplog.messages
 
 
 def test_a_device_that_takes_long_to_open_does_not_pass_for_a_hung_reader(
@@ -232,8 +232,8 @@ def test_silence_is_reported_once(
     wait_until(lambda: len(caplog.messages) == 2)
     end(context, node)
     assert caplog.messages == [
-        "the sensor has delivered nothing for 0.05 s: check its cable and power",
-        "the sensor delivers again",
+        "no reading for 0.05 s: check its cable and power",
+        "readings resumed",
     ]
 
 
@@ -352,7 +352,7 @@ def test_diagnostics_tell_a_lost_sensor_from_a_good_one(scripted: Any) -> None:
     scripted.refusals = 10**6
     scripted.script.put(DeviceDisconnected("the cable is gone"))
     wait_until(lambda: diagnosis(context)[0] == 2)
-    assert diagnosis(context)[1] == "connection lost: the cable is gone"
+    assert diagnosis(context)[1] == "disconnected: the cable is gone"
     scripted.refusals = 0
     wait_until(lambda: diagnosis(context)[:2] == (0, "in order"))
     end(context, node)
@@ -361,5 +361,5 @@ def test_diagnostics_tell_a_lost_sensor_from_a_good_one(scripted: Any) -> None:
 def test_diagnostics_tell_a_silent_sensor(scripted: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sensor_node, "SILENCE_S", 0.05)
     context, node = start(scripted_spec())
-    wait_until(lambda: diagnosis(context)[:2] == (3, "delivers nothing: check its cable and power"))
+    wait_until(lambda: diagnosis(context)[:2] == (3, "no readings: check its cable and power"))
     end(context, node)

@@ -156,7 +156,7 @@ def test_nothing_is_published_before_everything_was_observed(
     context.tick("actions", 5)
     assert actions(context) == []
     assert model.seen == []
-    assert caplog.messages == ["waits for a fresh message on /seen"]
+    assert caplog.messages == ["waiting for a message on /seen"]
     see(context, 1)
     play_until(context, 1)
     end(context, node)
@@ -296,7 +296,7 @@ def test_random_noise_runs_as_a_node() -> None:
 def test_a_model_is_unloaded_and_loaded_while_the_node_runs(model: Any) -> None:
     context, node = start(spec())
     play_until(context, 2, seen=1)
-    assert node.unload() == "/policy has no model, and publishes nothing"
+    assert node.unload() == "/policy: the model is unloaded; the node publishes nothing"
     assert (model.calls, context.shown) == (["load", "reset", "close"], "no model")
     silent = len(actions(context))
     for _ in range(20):
@@ -306,10 +306,10 @@ def test_a_model_is_unloaded_and_loaded_while_the_node_runs(model: Any) -> None:
     assert len(actions(context)) == silent
     with pytest.raises(RefusedError, match="/policy has no model: load it first"):
         node.unload()
-    assert node.load() == "/policy has its model, and acts on fresh observations"
+    assert node.load() == "/policy: the model is loaded"
     assert context.shown == ""
     play_until(context, silent + 2, seen=1)
-    with pytest.raises(RefusedError, match="/policy has its model: unload it first"):
+    with pytest.raises(RefusedError, match="/policy has already loaded its model: unload it first"):
         node.load()
     end(context, node)
     rows = {check: (passed, measured) for check, passed, measured in node.test_results()}
@@ -319,8 +319,8 @@ def test_a_model_is_unloaded_and_loaded_while_the_node_runs(model: Any) -> None:
 @pytest.mark.parametrize(
     ("error", "text"),
     [
-        (ModelError("the weights are gone"), "/policy stays without a model: the weights are gone"),
-        (OSError("no such disk"), "/policy stays without a model: OSError: no such disk"),
+        (ModelError("the weights are gone"), "/policy: the model was not loaded: the weights are gone"),
+        (OSError("no such disk"), "/policy: the model was not loaded: OSError: no such disk"),
     ],
 )
 def test_a_model_that_cannot_be_loaded_leaves_the_node_without_one(
@@ -343,7 +343,7 @@ def test_a_model_that_cannot_be_loaded_leaves_the_node_without_one(
     see(context, 1)
     context.tick("actions", 5)
     assert len(actions(context)) == count
-    assert "has its model" in node.load()
+    assert "the model is loaded" in node.load()
     play_until(context, count + 1, seen=1)
     end(context, node)
 

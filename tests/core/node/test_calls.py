@@ -80,7 +80,7 @@ def test_a_stranger_may_ask_but_move_nothing() -> None:
 
 def test_a_node_that_does_not_run_says_so() -> None:
     (reply,) = Node().take("wave", active=False)
-    assert (reply.code, reply.text) == ("not-running", "/arm is starting or stopping just now: try again")
+    assert (reply.code, reply.text) == ("not-running", "/arm is starting or stopping: try again")
 
 
 def test_the_list_is_answered_while_the_loop_is_busy() -> None:

@@ -217,7 +217,5 @@ def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> L
     context.log.info("follows %s: %s", leader.node, pairs)
     unpaired = mapping.unpaired_leader + mapping.unpaired_follower
     if unpaired:
-        context.warn(
-            f"{own_name} and {leader.node} differ in their joints; without partner: {', '.join(unpaired)}"
-        )
+        context.warn(f"{own_name} and {leader.node} have different joints; unpaired: {', '.join(unpaired)}")
     return mapping

@@ -219,7 +219,7 @@ class CommandReader:
         self._warn_unknown([name for name in joints if name not in self._indices and name not in unpaired])
         if not columns:
             raise CommandError(
-                f"it names none of the joints; it names {_list(names)}, the joints are {_list(self._indices)}"
+                f"it names no known joint: it names {_list(names)}, the joints are {_list(self._indices)}"
             )
         return _Route(
             tuple(columns),
@@ -233,7 +233,7 @@ class CommandReader:
         if new and len(self._unknown) < 1000:  # names come from outside: what is remembered is bounded
             self._unknown.update(new)
             self._log.warning(
-                "%s: no joint is named %s; the joints are %s. Those names are ignored",
+                "%s: the unknown joints %s are ignored; the joints are %s",
                 self.topic,
                 _list(new),
                 _list(self._indices),

@@ -154,15 +154,13 @@ class SensorNode(NodeBehaviour):
                 continue
             if reading is not None:
                 if silent:
-                    self.context.log.info("the sensor delivers again")
+                    self.context.log.info("readings resumed")
                 quiet_since, silent, self._trouble = time.monotonic(), False, (DiagnosticStatus.OK, "")
                 self._take(sensor, reading)
             elif not silent and time.monotonic() - quiet_since > SILENCE_S:
                 silent = True
-                self._trouble = (DiagnosticStatus.STALE, "delivers nothing: check its cable and power")
-                self.context.log.warning(
-                    "the sensor has delivered nothing for %g s: check its cable and power", SILENCE_S
-                )
+                self._trouble = (DiagnosticStatus.STALE, "no readings: check its cable and power")
+                self.context.log.warning("no reading for %g s: check its cable and power", SILENCE_S)
 
     def _take(self, sensor: Sensor, reading: Reading) -> None:
         last, self._last = self._last, reading
@@ -187,10 +185,10 @@ class SensorNode(NodeBehaviour):
     def _reconnect(self, sensor: Sensor, reason: DeviceDisconnected) -> None:
         """Closes and opens the device until that works or the node stops; waits longer each time."""
         self._reconnections += 1
-        self._trouble = (DiagnosticStatus.ERROR, f"connection lost: {reason}")
+        self._trouble = (DiagnosticStatus.ERROR, f"disconnected: {reason}")
         self._last = None  # the device may count from 0 again
         wait_s = RECONNECT_FIRST_S
-        self.context.log.warning("connection lost: %s; trying again until it is back", reason)
+        self.context.log.warning("disconnected: %s; reconnecting", reason)
         while not self.context.stopping:
             sensor.disconnect()
             if self._stopped_within(wait_s):
@@ -201,10 +199,10 @@ class SensorNode(NodeBehaviour):
                 return
             except DeviceError as error:
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
-                self.context.log.warning("not back yet: %s; next attempt in %g s", error, wait_s)
+                self.context.log.warning("still disconnected: %s; next attempt in %g s", error, wait_s)
             else:
                 self._trouble = (DiagnosticStatus.OK, "")
-                self.context.log.info("the connection is back")
+                self.context.log.info("reconnected")
                 return
 
     def _connect(self, sensor: Sensor) -> None:

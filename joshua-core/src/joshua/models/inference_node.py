@@ -107,18 +107,18 @@ class InferenceNode(NodeBehaviour):
         """Loads the model, which then acts again."""
         name = self.context.spec.full_name
         if self._model is not None:
-            raise RefusedError(f"{name} has its model: unload it first to load it anew")
+            raise RefusedError(f"{name} has already loaded its model: unload it first")
         try:
             model = self._loaded()
         except Exception as error:  # a plugin's code; the node goes on without a model
             kind = "" if isinstance(error, (NodeError, ModelError)) else f"{type(error).__name__}: "
-            raise RefusedError(f"{name} stays without a model: {kind}{error}") from error
+            raise RefusedError(f"{name}: the model was not loaded: {kind}{error}") from error
         if self.context.stopping:
             model.close()
             raise RefusedError(f"{name} stops")
         self.context.show("")
         self._model = model
-        return f"{name} has its model, and acts on fresh observations"
+        return f"{name}: the model is loaded"
 
     @verb(moves=False, runs="beside")
     def unload(self) -> str:
@@ -131,7 +131,7 @@ class InferenceNode(NodeBehaviour):
             raise RefusedError(f"{name} has no model: load it first")
         model.close()
         self.context.show("no model")
-        return f"{name} has no model, and publishes nothing"
+        return f"{name}: the model is unloaded; the node publishes nothing"
 
     def activate(self) -> None:
         """Starts the model's thread and the timer of the actions."""
@@ -195,9 +195,9 @@ class InferenceNode(NodeBehaviour):
         if missing != self._silent_about:
             self._silent_about = missing
             if missing:
-                self.context.log.warning("waits for a fresh message on %s", ", ".join(missing))
+                self.context.log.warning("waiting for a message on %s", ", ".join(missing))
             else:
-                self.context.log.info("all observations are fresh")
+                self.context.log.info("all observations are up to date")
         if missing:
             time.sleep(0.01)
         return bool(missing)

@@ -125,7 +125,7 @@ class Calls:
                 names = tuple(dict.fromkeys([*near, *verbs]))
                 self._refuse(call, "unknown-verb", f"{self._name} has no verb {call.verb!r}", names)
             elif not active:
-                self._refuse(call, "not-running", f"{self._name} is starting or stopping just now: try again")
+                self._refuse(call, "not-running", f"{self._name} is starting or stopping: try again")
             elif why := allowed(verb, caller):
                 self._refuse(call, "not-allowed", f"{self._name}: {why}")
             else:

@@ -156,7 +156,7 @@ class CountingSubscription:
             self._malformed += 1
             if self._malformed in _LOGGED_COUNTS:
                 self._log.warning(
-                    "%s: message %d that cannot be read is ignored: %s",
+                    "%s: message %d cannot be decoded and is ignored: %s",
                     self.topic.name,
                     self._malformed,
                     error,

@@ -269,7 +269,7 @@ class NodeRuntime:
             self._attempt("deactivate", behaviour.deactivate)
             left = self.context.join_readers(READER_JOIN_S)
             if left:
-                self._log.warning("reader threads that did not notice the stop: %s", ", ".join(left))
+                self._log.warning("threads still running after the stop request: %s", ", ".join(left))
             if self.context.endpoints is not None:
                 self._attempt("ending the subscriptions", self.context.endpoints.close_subscriptions)
             checks, traces = self._test_results(behaviour)
@@ -304,7 +304,7 @@ class NodeRuntime:
             )
             return results, tuple(behaviour.test_traces())
         except Exception as error:  # noqa: BLE001 (the remaining parts must run)
-            self._log.exception("the test results cannot be had")
+            self._log.exception("the test results are not available")
             failed = CheckResult(check="test results", passed=False, measured=_describe(error, self._spec))
             return (failed,), ()
 

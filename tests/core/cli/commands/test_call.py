@@ -51,7 +51,9 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(joshua: Josh
     load = "  load  Loads the model, which then acts again. (local only)\n"
     assert f"/random_noise\n{load}  unload  Frees the model;" in listed.stdout
     unloaded = joshua("call", "random_noise", "unload")
-    assert unloaded.stdout == "/random_noise has no model, and publishes nothing\n", unloaded.stderr
+    assert unloaded.stdout == "/random_noise: the model is unloaded; the node publishes nothing\n", (
+        unloaded.stderr
+    )
     eventually(lambda: not any(rates(joshua).values()))
     again = joshua("call", "random_noise", "unload")
     assert (again.returncode, again.stderr) == (
@@ -59,9 +61,7 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(joshua: Josh
         "joshua call: /random_noise has no model: load it first\n",
     )
     loaded = joshua("call", "/random_noise", "load", "--format", "json")
-    assert json.loads(loaded.stdout) == {
-        "text": "/random_noise has its model, and acts on fresh observations"
-    }
+    assert json.loads(loaded.stdout) == {"text": "/random_noise: the model is loaded"}
     eventually(lambda: any(rates(joshua).values()))
     typo = joshua("call", "random_noise", "laod")
     assert (typo.returncode, typo.stderr) == (
