@@ -46,7 +46,7 @@ def render_text(
     color: bool = False,
     columns: int = _COLUMNS,
 ) -> str:
-    """Renders findings for people, sorted by file and position, with a summary line at the end.
+    """Render findings for people, sorted by file and position, with a summary line at the end.
 
     Args:
         diagnostics: findings in any order.
@@ -67,7 +67,7 @@ def render_text(
 
 
 def summary(diagnostics: Sequence[Diagnostic], sources: Mapping[str, str]) -> str:
-    """Counts findings, as in ``3 errors, 1 warning in robot.pbtxt``."""
+    """Count findings, as in ``3 errors, 1 warning in robot.pbtxt``."""
     counts = Counter(item.severity for item in diagnostics)
     parts = [
         f"{counts[severity]} {severity.value}{'' if counts[severity] == 1 else 's'}"
@@ -85,7 +85,7 @@ def summary(diagnostics: Sequence[Diagnostic], sources: Mapping[str, str]) -> st
 
 
 def in_order(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) -> list[Diagnostic]:
-    """Sorts findings: without a place first, then in the order of ``sources``, then by line and column."""
+    """Sort findings: without a place first, then in the order of ``sources``, then by line and column."""
     rank = {name: index for index, name in enumerate(sources)}
 
     def key(item: Diagnostic) -> tuple[int, str, int, int, int]:
@@ -128,7 +128,7 @@ def _finding(
 
 
 def _headline(item: Diagnostic, paint: Callable[[str, str], str], color: str, columns: int) -> list[str]:
-    """Writes place, severity and message; the place comes first so that terminals and editors link it."""
+    """Write place, severity and message; the place comes first so that terminals and editors link it."""
     place = f"{clean(str(item.position))}: " if item.position is not None else ""
     label = f"{item.severity.value}: "
     text = f"{clean(item.message)} [{item.code}]"
@@ -183,7 +183,7 @@ def _labelled(label: str, text: str, columns: int) -> list[str]:
 
 
 def snippet(line: str, column: int, length: int, columns: int) -> tuple[str, str]:
-    """Returns the visible part of a line and the carets below it.
+    """Return the visible part of a line and the carets below it.
 
     Args:
         line: source line without its end.
@@ -209,7 +209,7 @@ def snippet(line: str, column: int, length: int, columns: int) -> tuple[str, str
 
 
 def _window(cells: list[tuple[str, int]], first: int, last: int, columns: int) -> tuple[int, int, bool, bool]:
-    """Chooses the cells that are shown: all, or a part around the span with room for the elisions."""
+    """Choose the cells that are shown: all, or a part around the span with room for the elisions."""
     if sum(width for _, width in cells) <= columns:
         return 0, len(cells), False, False
     room = columns - 2 * len(_ELISION)
@@ -230,7 +230,7 @@ def _window(cells: list[tuple[str, int]], first: int, last: int, columns: int) -
 
 
 def cell(character: str) -> tuple[str, int]:
-    """Returns what is shown for one character and how many columns it takes.
+    """Return what is shown for one character and how many columns it takes.
 
     Control characters become their visible pictures; surrogates and direction overrides, which can
     break or reorder the output, become the replacement character.
@@ -255,7 +255,7 @@ def cell(character: str) -> tuple[str, int]:
 
 
 def clean(text: str) -> str:
-    """Makes text safe to print on one line."""
+    """Make text safe to print on one line."""
     if text.isascii() and text.isprintable():
         return text
     return "".join(cell(character)[0] for character in text)
@@ -267,7 +267,7 @@ def width(text: str) -> int:
 
 
 def shorten(text: str, limit: int) -> str:
-    """Makes text safe and cuts its middle when it takes more than ``limit`` columns."""
+    """Make text safe and cuts its middle when it takes more than ``limit`` columns."""
     if len(text) > 4 * limit:  # so that a huge string costs nothing
         text = text[: 2 * limit] + text[-2 * limit :]
     shown = clean(text)
@@ -287,7 +287,7 @@ def _prefix(text: str, columns: int) -> str:
 
 
 def render_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str] | None = None) -> str:
-    """Renders findings as a JSON array, sorted by file and position.
+    """Render findings as a JSON array, sorted by file and position.
 
     Each object has ``code``, ``severity`` (``error``, ``warning`` or ``note``), ``message``, ``file``,
     ``line``, ``column``, ``end_line``, ``end_column``, ``field_path``, ``found``, ``allowed`` (list,

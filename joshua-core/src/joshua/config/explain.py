@@ -70,7 +70,7 @@ class Catalogue:
         return {item.name: item for item in fields if item is not None}
 
     def find(self, query: str) -> list[Any]:
-        """Finds what a user's word means.
+        """Find what a user's word means.
 
         Args:
             query: a field path (indices are ignored), its end, a message, a message and a field, an enum,
@@ -91,7 +91,7 @@ class Catalogue:
         )
 
     def suggestions(self, query: str) -> list[str]:
-        """Returns known names that look like a query, the nearest first."""
+        """Return known names that look like a query, the nearest first."""
         word = _INDEX.sub("", query).strip()
         by_step = self._by_step(word) if "." in word else []
         if by_step:
@@ -115,7 +115,7 @@ class Catalogue:
         return [by_leaf[name] for name in dict.fromkeys((*ordered, *alike))][:_MOST_SUGGESTIONS]
 
     def _by_step(self, word: str) -> list[str]:
-        """Follows a path as far as it is right and offers the fields that resemble the first wrong step."""
+        """Follow a path as far as it is right and offer the fields that resemble the first wrong step."""
         known = {place.path for place in self.places}
         steps = word.split(".")
         message = Config.DESCRIPTOR
@@ -144,7 +144,7 @@ class Catalogue:
         return [word] if word in CODES else []
 
     def _of_core_message(self, word: str) -> list[Any]:
-        """Finds ``Publisher.topic_name`` and ``Publisher.qos.depth``."""
+        """Find ``Publisher.topic_name`` and ``Publisher.qos.depth``."""
         name, _, rest = word.partition(".")
         message = self.messages.get(name)
         if message is None or not rest:
@@ -152,7 +152,7 @@ class Catalogue:
         return [place for place in _places(message, name) if place.path == word]
 
     def _of_plugin(self, word: str) -> list[Any]:
-        """Finds the message of a plugin, a field of it, and ``plugin_config.FIELD``."""
+        """Find the message of a plugin, a field of it, and ``plugin_config.FIELD``."""
         if "." not in word and not word[:1].isupper():
             return []  # a bare field name never means something of a plugin
         found: list[Any] = []
@@ -166,7 +166,7 @@ class Catalogue:
         return found
 
     def _ends_with(self, word: str) -> list[Any]:
-        """Finds the fields whose paths end in a word: one place for each message that has such a field."""
+        """Find the fields whose paths end in a word: one place for each message that has such a field."""
         found: dict[str, Place] = {}
         for place in self.places:
             if place.path.endswith(f".{word}"):
@@ -182,7 +182,7 @@ class Catalogue:
 
 
 def _places(message: Any, path: str, around: tuple[str, ...] = ()) -> list[Place]:
-    """Lists the fields of a message and of the blocks in it; a block inside itself is left out."""
+    """List the fields of a message and of the blocks in it; a block inside itself is left out."""
     found: list[Place] = []
     for field in message.fields:
         field_path = f"{path}.{field.name}" if path else field.name
@@ -194,7 +194,7 @@ def _places(message: Any, path: str, around: tuple[str, ...] = ()) -> list[Place
 
 
 def overview(width: int) -> str:
-    """Returns the page of the whole file: its blocks, and how to ask further."""
+    """Return the page of the whole file: its blocks, and how to ask further."""
     lines = ["A configuration file holds these blocks and fields:", ""]
     lines += _children(Config.DESCRIPTOR, width)
     lines += ["", "joshua explain robot.actions          the fields of a block"]
@@ -204,9 +204,9 @@ def overview(width: int) -> str:
 
 
 def explain(found: list[Any], catalogue: Catalogue, width: int) -> str:
-    """Returns the page of what ``Catalogue.find`` found; a list of places where it is more than one."""
+    """Return the page of what ``Catalogue.find`` found; a list of places where it is more than one."""
     if len(found) > 1:
-        lines = ["This name stands for several fields:", ""]
+        lines = ["Several fields have this name:", ""]
         lines += _table([(place.path, first_sentence(comment(place.field))) for place in found], width)
         return "\n".join(lines) + "\n"
     item = found[0]
@@ -228,7 +228,7 @@ def explain(found: list[Any], catalogue: Catalogue, width: int) -> str:
 
 
 def first_sentence(text: str) -> str:
-    """Returns the first sentence of a comment."""
+    """Return the first sentence of a comment."""
     head = text.partition("\n")[0]
     end = head.find(". ")
     return head if end == -1 else head[: end + 1]
@@ -259,7 +259,7 @@ def _field(place: Place, catalogue: Catalogue, width: int) -> list[str]:
 
 
 def facts(field: Any) -> list[tuple[str, str]]:
-    """Returns what the rule of a field says, as labels and texts, for people."""
+    """Return what the rule of a field says, as labels and texts, for people."""
     known = next(item for item in field_facts(field.containing_type) if item.name == field.name)
     found: list[tuple[str, str]] = []
     if known.kind:
@@ -324,7 +324,7 @@ def _value(value: Any, catalogue: Catalogue, width: int) -> list[str]:
 
 
 def _users(places: list[Place], width: int) -> list[str]:
-    """Names the fields of a file that hold a block or an enum."""
+    """Name the fields of a file that hold a block or an enum."""
     paths = [place.path for place in places]
     more = f" and {len(paths) - _MOST_USERS} more" if len(paths) > _MOST_USERS else ""
     return [*_labelled("used by", ", ".join(paths[:_MOST_USERS]) + more, width), ""] if paths else []
@@ -384,7 +384,7 @@ def _labelled(label: str, text: str, width: int) -> list[str]:
 
 
 def _table(rows: list[tuple[str, str]], width: int) -> list[str]:
-    """Prints two columns; a name that is longer than the column gets a line of its own."""
+    """Print two columns; a name that is longer than the column gets a line of its own."""
     column = min(max((len(name) for name, _ in rows), default=0), 32) + 2
     lines: list[str] = []
     for name, text in rows:

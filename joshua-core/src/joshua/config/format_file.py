@@ -37,20 +37,20 @@ class Formatted:
 
 
 def format_file(path: str) -> Formatted:
-    """Formats the text of a file, which stays as it is."""
+    """Format the text of a file without changing the file."""
     problems = Diagnostics()
     data = read_bytes(path, problems, None)
     return Formatted(None, diagnostics=problems.items) if data is None else format_bytes(path, data)
 
 
 def format_bytes(name: str, data: bytes) -> Formatted:
-    """Formats a text; ``name`` stands for it in diagnostics."""
+    """Format a text; diagnostics call it ``name``."""
     problems = Diagnostics()
     return _format(decode_source(name, data, problems, None), problems, data)
 
 
 def replace_file(path: str, text: str) -> None:
-    """Replaces the content of a file in one step, so that no reader ever sees half of it; keeps its mode.
+    """Replace the content of a file in one step, so that no reader ever sees half of it; keeps its mode.
 
     Raises:
         OSError: if the folder or the file cannot be written.

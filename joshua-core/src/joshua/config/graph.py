@@ -16,7 +16,7 @@ DEFAULT_DEPTH = 10
 
 
 def build_graph(config: pb.Config) -> RobotGraph:
-    """Makes the graph of the nodes of a configuration; the services of its mode are added by the planner."""
+    """Make the graph of the nodes of a configuration; the services of its mode are added by the planner."""
     entries = tuple(node_entries(config))
     publishers = [
         _endpoint(entry, f"{entry.path}.publishers[{index}]", block, is_publisher=True)
@@ -44,7 +44,7 @@ def offered_profile(graph: RobotGraph, topic: str) -> QosProfile:
 
 
 def node_entries(config: pb.Config) -> Iterator[NodeEntry]:
-    """Yields every node block of actions, perceptions and models, in the order of the file."""
+    """Yield every node block of actions, perceptions and models, in the order of the file."""
     groups: tuple[tuple[str, Sequence[Any]], ...] = (
         ("robot.actions", config.robot.actions),
         ("robot.perceptions", config.robot.perceptions),
@@ -57,7 +57,7 @@ def node_entries(config: pb.Config) -> Iterator[NodeEntry]:
 
 
 def resolve_topic(name: str, namespace: str, node_name: str) -> str:
-    """Resolves a topic name as ROS 2 does: absolute, relative to the namespace, or private (``~``).
+    """Resolve a topic name as ROS 2 does: absolute, relative to the namespace, or private (``~``).
 
     Args:
         namespace: with a leading slash, "/" for the root.
@@ -71,7 +71,7 @@ def resolve_topic(name: str, namespace: str, node_name: str) -> str:
 
 
 def profile(block: pb.QoSSettings) -> QosProfile:
-    """Turns a ``qos`` block into a profile, defaults filled in."""
+    """Turn a ``qos`` block into a profile, defaults filled in."""
     return QosProfile(
         reliability="BEST_EFFORT" if block.reliability == pb.BEST_EFFORT else "RELIABLE",
         durability="TRANSIENT_LOCAL" if block.durability == pb.TRANSIENT_LOCAL else "VOLATILE",

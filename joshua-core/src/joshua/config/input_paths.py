@@ -17,7 +17,7 @@ _Block = TypeVar("_Block", bound=Message)
 
 
 def with_absolute_paths(block: _Block, block_path: str, positions: Positions, source: str) -> _Block:
-    """Makes the paths of input files and interpreters absolute, for drivers that run in another folder.
+    """Make the paths of input files and interpreters absolute, for drivers that run in another folder.
 
     Args:
         block: a configuration block.

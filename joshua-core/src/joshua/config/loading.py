@@ -85,7 +85,7 @@ def load(
         path, config.general.id
     ),
 ) -> LoadedConfig:
-    """Loads a configuration file; never raises for what stands in it.
+    """Load a configuration file; never raises for what stands in it.
 
     A file without a calibration gets that of its robot, where there is one.
 

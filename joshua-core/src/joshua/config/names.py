@@ -35,7 +35,7 @@ class NameFault(NamedTuple):
 
 
 def topic_fault(name: str) -> NameFault | None:
-    """Finds the first rule that a topic name breaks, as written: absolute, relative or private (``~``)."""
+    """Find the first rule that a topic name breaks, as written: absolute, relative or private (``~``)."""
     if "~" in name:
         at = name.index("~", 1) if "~" in name[1:] else 0
         if at > 0:
@@ -46,7 +46,7 @@ def topic_fault(name: str) -> NameFault | None:
 
 
 def namespace_fault(name: str) -> NameFault | None:
-    """Finds the first rule that a namespace breaks; "/" is the root."""
+    """Find the first rule that a namespace breaks; "/" is the root."""
     if name == "/":
         return None
     if not name.startswith("/"):
@@ -57,7 +57,7 @@ def namespace_fault(name: str) -> NameFault | None:
 
 
 def node_name_fault(name: str) -> NameFault | None:
-    """Finds the first rule that the base name of a node breaks."""
+    """Find the first rule that the base name of a node breaks."""
     if "/" in name:
         suggestion = _cleaned(name.rsplit("/", 1)[1]) or _cleaned(name.replace("/", "_"))
         rule = "A node name may not contain /; the namespace has a field of its own, ros_namespace"
@@ -73,7 +73,7 @@ def node_name_fault(name: str) -> NameFault | None:
 
 
 def frame_fault(name: str) -> NameFault | None:
-    """Finds the first rule that a tf2 frame id breaks."""
+    """Find the first rule that a tf2 frame id breaks."""
     suggestion = re.sub(r"\s+", "_", name.lstrip("/"))
     if name.startswith("/"):
         return NameFault("A frame id may not start with / since tf2", 0, 1, suggestion)
@@ -126,7 +126,7 @@ def _fault(name: str, rule: str, offset: int, length: int) -> NameFault:
 
 
 def _cleaned(name: str) -> str:
-    """Makes a valid name that looks like the given one; "" where nothing valid is left."""
+    """Make a valid name that looks like the given one; "" where nothing valid is left."""
     prefix = "~/" if name.startswith("~") else "/" if name.startswith("/") else ""
     parts = [re.sub(_NOT_WORD, "_", part).strip("_") for part in name.lstrip("~").split("/")]
     parts = [f"n{part}" if part[0].isdigit() else part for part in parts if part]

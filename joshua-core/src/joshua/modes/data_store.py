@@ -16,7 +16,7 @@ _STORE = "ai.data_store"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Asks for the store and for what its operation works on."""
+    """Ask for the store and for what its operation works on."""
     if not context.config.ai.HasField("data_store"):
         what = "the block ai.data_store, which says where episodes are kept"
         remedy = (

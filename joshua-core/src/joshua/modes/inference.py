@@ -22,7 +22,7 @@ _MOST_NAMES = 50
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Follows the road from observations through each model to an actuator."""
+    """Follow the road from observations through each model to an actuator."""
     if not context.graph.models:
         yield lacks(
             context, "mode-lacks-model", "a model that drives the robot", "ai.models", allowed=_model_types()

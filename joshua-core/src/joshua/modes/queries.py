@@ -30,7 +30,7 @@ def mode_name(config: pb.Config) -> str:
 
 
 def lacks(context: Context, code: str, what: str, path: str, **details: object) -> Diagnostic:
-    """Makes the error that the mode needs something which the file does not have."""
+    """Make the error that the mode needs something which the file does not have."""
     return context.error(
         code,
         f"{mode_name(context.config)} needs {what}",
@@ -46,7 +46,7 @@ def mode_position(context: Context) -> Position | None:
 
 
 def unused(context: Context, spec: ModeSpec) -> Iterator[Diagnostic]:
-    """Notes every block of the file that has no effect in its mode: nothing is ignored silently."""
+    """Note every block of the file that has no effect in its mode: nothing is ignored silently."""
     config = context.config
     for path, where in _COUNTS.items():
         owner, _, name = path.rpartition(".")

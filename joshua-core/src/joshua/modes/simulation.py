@@ -21,7 +21,7 @@ _MAPPINGS = "simulation.mirror_topic_mappings"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Asks for the simulation block and what its own mode needs."""
+    """Ask for the simulation block and what its own mode needs."""
     simulation = context.config.simulation
     if not context.config.HasField("simulation"):
         what = "the block simulation, which names the model and how it is shown"

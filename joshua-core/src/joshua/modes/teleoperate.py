@@ -16,12 +16,12 @@ from joshua.plan.graph import Endpoint, NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest_first
 
-# More suggestions than these nobody reads, and more leaders no follower has.
+# More suggestions are not read, and no follower has more leaders.
 _MOST_LEADERS = 50
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Pairs every follower with what drives it."""
+    """Pair every follower with what drives it."""
     sources = leaders(context)
     driven = [entry for entry in context.graph.actuators if not entry.leads]
     followed = {entry.path for entry in driven}

@@ -21,7 +21,7 @@ RAN = "runs to the end"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Asks for at least one device or model."""
+    """Ask for at least one device or model."""
     if not context.graph.entries:
         yield lacks(context, "mode-lacks-device", "at least one device to test", "robot")
     sources = leaders(context)
@@ -30,7 +30,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def verdict(plan: Plan, report: RunReport) -> list[tuple[str, CheckResult]]:
-    """Judges a test run.
+    """Judge a test run.
 
     Returns:
         Pairs of node name and check, in the order of the plan: first whether the node ran to the end,

@@ -14,7 +14,7 @@ from joshua.schema import config_pb2 as pb
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Asks for what the chosen method and environment need."""
+    """Ask for what the chosen method and environment need."""
     ai = context.config.ai
     if not ai.HasField("training"):
         what = "the block ai.training, which says what is trained and how"

@@ -59,14 +59,14 @@ class Simulated:
 def simulate(
     loaded: LoadedConfig, registry: Registry, *, emulated: bool = False, calibrations: str = ""
 ) -> Simulated:
-    """Puts simulated devices in place of the real ones.
+    """Put simulated devices in place of the real ones.
 
     Args:
         emulated: devices are emulated, and the simulation only moves their joints and draws their pictures.
         calibrations: file of the simulated arms' calibrations; "" for none.
 
     Raises:
-        SimAdapterError: no simulator is installed, or it cannot stand for a device.
+        SimAdapterError: no simulator is installed, or it cannot replace a device.
     """
     spec = registry.find(SimulatorSpec, "simulation", "OFFSCREEN")
     if spec is None or not spec.sim_adapter:
@@ -117,7 +117,7 @@ def _copy(loaded: LoadedConfig) -> LoadedConfig:
 
 
 def _fits(registry: Registry, want: Wanted, *, emulated: bool) -> bool:
-    """Whether the simulation can stand for a device, or move and show it where it is emulated."""
+    """Whether the simulation can replace a device, or move and show it where it is emulated."""
     if not (want.kind is ActuatorSpec or _is_camera(want)):
         return False
     if not emulated:
@@ -164,7 +164,7 @@ def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[s
 
 
 def take_calibrations(loaded: LoadedConfig, names: Iterable[str], path: str) -> None:
-    """Puts the calibrations of simulated arms in place of those of the real ones, which are not theirs.
+    """Put the calibrations of simulated arms in place of those of the real ones, which are not theirs.
 
     An arm that the file itself describes as simulated keeps its own where the file has none for it.
 
@@ -240,7 +240,7 @@ def unstarted_emulators(loaded: LoadedConfig, registry: Registry) -> list[Device
 def emulate(
     loaded: LoadedConfig, emulators: Iterable[DeviceEmulator], *, started: bool = True
 ) -> LoadedConfig:
-    """Puts the endpoints of emulators, and the calibrations that they bring, in place of the devices'.
+    """Put the endpoints of emulators, and the calibrations that they bring, in place of the devices'.
 
     Args:
         started: whether the emulators run; those that do not only say that the device is emulated.

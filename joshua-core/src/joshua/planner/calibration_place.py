@@ -22,7 +22,7 @@ class FileRefused(Exception):
 
 
 def calibration_place(state_home: str | os.PathLike[str], *, emulate: bool, simulate: bool = False) -> Place:
-    """The rule that names the calibration file: beside the configuration, or with the arms that stand in.
+    """The rule that names the calibration file: beside the configuration, or with emulated or simulated arms.
 
     Args:
         state_home: folder of what this user's programs keep.

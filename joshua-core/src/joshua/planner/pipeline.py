@@ -41,7 +41,7 @@ class Checked:
 
     Attributes:
         loaded: with simulated devices where ``--sim`` asks for them.
-        simulated: what the simulation stands for; None where it was not asked for or is refused.
+        simulated: what the simulation replaces; None where it was not asked for or is refused.
     """
 
     request: Request

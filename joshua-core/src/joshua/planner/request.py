@@ -30,8 +30,8 @@ class Request:
         duration_s: length of the run; None leaves it to the mode.
         allow_uncalibrated: energise actuators that have no calibration.
         dry_run: do everything with torque off.
-        emulate: emulators stand for the devices, with calibrations of their own.
-        simulate: the simulation stands for actuators and cameras, likewise; with ``emulate`` it moves the
+        emulate: emulators replace the devices, with calibrations of their own.
+        simulate: the simulation replaces actuators and cameras, likewise; with ``emulate`` it moves the
             joints of emulated ones.
         state_home: folder of what this user's programs keep, where the calibrations of stand-ins are.
         physics_socket: where the simulation answers emulated buses; "" where none is coupled.

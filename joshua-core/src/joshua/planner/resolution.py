@@ -54,7 +54,7 @@ class Wanted:
 
 
 def wanted_nodes(graph: RobotGraph, *, devices: bool, models: bool) -> list[Wanted]:
-    """Lists the nodes that a mode starts, in the order of the file; a replay takes the place of leaders."""
+    """List the nodes that a mode starts, in the order of the file; a replay takes the place of leaders."""
     return [
         _wanted(entry)
         for entry in graph.entries
@@ -86,7 +86,7 @@ def _wanted(entry: NodeEntry) -> Wanted:
 
 
 def unpack(block: Any) -> tuple[str, Any]:
-    """Opens an ``Any`` block: full message name, and the message or None where its type is unknown."""
+    """Open an ``Any`` block: full message name, and the message or None where its type is unknown."""
     return block.type_url.rpartition("/")[2], unpacked(block)
 
 

@@ -33,7 +33,7 @@ _FAMILIES: dict[str, Callable[[Context], bool]] = {
 
 
 def check(loaded: LoadedConfig, without: Collection[str] = ()) -> list[Diagnostic]:
-    """Checks a loaded configuration against every rule that needs no device, plugin or other file.
+    """Check a loaded configuration against every rule that needs no device, plugin or other file.
 
     Args:
         loaded: what ``joshua.config.load`` returned, be it complete or not.
@@ -54,7 +54,7 @@ def check(loaded: LoadedConfig, without: Collection[str] = ()) -> list[Diagnosti
 
 
 def settle(findings: Iterator[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:
-    """Bounds the findings of a family of checks, and leaves out those that read what is not known.
+    """Bound the findings of a family of checks, and leaves out those that read what is not known.
 
     Args:
         findings: as the checks yield them; loaded: what was checked.
@@ -70,7 +70,7 @@ def settle(findings: Iterator[Diagnostic], loaded: LoadedConfig) -> list[Diagnos
 
 
 def at_most(findings: Iterator[Diagnostic], most: int = MAX_PROBLEMS) -> list[Diagnostic]:
-    """Takes so many findings as a person may read, and says so where there are more."""
+    """Take as many findings as a person may read, and say so if there are more."""
     taken = list(islice(findings, most))
     if next(findings, None) is not None:
         taken.append(

@@ -13,7 +13,7 @@ from joshua.textproto.nearest import nearest_first
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Compares each calibration with the actuator that it names."""
+    """Compare each calibration with the actuator that it names."""
     actuators = {entry.node.node_name: entry for entry in context.graph.entries if entry.is_actuator}
     first: dict[str, str] = {}
     for index, arm in enumerate(context.config.calibration.arms):

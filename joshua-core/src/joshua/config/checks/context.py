@@ -44,7 +44,7 @@ class Block(NamedTuple):
 
 
 def all_blocks(config: Message) -> list[Block]:
-    """Lists the configuration and every block inside it, outer blocks first, in the order of the schema."""
+    """List the configuration and every block inside it, outer blocks first, in the order of the schema."""
     found: list[Block] = []
     waiting = [Block("", config, field_facts(config.DESCRIPTOR))]
     while waiting:
@@ -72,7 +72,7 @@ def _inner(block: Block) -> Iterator[Block]:
 
 
 def unpacked(block: Any) -> Message | None:
-    """Returns the message inside an ``Any`` block, or None when its type is not registered."""
+    """Return the message inside an ``Any`` block, or None when its type is not registered."""
     from google.protobuf import descriptor_pool, message_factory
 
     name = block.type_url.rpartition("/")[2]

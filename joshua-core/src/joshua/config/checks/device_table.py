@@ -29,7 +29,7 @@ class Messages(NamedTuple):
     """DataType numbers that a device can publish and can listen to; None: any."""
 
     publishes: tuple[int, ...] | None
-    hears: tuple[int, ...] | None
+    takes: tuple[int, ...] | None
 
 
 _ANY = Messages(None, None)
@@ -136,7 +136,7 @@ def messages_of(owner: Any) -> Messages:
 def _stated(rule: options_pb2.BlockRule, otherwise: Messages) -> Messages:
     return Messages(
         tuple(map(types.DataType.Value, rule.publishes)) or otherwise.publishes,
-        tuple(map(types.DataType.Value, rule.takes)) or otherwise.hears,
+        tuple(map(types.DataType.Value, rule.takes)) or otherwise.takes,
     )
 
 

@@ -68,7 +68,7 @@ def _data_types(context: Context, block: Block) -> tuple[str, ...]:
     if item is None:
         return ()
     messages = messages_of(item.entry.owner)
-    return tuple(map(type_text, (messages.publishes if item.is_publisher else messages.hears) or ()))
+    return tuple(map(type_text, (messages.publishes if item.is_publisher else messages.takes) or ()))
 
 
 def _sample(context: Context, block: Block, facts: FieldFacts) -> str:

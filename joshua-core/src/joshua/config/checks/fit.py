@@ -18,7 +18,7 @@ from joshua.textproto.field_facts import FieldFacts, field_facts
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Finds devices, models, stores and trainers whose type and settings do not fit."""
+    """Find devices, models, stores and trainers whose type and settings do not fit."""
     for entry in context.graph.entries:
         if isinstance(entry.owner, pb.SingleModel):
             yield from _model(context, entry)

@@ -11,7 +11,7 @@ from joshua.plan.graph import NodeEntry
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Finds ids and names that two nodes share, and process groups that cannot be one process."""
+    """Find ids and names that two nodes share, and process groups that cannot be one process."""
     yield from _ids(context)
     yield from _names(context)
     yield from _arms(context)

@@ -34,7 +34,7 @@ _UUID = r"[0-9A-Fa-f]{8}-([0-9A-Fa-f]{4}-){3}[0-9A-Fa-f]{12}"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Holds every name against the rules of what it names."""
+    """Hold every name against the rules of what it names."""
     for block in context.blocks:
         for facts in block.facts:
             if not facts.is_string:

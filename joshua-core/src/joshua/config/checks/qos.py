@@ -19,7 +19,7 @@ _MOST_PROFILES = 20
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Compares what the publishers of each topic offer with what its subscriptions request."""
+    """Compare what the publishers of each topic offer with what its subscriptions request."""
     for group in context.graph.by_topic.values():
         publishers = _different(item for item in group if item.is_publisher)
         for item in group:

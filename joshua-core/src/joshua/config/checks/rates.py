@@ -138,7 +138,7 @@ class BusCycle(NamedTuple):
 
 
 def bus_cycle(protocol: BusRule, servos: int, baudrate: int, *, commanded: bool) -> BusCycle:
-    """Computes the shortest cycle of a servo bus: read the state and, if commanded, write the goals.
+    """Compute the shortest cycle of a servo bus: read the state and, if commanded, write the goals.
 
     Args:
         servos: servos on the bus, at least 1; baudrate: above zero, bit/s.

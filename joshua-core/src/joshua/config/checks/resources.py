@@ -25,7 +25,7 @@ class _Kind(NamedTuple):
 _EXCLUSIVE: dict[int, _Kind] = {
     rules.KIND_SERIAL_PORT: _Kind(
         "serial-port-shared",
-        "{a} and {b} use the same serial port; one node opens a port for itself alone",
+        "{a} and {b} use the same serial port; only one node can open a serial port",
         "Give each device the port of its own adapter; `joshua find-port` lists them",
     ),
     rules.KIND_BLE_DEVICE: _Kind(
@@ -35,7 +35,7 @@ _EXCLUSIVE: dict[int, _Kind] = {
     ),
     rules.KIND_CAMERA_INDEX: _Kind(
         "camera-shared",
-        "{a} and {b} use the same camera; one node opens a camera for itself alone",
+        "{a} and {b} use the same camera; only one node can open a camera",
         "Give each camera its own device_id or source; `joshua find-cameras` lists them",
     ),
 }
@@ -47,7 +47,7 @@ class _Use(NamedTuple):
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Finds devices that two nodes of one machine would open, and ids that two motors of a bus share."""
+    """Find devices that two nodes of one machine would open, and ids that two motors of a bus share."""
     yield from _devices(context)
     for block in context.blocks:
         yield from _motor_ids(context, block)
@@ -147,7 +147,7 @@ def _duplicates(context: Context, places: list[tuple[str, int]]) -> Iterator[Dia
             continue
         yield context.error(
             "duplicate-motor-id",
-            f"Motor id {value} stands twice on one bus, where each motor answers to an id of its own",
+            f"Motor id {value} appears twice on one bus; each motor must have its own id",
             path,
             allowed=(f"{free} (the smallest free id)",) if free is not None else (),
             related=context.see(other, "first use of this id"),

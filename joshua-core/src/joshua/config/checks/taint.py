@@ -159,7 +159,7 @@ def _one_for_a_wrong_block(known: Sequence[Diagnostic], positions: Positions) ->
 
 
 def untainted(findings: Iterable[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:
-    """Drops the findings of checks that read what is not known."""
+    """Drop the findings of checks that read what is not known."""
     errors = [item for item in loaded.diagnostics if item.severity is Severity.ERROR]
     topics = not loaded.graph.all_published
     if not errors and not topics:

@@ -138,7 +138,7 @@ def _unpublished(context: Context) -> Iterator[Diagnostic]:
 
 
 def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
-    """Warns of a subscription to a topic that no node publishes, unless the file says that others do."""
+    """Warn of a subscription to a topic that no node publishes, unless the file says that others do."""
     if item.block.external:
         return
     path = f"{item.path}.topic_name"
@@ -147,7 +147,7 @@ def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     if written != item.topic:
         found += f", which is {item.topic} in full"
     number = item.block.data_type
-    # A node's own topics are no help, and so many as these nobody reads.
+    # A node's own topics are no help; more names than these are not read.
     own = {endpoint.topic for endpoint in context.graph.of_entry(item.entry)}
     others = [name for name in islice(context.graph.published_by_nodes, _MOST_NAMES) if name not in own]
     similar = nearest(item.topic, others)
@@ -169,7 +169,7 @@ def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
 
 
 def _feedback(context: Context) -> Iterator[Diagnostic]:
-    """A node that hears itself: for an actuator a command loop."""
+    """A node that subscribes to its own topic: for an actuator a command loop."""
     own = {(item.entry.path, item.topic): item for item in context.graph.usable if item.is_publisher}
     for item in context.graph.usable:
         publisher = own.get((item.entry.path, item.topic))
@@ -192,7 +192,7 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
 def unfit_for(item: Endpoint) -> tuple[int, ...] | None:
     """The types that the device of an endpoint takes, where its own is not among them; None where it fits."""
     messages = messages_of(item.entry.owner)
-    allowed = messages.publishes if item.is_publisher else messages.hears
+    allowed = messages.publishes if item.is_publisher else messages.takes
     fits = not item.block.data_type or allowed is None or item.block.data_type in allowed
     return None if fits else allowed
 
@@ -209,7 +209,7 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     if not allowed:
         yield context.error(
             "subscription-unfit",
-            f"{device} listens to no topic, so this subscription would have no effect",
+            f"{device} takes no input, so this subscription has no effect",
             item.path,
             found=f"subscription to {item.topic} as {type_text(number)}",
         )
@@ -230,6 +230,6 @@ def _silent_sensors(context: Context) -> Iterator[Diagnostic]:
             messages = messages_of(entry.owner).publishes or (types.JOINT_STATE,)
             rate = number_text(frame_rate(entry.owner)[1] or 30)
             sample = f'data_type: {type_text(messages[0])} topic_name: "/{title(entry)}"'
-            message = f"{title(entry)} publishes no topic, so nobody gets what it measures"
+            message = f"{title(entry)} publishes no topic, so its readings are lost"
             remedy = f"Add publishers {{ {sample} publish_rate_hz: {rate} }}"
             yield context.warning("sensor-unpublished", message, entry.path, remedy=remedy)

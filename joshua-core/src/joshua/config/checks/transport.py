@@ -165,7 +165,7 @@ class EndpointText(NamedTuple):
 
 
 def parse_endpoint(text: str) -> EndpointText:
-    """Takes a Zenoh endpoint such as ``tls/0.0.0.0:7447`` or ``tcp/[::1]:7447`` apart."""
+    """Take a Zenoh endpoint such as ``tls/0.0.0.0:7447`` or ``tcp/[::1]:7447`` apart."""
     protocol, slash, rest = text.partition("/")
     rest = rest.partition("?")[0].partition("#")[0]
     if not slash:
