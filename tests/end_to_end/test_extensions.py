@@ -45,7 +45,7 @@ SPEC = ModeSpec("patrol", check, services=(PATROL,))
 from dataclasses import dataclass
 
 from joshua.api import verb
-from joshua.api import NodeBehaviour
+from joshua.api.nodes import NodeBehaviour
 from joshua.messages import message_class
 
 

@@ -176,7 +176,7 @@ def test_without_mujoco_4_they_run_one_after_the_other(monkeypatch: pytest.Monke
 
 
 TRAINER = """
-from joshua.node.behaviour import NodeBehaviour
+from joshua import api
 from joshua.plugins import TrainerSpec, hookimpl
 
 
@@ -191,7 +191,7 @@ def joshua_specs():
     ]
 
 
-class Trainer(NodeBehaviour):
+class Trainer(api.Trainer):
     def configure(self):
         from joshua.plugins.targets import make_environment
 

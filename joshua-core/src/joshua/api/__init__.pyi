@@ -32,7 +32,9 @@ from joshua.models.model import JointSpace as JointSpace
 from joshua.models.model import Observation as Observation
 
 # Services and verbs
-from joshua.node.behaviour import NodeBehaviour as NodeBehaviour
+from joshua.node.behaviour import Simulator as Simulator
+from joshua.node.behaviour import Store as Store
+from joshua.node.behaviour import Trainer as Trainer
 from joshua.node.context import NodeContext as NodeContext
 from joshua.node.verbs import verb as verb
 from joshua.node.verbs import RefusedError as RefusedError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from joshua.node.context import NodeContext
-from joshua.plan import JointTrace
+from joshua.plan import JointTrace, ServiceFacts
 
 
 class NodeBehaviour(ABC):
@@ -50,3 +50,27 @@ class NodeBehaviour(ABC):
     def test_traces(self) -> list[JointTrace]:
         """How each joint moved during MODE_TEST, for the pictures; called after ``test_results``."""
         return []
+
+
+class Service(NodeBehaviour):
+    """A node that works for the whole robot; its topics are those that the mode plans for it.
+
+    Attributes:
+        facts: what the plan tells it of the robot.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self.facts = context.spec.facts_as(ServiceFacts)
+
+
+class Store(Service):
+    """Records, replays or uploads data sets."""
+
+
+class Trainer(Service):
+    """Trains or evaluates a policy, and ends the run when that is done."""
+
+
+class Simulator(Service):
+    """Stands for devices with the physics of a model."""

@@ -153,7 +153,7 @@ class StoreSpec(PluginSpec):
     """A data store: ``implementation`` is the behaviour of its node."""
 
     kind: ClassVar[str] = "store"
-    base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
+    base: ClassVar[str] = "joshua.node.behaviour:Store"
 
 
 class EpisodeWriterSpec(PluginSpec):
@@ -167,7 +167,7 @@ class TrainerSpec(PluginSpec):
     """A trainer: ``implementation`` is the behaviour of its node."""
 
     kind: ClassVar[str] = "trainer"
-    base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
+    base: ClassVar[str] = "joshua.node.behaviour:Trainer"
 
 
 class SimulatorSpec(PluginSpec):
@@ -181,7 +181,7 @@ class SimulatorSpec(PluginSpec):
     """
 
     kind: ClassVar[str] = "simulator"
-    base: ClassVar[str] = "joshua.node.behaviour:NodeBehaviour"
+    base: ClassVar[str] = "joshua.node.behaviour:Simulator"
 
     sim_adapter: str = ""
     packaged_files: str = ""

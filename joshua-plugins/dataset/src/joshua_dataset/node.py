@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.api import DeviceError, NodeBehaviour, NodeContext
-from joshua.api.nodes import ServiceFacts
+from joshua.api import DeviceError, NodeContext, Store
 from joshua.features import EpisodeError
 
 from joshua_dataset.recorder import Recorder
@@ -11,14 +10,14 @@ from joshua_dataset.replayer import Replayer
 from joshua_dataset.settings import StoreSettings
 
 
-class DataStore(NodeBehaviour):
+class DataStore(Store):
     """Behaviour of the node ``/data_store``."""
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
         self._settings = StoreSettings.model_validate(context.spec.settings)
         kind = Replayer if self._settings.operation == "replay" else Recorder
-        self._work = kind(context, self._settings, context.spec.facts_as(ServiceFacts))
+        self._work = kind(context, self._settings, self.facts)
 
     def verb_providers(self) -> tuple[object, ...]:
         """See ``NodeBehaviour``."""

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.api import DeviceError, NodeBehaviour, NodeContext
-from joshua.api.nodes import MessagePublisher, ServiceFacts, TopicSpec
+from joshua.api import DeviceError, NodeContext, Simulator
+from joshua.api.nodes import MessagePublisher, TopicSpec
 from joshua.features import EpisodeError
 from joshua.messages.make import joint_state
 from joshua.tools import TargetError
@@ -39,7 +39,7 @@ WATCH_PERIOD_S = 0.5
 REPLAY_PERIOD_S = 1 / 60
 
 
-class SimulatorNode(NodeBehaviour):
+class SimulatorNode(Simulator):
     """Runs the physics of a file for as long as the node lives.
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window
@@ -80,7 +80,7 @@ class SimulatorNode(NodeBehaviour):
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
         self._clock = ClockPublisher(world, self.context, publishes=settings.mode != "MIRROR")
-        if path := spec.facts_as(ServiceFacts).physics_socket:
+        if path := self.facts.physics_socket:
             self._coupling = CouplingServer(world, Path(path), self.context.log)
         try:
             self._files = [RenderFile(world, render) for render in settings.renders]

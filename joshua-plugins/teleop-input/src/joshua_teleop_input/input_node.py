@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from joshua.api import DeviceError, DiagnosticStatus, NodeBehaviour, NodeContext
-from joshua.api.nodes import DiagnosticsPublisher, MessagePublisher, SensorFacts
+from joshua.api import DeviceError, DiagnosticStatus, NodeContext
+from joshua.api.nodes import DiagnosticsPublisher, MessagePublisher, NodeBehaviour, SensorFacts
 from joshua.messages.make import joint_state
 from joshua.tools import nearest_first
 
