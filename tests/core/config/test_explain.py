@@ -69,7 +69,7 @@ def test_a_field_is_explained_in_full() -> None:
         ("PERCEPTION_GAMEPAD", ["number 101 (extension)"]),
         ("calibration.arms", ["field 1 (extension)"]),
         ("unknown-field", [f"cause     {CODES['unknown-field'].cause}", "do        "]),
-        ("topic_name", ["several fields", "publishers.topic_name", "subscriptions.topic_name"]),
+        ("topic_name", ["Several fields", "publishers.topic_name", "subscriptions.topic_name"]),
         ("robot.actions.plugin_config", ["block of a plugin", "No plugin that is installed"]),
     ],
 )  # fmt: skip
