@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,26 +42,6 @@ class Unit(str, Enum):
     LEROBOT_DEGREES = "lerobot_deg"
     """LeRobot's ``use_degrees``: about the middle of the calibrated range, in the motor's direction;
     grippers 0 to 100."""
-
-
-class CalibratedMotor(Protocol):
-    """What is used of a motor's calibration."""
-
-    @property
-    def joint_name(self) -> str:
-        """Name of the joint that it moves."""
-
-    @property
-    def range_min(self) -> int:
-        """Lower end of the range, ticks."""
-
-    @property
-    def range_max(self) -> int:
-        """Upper end of the range, ticks."""
-
-    @property
-    def inverted(self) -> bool:
-        """Whether it counts against the joint's positive direction."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +93,7 @@ class JointUnits:
     @classmethod
     def from_calibration(
         cls,
-        motors: Iterable[CalibratedMotor],
+        motors: Iterable[Any],
         *,
         ticks_per_turn: int = TICKS_PER_TURN,
         zero_ticks: float | None = None,
@@ -121,7 +101,8 @@ class JointUnits:
         """Units of a calibrated arm.
 
         Args:
-            motors: of the calibration, in joint order; the range is in ticks, homing offset applied.
+            motors: in joint order, each with ``joint_name``, ``range_min``, ``range_max`` (ticks, homing
+                offset applied) and ``inverted``: ``MotorCalibration`` or the message of that name.
             ticks_per_turn: of the encoders; zero_ticks: zero radians, None for the middle of a turn.
         """
         zero = ticks_per_turn / 2 if zero_ticks is None else zero_ticks

@@ -90,7 +90,10 @@ class InferenceNode(NodeBehaviour):
                     f"{spec.full_name} cannot observe {topic.type_name} on {topic.name}: it holds no numbers"
                 )
             if topic.type_name == COMPRESSED_IMAGE:
-                _require_decoder(spec.full_name)
+                try:
+                    load_decoder()
+                except MessageError as error:
+                    raise ModelError(f"{spec.full_name}: {error}") from error
         self._model = self._loaded()
         self._outputs = Outputs(map(self.context.publisher, spec.publishers), self._rate_hz)
         self._received = [
@@ -234,13 +237,6 @@ class InferenceNode(NodeBehaviour):
         now_ns = self.context.now_ns()
         message = joint_state(self._joints.names, action, frame_id=self.context.spec.frame_id, at_ns=now_ns)
         self._outputs.publish(now_ns, lambda _: message)
-
-
-def _require_decoder(node: str) -> None:
-    try:
-        load_decoder()
-    except MessageError as error:
-        raise ModelError(f"{node}: {error}") from error
 
 
 def joint_space(joints: Sequence[JointRange]) -> JointSpace:

@@ -44,7 +44,7 @@ class Commander:
     Attributes:
         node: its full name; topic: on which it publishes.
         joints: of a leader arm, whose positions are mapped; None for a node that sends radians.
-        override: it takes over from the others while a person drives with it.
+        override: it takes control from the others, until it is released.
     """
 
     node: str
