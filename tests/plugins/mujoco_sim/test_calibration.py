@@ -118,9 +118,7 @@ def test_what_does_not_fit_the_model_is_said() -> None:
 def test_a_calibration_of_a_real_arm_is_refused() -> None:
     motor = MotorCalibration(id=1, joint_name="pan", range_min=700, range_max=3300)
     facts = calibration(motor, identity="usb:ARM1")
-    with pytest.raises(
-        ValidationError, match="the calibration is that of usb:ARM1, and this arm is simulated"
-    ):
+    with pytest.raises(ValidationError, match="the calibration is for usb:ARM1, but this arm is simulated"):
         settings(facts, "shoulder_pan")
 
 

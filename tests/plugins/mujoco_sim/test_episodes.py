@@ -214,7 +214,7 @@ def test_divergence_in_the_last_frame_is_not_kept(tmp_path: Path) -> None:
 
 def test_cameras_whose_names_become_one_are_refused() -> None:
     with pytest.raises(
-        FieldError, match=r"a/b and a_b would both be kept as observation\.images\.a_b"
+        FieldError, match=r"a/b and a_b would both be stored as observation\.images\.a_b"
     ) as caught:
         check_picture_keys(["top", "a/b", "a_b"])
     assert caught.value.field == "generate.cameras[2]"
@@ -255,20 +255,20 @@ def test_recording_of_a_wheel_is_refused(tmp_path: Path) -> None:
         (
             {"generate": 'count: 1 fps: 20 duration_s: 1 cameras: ["top", "front", "top"]'},
             "generate.cameras[2]",
-            "top stands twice",
+            "top is listed twice",
         ),
         (
             {"generate": "count: 1 fps: 1000 duration_s: 1"},
             "generate.fps",
-            "the model makes 500 steps a second",
+            "the model makes 500 steps per second",
         ),
-        ({"generate": "count: 1 fps: 20"}, "generate", "the length of an episode is not known"),
+        ({"generate": "count: 1 fps: 20"}, "generate", "the length of an episode is not defined"),
         (
             {"generate": 'count: 1 fps: 20 duration_s: 1 cameras: ["top"] width: 33'},
             "generate.width",
             "a video needs an even width and height, and width is 33",
         ),
-        ({"simulation": "variation { light: 0.1 }"}, "variation", "has an effect only with a seed"),
+        ({"simulation": "variation { light: 0.1 }"}, "variation", "has no effect without a seed"),
     ],
 )
 def test_bad_blocks_are_found_before_the_start(

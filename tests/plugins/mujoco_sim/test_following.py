@@ -64,7 +64,7 @@ def test_twin_names_what_it_cannot_follow_once(
         for _ in range(3):
             say(context, "/robot/joint_states", shoulder_pan=math.nan, griper=0.4)
     assert [record.getMessage() for record in caplog.records] == [
-        "robot/joint_states says nan for 'shoulder_pan'; the joint stays where it is",
+        "robot/joint_states says nan for 'shoulder_pan'; the joint is not moved",
         "robot/joint_states has no joint 'gripper'; did you mean griper? it has shoulder_pan, griper; "
         "name the right one in mirror_topic_mappings.joint",
     ]

@@ -260,7 +260,7 @@ def test_malformed_model_says_file_and_line(tmp_path) -> None:
     (tmp_path / "bad.xml").write_text(
         "<mujoco>\n<worldbody>\n<geom size='1' colour='red'/>\n</worldbody></mujoco>"
     )
-    with pytest.raises(ModelError, match=r"bad.xml is no model.*colour.*line 3.*correct the file"):
+    with pytest.raises(ModelError, match=r"bad.xml is not a model.*colour.*line 3.*correct the file"):
         load_model("bad.xml", tmp_path)
 
 

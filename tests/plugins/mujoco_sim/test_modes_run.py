@@ -72,7 +72,7 @@ def test_passive_reports_and_ends_by_itself(tmp_path: Path) -> None:
     )
     ended = run(path)
     assert ended.returncode == 0, ended.stderr
-    assert "limit broken: shoulder_pan at" in ended.stderr
+    assert "limit exceeded: shoulder_pan at" in ended.stderr
     assert "replayed 60 samples of 1 recording(s)" in ended.stderr
 
 
@@ -90,14 +90,14 @@ def test_passive_says_what_is_wrong_with_its_file(tmp_path: Path) -> None:
 def test_interactive_without_a_screen_says_what_to_do() -> None:
     ended = run(CONFIGS / "sim_interactive.pbtxt", environment={"DISPLAY": "", "WAYLAND_DISPLAY": ""})
     assert ended.returncode != 0
-    assert "no screen: neither DISPLAY nor WAYLAND_DISPLAY is set" in ended.stderr
+    assert "no display: neither DISPLAY nor WAYLAND_DISPLAY is set" in ended.stderr
     assert "xvfb-run -a joshua" in ended.stderr
 
 
 def test_interactive_with_a_screen_that_is_not_there() -> None:
     ended = run(CONFIGS / "sim_interactive.pbtxt", environment={"DISPLAY": ":9999"})
     assert ended.returncode != 0
-    assert "the screen :9999 cannot be opened" in ended.stderr
+    assert "the display :9999 cannot be opened" in ended.stderr
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_interactive_shows_the_model_in_a_window(preset: str, screen: str, tmp_p
 def test_mirror_preset_waits_for_its_robot() -> None:
     ended = run(CONFIGS / "sim_mirror.pbtxt", "--duration", "2")
     assert ended.returncode == 0, ended.stderr
-    assert "mirror: no message came; start the robot's own file" in ended.stderr
+    assert "mirror: no message received; start the robot" in ended.stderr
 
 
 def test_a_twin_follows_a_simulated_robot_of_the_same_domain(tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_a_twin_follows_a_simulated_robot_of_the_same_domain(tmp_path: Path) -> 
         finally:
             program.close()
     assert twin.returncode == 0, twin.stderr + log
-    assert "runs without a window: no screen" in twin.stderr
+    assert "runs without a window: no display" in twin.stderr
     assert re.search(r"mirror: \d+ messages, from arrival to state", twin.stderr), twin.stderr + log
     assert "/twin/joint_states" in twin.stdout
     assert "/clock" not in twin.stdout

@@ -163,7 +163,7 @@ simulation {{ mode: PASSIVE model_path: "so_arm100/scene.xml" trajectory_path: "
         ),
         ("wave.csv", "time_s,shoulder_pan\n0,nan\n", "sample 1 holds a value that is not a finite number"),
         ("wave.jsonl", '{"time_s": 0, "action": [1, 2]}\n', "2 columns without names, and the model has 6"),
-        ("wave.txt", "", ".txt is no known form"),
+        ("wave.txt", "", ".txt is not a supported format"),
     ],
 )
 def test_bad_recording_is_found_before_the_start(tmp_path, name: str, content: str, text: str) -> None:

@@ -132,7 +132,7 @@ def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> N
     for (folder, run), text in zip(runs, errors, strict=True):
         assert run.returncode == 0, text
         files = {path.name: path.read_bytes() for path in (folder / "out").glob("f_*.png")}
-        assert f"{len(files)} pictures in {folder}/out/f_%04d.png" in text
+        assert f"wrote {len(files)} pictures to {folder}/out/f_%04d.png" in text
         pictures.append(files)
     common = sorted(set.intersection(*map(set, pictures)))
     assert common[:5] == [f"f_{n:04d}.png" for n in range(5)]
@@ -143,19 +143,19 @@ def test_whole_runs_with_the_same_seed_write_the_same_files(tmp_path: Path) -> N
     ("render", "field", "text"),
     [
         ('camera: "tip" output: "a.mp4"', "renders[0].camera", "no camera named 'tip'"),
-        ('camera: "top" output: "a.png"', "renders[0].output", "every picture needs its own"),
-        ('camera: "top" output: "a.gif"', "renders[0].output", ".gif is no known form"),
+        ('camera: "top" output: "a.png"', "renders[0].output", "each picture needs its own"),
+        ('camera: "top" output: "a.gif"', "renders[0].output", ".gif is not a supported picture format"),
         (
             'camera: "top" output: "a.mp4" } renders { width: 64 height: 48 fps: 10 camera: "front" '
             'output: "./a.mp4"',
             "renders[1].output",
-            "renders[0] is written into a.mp4 already",
+            "renders[0] already writes a.mp4",
         ),
         (
             'camera: "top" output: "a.mp4" } renders { width: 64 height: 48 fps: 501 camera: "front" '
             'output: "b.mp4"',
             "renders[1].fps",
-            "The model makes 500 steps a second, so that there are no 501 different frames in one",
+            "The model makes 500 steps per second and has no 501 different frames in one",
         ),
     ],
 )

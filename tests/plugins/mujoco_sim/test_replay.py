@@ -47,10 +47,10 @@ def test_broken_limit_is_reported_once_and_again_when_it_comes_back(physics: Phy
     replay.advance(0.0)
     texts = [breach.text for breach in replay.breaches]
     assert len(texts) == 2
-    assert texts[0].startswith("limit broken: shoulder_pan at +2.500 rad, allowed -2.200 to +2.200")
+    assert texts[0].startswith("limit exceeded: shoulder_pan at +2.500 rad, allowed -2.200 to +2.200")
     assert texts[0].endswith("(wave.csv, 0.10 s)")
     assert replay.breaches[1].time_s == pytest.approx(0.4)
-    assert "2 broken limit(s), 0 collision(s)" in replay.report()
+    assert "2 exceeded limit(s), 0 collision(s)" in replay.report()
 
 
 def test_collision_names_both_bodies(physics: Physics) -> None:

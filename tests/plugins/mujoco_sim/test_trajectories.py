@@ -124,7 +124,7 @@ def test_folder_of_files_is_a_data_set_too(tmp_path: Path) -> None:
     ("name", "text", "expected"),
     [
         ("a.csv", "", "is empty: its first line names the columns"),
-        ("a.csv", "time_s,gripper\n", "holds no sample"),
+        ("a.csv", "time_s,gripper\n", "has no samples"),
         ("a.csv", "time_s,gripper\n0,1\n1,2,3\n", "line 3: 3 columns, and line 1 names 2"),
         ("a.csv", "time_s,gripper\n0,open\n", "line 2: gripper is 'open', and a number is needed"),
         ("a.csv", "gripper\n1\n", "no column time_s or timestamp; it has gripper"),
@@ -145,7 +145,7 @@ def test_folder_of_files_is_a_data_set_too(tmp_path: Path) -> None:
         ),
         ("a.parquet", "nothing", "cannot be read as Parquet"),
         ("a.mcap", "nothing", "cannot be read as a ROS 2 recording"),
-        ("a.txt", "", r"\.txt is no known form: name a \.csv"),
+        ("a.txt", "", r"\.txt is not a supported format: name a \.csv"),
     ],
 )
 def test_each_fault_has_its_message(tmp_path: Path, name: str, text: str, expected: str) -> None:

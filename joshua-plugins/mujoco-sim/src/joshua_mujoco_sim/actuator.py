@@ -67,7 +67,7 @@ class SimActuator(Actuator):
             raise DeviceError("SimActuator.connect: the device is open already")
         simulation = self.context.facts.simulation
         if not simulation:
-            raise DeviceError("SimActuator.connect: the file has no simulation block: add one")
+            raise DeviceError("SimActuator.connect: the configuration has no simulation block: add one")
         motion = self._make_motion()
         try:
             world = shared_world(SimulationSettings.model_validate(simulation).world())

@@ -75,7 +75,7 @@ class SimCamera(Sensor):
             raise DeviceError("SimCamera.connect: the device is open already")
         simulation = self.context.facts.simulation
         if not simulation:
-            raise DeviceError("SimCamera.connect: the file has no simulation block: add one")
+            raise DeviceError("SimCamera.connect: the configuration has no simulation block: add one")
         try:
             world = shared_world(SimulationSettings.model_validate(simulation).world())
         except ModelError as error:

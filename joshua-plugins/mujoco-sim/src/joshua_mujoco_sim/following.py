@@ -83,7 +83,7 @@ class Mirror(Following):
     def report(self) -> str:
         """How long it took from a message to the state, in one sentence."""
         if not self._lags_s:
-            return "mirror: no message came; start the robot's own file, and look at joshua topic list"
+            return "mirror: no message received; start the robot, and check its topics with joshua topic list"
         lags_ms = 1000 * np.array(self._lags_s)
         return (
             f"mirror: {len(lags_ms)} messages, from arrival to state "
@@ -114,7 +114,7 @@ class Mirror(Following):
                 )
                 continue
             if not np.isfinite(value):
-                self._warn(mapping.ros_topic, f"says {value} for {wanted!r}; the joint stays where it is")
+                self._warn(mapping.ros_topic, f"says {value} for {wanted!r}; the joint is not moved")
                 continue
             values[index] = mapping.scale * value + mapping.offset
         with self._world.lock:

@@ -79,7 +79,9 @@ def load_model(
             return scene.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
-        raise ModelError(f"{path} is no model that MuJoCo can compile: {reason}: correct the file") from error
+        raise ModelError(
+            f"{path} is not a model that MuJoCo can compile: {reason}: correct the file"
+        ) from error
     except OSError as error:
         raise ModelError(f"{path} cannot be read: {error.strerror or error}") from error
 

@@ -145,7 +145,7 @@ class SimulatorNode(Simulator):
                     file.close()
                 if file.error:
                     self.context.log.error("%s", file.error)
-                self.context.log.info("%d pictures in %s", file.count, file.output)
+                self.context.log.info("wrote %d pictures to %s", file.count, file.output)
             self._files = []
             if self._maker is not None:
                 with world.quiet():
@@ -262,7 +262,7 @@ class SimulatorNode(Simulator):
         if more >= 0:
             text = texts[0] if texts else f"the simulation diverged, {count} times by now"
             again = f", and {more} more times since" if more else ""
-            self.context.log.error("%s; the model was put back to its start%s", text, again)
+            self.context.log.error("%s; the model was reset to its start%s", text, again)
         self._reported = count
         broken = [file.error for file in self._files if file.error]
         if self._maker is not None:

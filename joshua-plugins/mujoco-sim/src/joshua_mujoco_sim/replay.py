@@ -96,7 +96,7 @@ class Replay:
         text = f"replayed {self.samples} samples of {len(self._parts)} recording(s)"
         if not self.breaches:
             return f"{text}: within the limits, without a collision"
-        return f"{text}: {limits} broken limit(s), {collisions} collision(s)"
+        return f"{text}: {limits} exceeded limit(s), {collisions} collision(s)"
 
     def _place(
         self, trajectory: Trajectory, time_s: float, joints: tuple[str, ...], values: FloatArray
@@ -124,7 +124,7 @@ class Replay:
         for index in np.flatnonzero(over > LIMIT_TOLERANCE_RAD):
             joint, low, high = group.joints[index], group.range_min_rad[index], group.range_max_rad[index]
             found[f"limit {joint}"] = (
-                f"limit broken: {joint} at {position[index]:+.3f} rad, allowed {low:+.3f} to {high:+.3f}"
+                f"limit exceeded: {joint} at {position[index]:+.3f} rad, allowed {low:+.3f} to {high:+.3f}"
             )
         return found
 

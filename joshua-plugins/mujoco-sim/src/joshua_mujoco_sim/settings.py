@@ -154,7 +154,7 @@ class SimulationSettings(BlockSettings):
         if self.variation is not None and self.seed is None:
             raise FieldError(
                 "variation",
-                "variation has an effect only with a seed, which decides what the scene becomes",
+                "variation has no effect without a seed",
                 remedy="add seed: 1, or remove variation",
             )
 
@@ -189,7 +189,7 @@ class SimulationSettings(BlockSettings):
         if made.duration_s is None and not self.trajectory_path:
             raise FieldError(
                 "generate",
-                "the length of an episode is not known: there is neither duration_s nor a recording",
+                "the length of an episode is not defined: duration_s and trajectory_path are both missing",
                 remedy="add duration_s: 8, or trajectory_path",
             )
 
@@ -270,7 +270,7 @@ class SimActuatorSettings(ActuatorSettings):
         if self.motion == "file" and not self.motion_file:
             raise FieldError(
                 "motion_file",
-                "motion is MOCK_MOTION_FILE, and motion_file names no file",
+                "motion is MOCK_MOTION_FILE, but motion_file is missing",
                 remedy="name a CSV file in motion_file, or choose another motion",
             )
         return self
@@ -283,7 +283,7 @@ class SimActuatorSettings(ActuatorSettings):
         if made_for not in ("", IDENTITY):
             raise FieldError(
                 "",
-                f"the calibration is that of {made_for}, and this arm is simulated",
+                f"the calibration is for {made_for}, but this arm is simulated",
                 remedy="calibrate it with MODE_CALIBRATION, or leave the calibration out: "
                 "without one its joints count from the model's zero",
             )
@@ -297,7 +297,7 @@ class SimActuatorSettings(ActuatorSettings):
             raise FieldError(
                 "",
                 f"the calibration does not fit the model: {'; '.join([*problems, *absent])}",
-                remedy="calibrate it anew with MODE_CALIBRATION, or include the calibration of this model",
+                remedy="calibrate it again with MODE_CALIBRATION, or include the calibration of this model",
             )
         return self
 

@@ -86,10 +86,10 @@ def check_picture_keys(cameras: Sequence[str]) -> None:
     for index, (camera, key) in enumerate(zip(cameras, keys, strict=True)):
         other = cameras[keys.index(key)]
         if keys.index(key) < index:
-            both = f"{other} and {camera} would both be kept as {key}"
+            both = f"{other} and {camera} would both be stored as {key}"
             raise FieldError(
                 f"generate.cameras[{index}]",
-                f"{camera} stands twice" if camera == other else both,
+                f"{camera} is listed twice" if camera == other else both,
                 remedy="remove one of the two" if camera == other else "rename one of them in the model",
             )
 
@@ -100,7 +100,7 @@ def check_frames(field: str, fps: int, timestep_s: float) -> None:
     if fps > most:
         raise FieldError(
             field,
-            f"the model makes {most} steps a second, so that there are no {fps} different frames in one",
+            f"the model makes {most} steps per second and has no {fps} different frames in one",
             allowed=(f"1 to {most}",),
             remedy=f"set fps: {most} or less, or lower the time step of the model",
         )
@@ -112,7 +112,7 @@ def check_outputs(outputs: Sequence[str]) -> None:
         if output in outputs[:index]:
             raise FieldError(
                 f"renders[{index}].output",
-                f"renders[{outputs.index(output)}] is written into {Path(output).name} already",
+                f"renders[{outputs.index(output)}] already writes {Path(output).name}",
                 remedy="give each its own file",
             )
 
@@ -128,14 +128,14 @@ def check_output(index: int, output: str) -> None:
         if not numbered:
             raise FieldError(
                 field,
-                f"{path.name} is one file, and every picture needs its own",
+                f"{path.name} is a single file, but each picture needs its own",
                 allowed=(f"{path.stem}_%05d.png",),
                 remedy="put the number of the picture into the name, such as %05d",
             )
     elif path.suffix != ".mp4":
         raise FieldError(
             field,
-            f"{path.suffix or 'no ending'} is no known form of pictures",
+            f"{path.suffix or 'no ending'} is not a supported picture format",
             allowed=(".mp4", "_%05d.png"),
             remedy="name a .mp4 file, or PNG files by a pattern",
         )

@@ -18,8 +18,8 @@ SHOW_RATE_HZ = 60.0
 OPEN_TIMEOUT_S = 10.0
 
 _REMEDY = (
-    "start it on a desktop; or over a virtual one: xvfb-run -a joshua --config …; "
-    "or choose mode: OFFSCREEN in simulation, which needs no screen"
+    "run it on a desktop, or with a virtual display: xvfb-run -a joshua --config …, "
+    "or set mode: OFFSCREEN in simulation"
 )
 
 
@@ -36,7 +36,7 @@ def check_display() -> None:
         )
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise WindowError(
-            f"no screen: neither DISPLAY nor WAYLAND_DISPLAY is set, and the viewer needs a window: {_REMEDY}"
+            f"no display: neither DISPLAY nor WAYLAND_DISPLAY is set, which the window needs: {_REMEDY}"
         )
     try:
         import glfw
@@ -48,7 +48,7 @@ def check_display() -> None:
     if not started:
         reason = "; ".join(str(warning.message) for warning in caught) or "GLFW gave no reason"
         display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-        raise WindowError(f"the screen {display} cannot be opened: {reason}: {_REMEDY}")
+        raise WindowError(f"the display {display} cannot be opened: {reason}: {_REMEDY}")
 
 
 class Window:

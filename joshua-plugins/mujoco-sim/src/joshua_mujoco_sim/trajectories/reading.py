@@ -55,5 +55,5 @@ def _read(path: Path, episodes: Sequence[int], budget: Budget) -> list[Trajector
         raise TrajectoryError(f"{path} is a folder without a recording: name {FORMS}")
     read = _TABLES.get(path.suffix)
     if read is None:
-        raise TrajectoryError(f"{path}: {path.suffix or 'no ending'} is no known form: name {FORMS}")
+        raise TrajectoryError(f"{path}: {path.suffix or 'no suffix'} is not a supported format: name {FORMS}")
     return [read(path, budget)]

@@ -170,7 +170,7 @@ class _Rows:
     def trajectory(self) -> Trajectory:
         """The trajectory of all samples. Raises TrajectoryError."""
         if not self._count:
-            raise TrajectoryError(f"{self._source} holds no sample: record something first")
+            raise TrajectoryError(f"{self._source} has no samples: record some first")
         columns = {
             name: np.frombuffer(values)
             if self._lengths[name] is None

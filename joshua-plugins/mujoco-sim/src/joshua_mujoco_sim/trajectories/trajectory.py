@@ -71,7 +71,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if not len(self.time_s):
-            raise TrajectoryError(f"{self.source} holds no sample: record something first")
+            raise TrajectoryError(f"{self.source} has no samples: record some first")
         bad = np.flatnonzero(~np.isfinite(self.position).all(axis=1) | ~np.isfinite(self.time_s))
         if len(bad):
             raise TrajectoryError(
