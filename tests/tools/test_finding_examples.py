@@ -12,7 +12,7 @@ def test_most_codes_have_a_message():
     assert set(examples) <= set(CODES)
     assert len(examples) > 100
     assert examples["camera-shared"] == (
-        "`error: camera_top and camera_wrist use the same camera; one node opens a camera for itself alone.`"
+        "`error: camera_top and camera_wrist use the same camera; only one node can open a camera.`"
     )
 
 
