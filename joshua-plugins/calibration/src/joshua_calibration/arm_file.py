@@ -135,7 +135,8 @@ class PreparedFile:
 
     def _sweep(self) -> None:
         for left in _leftovers(self._target):
-            left.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # what hinders that has hindered the write, too, and was said
+                left.unlink()
 
     def _let_go(self) -> None:
         lock, self._lock = self._lock, -1
