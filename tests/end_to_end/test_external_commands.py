@@ -113,9 +113,8 @@ def test_nodes_outside_the_file_drive_a_follower_one_at_a_time(
         began = len(node.written)
         node.play(0.5, 2)
         node.wait(lambda rad: rad < 0.501)
-        steps = np.diff(np.array(node.written[began:]), axis=0)
-        slowest = steps[:, 1].min() / steps[:, 0].mean()
-        assert -2.0 < slowest < -0.3, "in two seconds, evenly"
+        moving_s = [stamp_s for stamp_s, rad in node.written[began:] if 0.51 < rad < np.pi / 2 - 0.02]
+        assert moving_s[-1] - moving_s[0] > 1.6, "in two seconds, and not as fast as the joint can"
         time.sleep(1.0)
         assert node.written[-1][1] == pytest.approx(0.5, abs=2e-3), "a trajectory that ended is not stale"
     finally:
