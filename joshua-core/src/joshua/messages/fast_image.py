@@ -66,16 +66,10 @@ def write_image(message: Any) -> bytes:
         MessageError: a field has the wrong type or range.
     """
     data = _bytes_of(message.data, "Image")
-    header = message.header
+    header, shape = message.header, (message.height, message.width)
     try:
         head = _image_head(
-            header.frame_id,
-            message.height,
-            message.width,
-            message.encoding,
-            message.is_bigendian,
-            message.step,
-            len(data),
+            header.frame_id, *shape, message.encoding, message.is_bigendian, message.step, len(data)
         )
         stamp = STAMP.pack(HEADER_LE, header.stamp.sec, header.stamp.nanosec)
     except MessageError:

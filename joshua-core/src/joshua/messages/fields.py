@@ -151,8 +151,6 @@ def to_plain(message: Any) -> dict[str, Any]:
         value = getattr(message, field.name)
         if field.is_message:
             value = to_plain(value) if field.shape == "one" else [to_plain(item) for item in value]
-        elif field.base == "byte":
-            value = value & 0xFF if field.shape == "one" else np.asarray(value).view(np.uint8)
         result[field.wire_name] = value
     return result
 

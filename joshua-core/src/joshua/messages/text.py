@@ -80,7 +80,7 @@ def _scalar(base: str, value: Any) -> str:
             return ".nan" if math.isnan(number) else ".inf" if number > 0 else "-.inf"
         # the shortest text that reads back as the same number of its own width
         return str(np.float32(value)) if base == "float32" else repr(number)
-    return str(int(value) & 0xFF if base == "byte" else int(value))
+    return str(int(value))
 
 
 def _string(text: str) -> str:
