@@ -47,15 +47,11 @@ class OpensInConstructor(MockCamera):
 
 
 class ListsItsTypes(MockCamera):
-    @property
-    def data_types(self) -> Any:
-        return ["sensor_msgs/msg/Image"]
+    data_types: Any = ["sensor_msgs/msg/Image"]  # noqa: RUF012 (the fault that is to be found)
 
 
 class EnumNames(MockCamera):
-    @property
-    def data_types(self) -> tuple[str, ...]:
-        return ("IMAGE",)
+    data_types: Any = ("IMAGE",)
 
 
 class ReadsWhenClosed(MockCamera):
