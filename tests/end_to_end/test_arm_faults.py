@@ -61,7 +61,7 @@ def test_a_wrong_port_is_named_with_the_ports_that_there_are(
 ) -> None:
     wrong = f"{FOLLOWER}.comm.serial.port=/dev/ttyACM77"
     text = refused(leader, follower, tmp_path, joshua_domain_id, wrong)
-    assert "/follower_arm: /dev/ttyACM77: no such serial port. Ports here:" in text
+    assert "/follower_arm: failed: /dev/ttyACM77: no such serial port. Ports here:" in text
     assert "serial_number finds it under any name" in text
 
 
@@ -191,7 +191,7 @@ def test_unplugged_while_moving_and_back_under_another_name(
         follower.fault("unplug")
         watched.wait("the adapter is gone")
         follower.fault("replug", name="ttyUSB7")
-        watched.wait("follows no command")
+        watched.wait("restarted after a failure")
         before = [servo["goal_position"] for servo in follower.servos()]
         leader.hand(dict.fromkeys(range(1, 7), 2048.0), duration_s=0.3)
         time.sleep(0.6)
