@@ -2,6 +2,7 @@
 
 from joshua.plan import QosProfile as QosProfile
 from joshua.plan import TransportSettings as TransportSettings
+from joshua.transport import open_transport as open_transport
 from joshua.transport.delivery import Delivery as Delivery
 from joshua.transport.transports import NAMELESS as NAMELESS
 from joshua.transport.transports import Buffer as Buffer

@@ -43,9 +43,6 @@ COMMANDS = tuple(
         ("explain", "explain a block, field, value or diagnostic code"),
         ("doctor", "check this machine and its devices, and say how to solve each problem"),
         ("emulate", "run only the emulators of a file"),
-        ("topic", "list, show and publish topics of a running graph"),
-        ("node", "list the nodes of a running graph"),
-        ("service", "list and call the services of a running graph"),
         ("plan", "show what a file starts, without starting it"),
     )
 )

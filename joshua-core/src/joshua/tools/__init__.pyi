@@ -42,13 +42,19 @@ from joshua.ipc.client import CallError as CallError
 from joshua.ipc.client import is_named as is_named
 from joshua.supervisor.log_files import log_directory as log_directory
 
+# ROS 2 graphs
+from joshua.tools.ros_graph import GraphError as GraphError
+from joshua.tools.ros_graph import graph_transport as graph_transport
+
 # Programs that take nodes
 from joshua.tools.foreground import foreground_job as foreground_job
 
 # Commands of plugins
 from joshua.cli.exit_codes import ExitCode as ExitCode
 from joshua.cli.options import FAULT_ALONE as FAULT_ALONE
+from joshua.cli.options import add_config as add_config
 from joshua.cli.options import add_config_options as add_config_options
+from joshua.cli.options import add_timeout as add_timeout
 from joshua.cli.options import add_fault_option as add_fault_option
 from joshua.cli.options import positive_seconds as positive_seconds
 from joshua.cli.report import request_of as request_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.cli.graph import (
+from joshua_graph.graph import (
     add_graph_options,
     endpoint_lines,
     find_node,
@@ -18,6 +18,8 @@ from joshua.cli.graph import (
 
 if TYPE_CHECKING:
     import argparse
+
+SUMMARY = "list the nodes of a running graph"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

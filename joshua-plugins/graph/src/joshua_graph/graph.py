@@ -5,35 +5,20 @@ from __future__ import annotations
 import argparse
 import contextlib
 import difflib
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.options import add_config, positive_seconds
+from joshua.tools import ExitCode, GraphError, add_config, graph_transport, positive_seconds
 
 if TYPE_CHECKING:
-    from joshua.plan import QosProfile, TransportSettings
-    from joshua.transport import EndpointInfo, NodeInfo, Transport
+    from joshua.api.transports import EndpointInfo, NodeInfo, QosProfile, Transport, TransportSettings
 
 _QUIET_S = 0.3
 _POLL_S = 0.02
 #: How long the rest of what belongs to a topic or node may take to become known.
 _SETTLE_S = 2.0
-
-
-class GraphError(Exception):
-    """A command about the graph cannot continue.
-
-    Attributes:
-        code: exit code.
-    """
-
-    def __init__(self, message: str, code: ExitCode = ExitCode.FAILED) -> None:
-        super().__init__(message)
-        self.code = code
 
 
 def add_graph_options(parser: argparse.ArgumentParser) -> None:
@@ -57,9 +42,9 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
 
 def run_graph_command(arguments: argparse.Namespace) -> int:
     """Run the chosen subcommand; an error becomes a message and an exit code."""
+    from joshua.api.transports import TransportError
     from joshua.messages import MessageError
-    from joshua.plugins.targets import TargetError
-    from joshua.transport import TransportError
+    from joshua.tools import TargetError
 
     try:
         return int(arguments.graph_command(arguments))
@@ -82,9 +67,9 @@ def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
     Raises:
         GraphError: no router answers, the environment is invalid or the file cannot be read.
     """
-    from joshua.transport import open_transport
+    from joshua.api.transports import open_transport
 
-    transport = open_transport(choose_settings(arguments))
+    transport = open_transport(graph_transport(getattr(arguments, "config", None), arguments.transport))
     try:
         for _ in looks(arguments.wait):
             if transport.connected:
@@ -98,44 +83,6 @@ def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
         yield transport
     finally:
         transport.close()
-
-
-def choose_settings(arguments: argparse.Namespace) -> TransportSettings:
-    """The transport of the command line, the file or the environment.
-
-    Raises:
-        GraphError: the environment is invalid, the file cannot be read or the transport is not installed.
-    """
-    from joshua.plugins import load_registry
-    from joshua.schema.transport_pb2 import TransportConfig
-    from joshua.transport.choice import TransportChoiceError, choose_transport, why_missing
-
-    path, option = getattr(arguments, "config", None), arguments.transport
-    try:
-        if path:
-            settings = _settings_of_file(path, option)
-        else:
-            settings = choose_transport(TransportConfig(), os.environ, load_registry, option=option)
-    except TransportChoiceError as error:
-        raise GraphError(str(error), ExitCode.INVALID) from error
-    if not settings.implementation:
-        raise GraphError(". ".join(why_missing(settings, load_registry())), ExitCode.NOT_INSTALLED)
-    return settings
-
-
-def _settings_of_file(path: str, option: str) -> TransportSettings:
-    from joshua.config import load
-    from joshua.config.checks import Context
-    from joshua.planner.transport_choice import transport_settings
-    from joshua.plugins import load_registry
-
-    loaded = load(path)
-    settings, found = transport_settings(Context(loaded, launch=True), load_registry(), option)
-    problems = [item for item in (*loaded.diagnostics, *found) if item.severity.value == "error"]
-    if not loaded.is_readable or settings is None:
-        reason = problems[0].message if problems else "it cannot be read"
-        raise GraphError(f"{path}: {reason} Run: joshua --config {path} --validate-only", ExitCode.INVALID)
-    return settings
 
 
 def looks(wait_s: float, pause_s: float = _POLL_S) -> Iterator[None]:
@@ -158,7 +105,7 @@ def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
 
     Endpoints whose node is not announced yet are waited for.
     """
-    from joshua.transport.transports import NAMELESS
+    from joshua.api.transports import NAMELESS
 
     known: list[NodeInfo] = []
     quiet_looks = 0
@@ -197,7 +144,7 @@ def visible_nodes(transport: Transport, wait_s: float, *, hidden: bool = True) -
 
 def _running_hint(settings: TransportSettings) -> str:
     """What runs on this machine and why it is not in this graph, as sentences; "" if nothing runs."""
-    from joshua.ipc.client import CallError, RunningSystem
+    from joshua.tools import CallError, RunningSystem
 
     text = ""
     for system in RunningSystem.all():
@@ -290,9 +237,9 @@ def type_name(text: str) -> str:
     Raises:
         MessageError: there is no such type; the message names the nearest.
     """
+    from joshua.api.schema import data_types
     from joshua.messages import MessageError
     from joshua.messages.typestore import require_type
-    from joshua.schema import data_types
 
     if "/" in text or "::" in text:
         return require_type(text)
@@ -334,7 +281,7 @@ def qos_text(qos: QosProfile) -> str:
 
 def profile_for(publishers: Sequence[EndpointInfo], depth: int) -> QosProfile:
     """A profile that connects to all of the publishers, and gets kept messages if all of them keep some."""
-    from joshua.plan import QosProfile
+    from joshua.api.transports import QosProfile
 
     offers = [endpoint.qos for endpoint in publishers if endpoint.is_publisher]
     best_effort = any(offer.reliability == "BEST_EFFORT" for offer in offers)

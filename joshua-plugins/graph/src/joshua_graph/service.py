@@ -6,22 +6,23 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.cli.commands.topic import read_values
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.graph import (
-    GraphError,
+from joshua.tools import ExitCode, GraphError, positive_seconds
+
+from joshua_graph.graph import (
     add_graph_options,
     full_topic,
     graph_session,
     looks,
     run_graph_command,
 )
-from joshua.cli.options import positive_seconds
+from joshua_graph.topic import read_values
 
 if TYPE_CHECKING:
     import argparse
 
-    from joshua.transport import ServiceInfo, Transport
+    from joshua.api.transports import ServiceInfo, Transport
+
+SUMMARY = "list and call the services of a running graph"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,7 +85,7 @@ def _call(arguments: argparse.Namespace) -> int:
 
 
 def _find(transport: Transport, arguments: argparse.Namespace) -> ServiceInfo:
-    from joshua.textproto.nearest import nearest
+    import difflib  # costs time that only an error is worth
 
     name = full_topic(arguments.service)
     known: list[ServiceInfo] = []
@@ -93,7 +94,7 @@ def _find(transport: Transport, arguments: argparse.Namespace) -> ServiceInfo:
         for item in known:
             if item.name == name:
                 return item
-    near = nearest(name, [item.name for item in known])
+    near = difflib.get_close_matches(name, [item.name for item in known], n=1, cutoff=0.5)
     hint = f" Did you mean {near[0]}?" if near else " `joshua service list` shows what there is."
     _require_services(transport)
     raise GraphError(f"no node offers the service {name}.{hint}", ExitCode.INVALID)

@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from joshua.cli.exit_codes import ExitCode
-from joshua.cli.graph import (
-    GraphError,
+from joshua.tools import ExitCode, GraphError, add_timeout
+
+from joshua_graph.graph import (
     add_graph_options,
     endpoint_lines,
     find_topic,
@@ -31,11 +31,9 @@ from joshua.cli.graph import (
     type_of,
     visible_nodes,
 )
-from joshua.cli.options import add_timeout
 
 if TYPE_CHECKING:
-    from joshua.plan import QosProfile
-    from joshua.transport import Publisher, Sample, Subscription, Transport
+    from joshua.api.transports import Publisher, QosProfile, Sample, Subscription, Transport
 
 _ECHO_DEPTH = 100
 #: Received messages that wait to be printed, at most; the oldest are dropped.
@@ -49,6 +47,8 @@ _POLL_S = 0.01
 _LEAVE_S = 0.2
 # No message of ROS 2 comes near; the YAML parser slows down with every level.
 _DEEPEST = 50
+
+SUMMARY = "list, show and publish topics of a running graph"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -224,9 +224,9 @@ def pub(arguments: argparse.Namespace) -> int:
         GraphError: a counted message has no subscription in time.
         MessageError: type or values do not fit.
     """
+    from joshua.api.transports import QosProfile
     from joshua.messages import encode
     from joshua.messages.fields import build
-    from joshua.plan import QosProfile
 
     topic, chosen = full_topic(arguments.topic), type_name(arguments.type)
     values = read_values(arguments.values)

@@ -1,0 +1,1 @@
+"""Commands that look into any running ROS 2 graph."""
