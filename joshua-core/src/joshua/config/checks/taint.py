@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from joshua.config.checks.device_table import MEMBERS
-from joshua.config.codes import CODES
 from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.schema import config_pb2 as pb
@@ -59,6 +58,8 @@ class Taint(NamedTuple):
         """Whether a finding reads something that is tainted."""
         if any(part in self.paths for part in _enclosing(item.field_path)):
             return True
+        from joshua.config.codes import CODES  # here because a file without problems need not read the table
+
         row = CODES.get(item.code)
         if row is None or not row.reads:
             return False
