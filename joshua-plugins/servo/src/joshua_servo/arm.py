@@ -22,6 +22,7 @@ from joshua.api import (
     JointLimits,
     JointReading,
 )
+from joshua_serial.errors import PortDisconnected
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 
@@ -378,6 +379,8 @@ class ServoArm(Actuator):
             if self._state.missed:
                 raise NoReply("a servo does not reply")
             self._tuning.restore()
+        except PortDisconnected:
+            return  # that is reported, and the guardian restores what it can
         except DeviceError as error:
             ids = ", ".join(map(str, self._tuning.before))
             self.context.log.warning("ids %s keep the settings of this run in their EEPROM: %s", ids, error)
