@@ -85,7 +85,9 @@ def test_a_hung_supervisor_is_not_needed(tmp_path: Path, joshua_domain_id: int) 
 
 @pytest.mark.timing
 def test_a_hung_driver_is_replaced_by_its_guardian(tmp_path: Path, joshua_domain_id: int) -> None:
-    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+    # the command reaches the guardian before the guardian finds the hang by itself
+    patient = (*HOLD, "robot.actions[1].hang_after_s=2")
+    with running(tmp_path, joshua_domain_id, patient) as rig:
         os.kill(rig.process.pid, signal.SIGSTOP)  # which would end the driver, too
         with SteadyMachine() as machine:
             os.kill(rig.driver, signal.SIGSTOP)
