@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -250,10 +251,9 @@ def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     (tmp_path / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
-    with reserved_domain() as domain_id:
-        program = JoshuaProgram(
-            tmp_path, domain_id, {"PYTHONPATH": str(site), "TOY_POST": str(tmp_path / "post")}
-        )
+    # the letter boxes are sockets, whose paths must be short
+    with reserved_domain() as domain_id, TemporaryDirectory(prefix="post") as boxes:
+        program = JoshuaProgram(tmp_path, domain_id, {"PYTHONPATH": str(site), "TOY_POST": boxes})
         yield program
         program.close()
 
@@ -280,7 +280,8 @@ def test_its_mode_is_checked_planned_and_run_and_its_verb_is_called(
     assert "/patrol/point" in joshua("plan", "--config", "robot.pbtxt").stdout
     run = joshua.start("--config", "robot.pbtxt")
     assert run.stdout is not None
-    assert any(" ready after " in line for line in run.stdout)
+    assert run.stderr is not None
+    assert any(" ready after " in line for line in run.stdout), run.stderr.read()
     # its subscription is served: at some time it has heard of the two joints of the arm
     eventually(lambda: call(joshua)["arms"] == 2, "a message of the arm")
     assert call(joshua)["point"] == "bridge"
@@ -308,7 +309,8 @@ def test_its_transport_carries_the_topics_of_a_run(joshua: JoshuaProgram, tmp_pa
     assert "no plugin in use does (toy-post is blocked)" in " ".join(missing.stderr.split())
     run = joshua.start("--config", "post.pbtxt")
     assert run.stdout is not None
-    assert any(" ready after " in line for line in run.stdout)
+    assert run.stderr is not None
+    assert any(" ready after " in line for line in run.stdout), run.stderr.read()
     # the joints of the arm came through the letter boxes
     eventually(lambda: call(joshua)["arms"] == 2, "a message of the arm")
     joshua.stop(run)

@@ -68,13 +68,14 @@ import sys
 from joshua.plugins import ActuatorSpec, load_registry
 registry = load_registry()
 found = registry.find(ActuatorSpec, "acme.GripperConfig", "ACTION_PLUGIN")
-print(found.implementation, registry.owner(found).distribution, registry.message_types())
+is_known = "acme.GripperConfig" in registry.message_types()
+print(found.implementation, registry.owner(found).distribution, is_known)
 print([name for name in ("numpy", "acme_gripper.actuator", "acme_gripper.settings") if name in sys.modules])
 import acme_gripper
 print(acme_gripper.__file__)
 """
     lines = python(installed, code).splitlines()
-    assert lines[0] == "acme_gripper.actuator:Gripper acme-gripper ('acme.GripperConfig',)"
+    assert lines[0] == "acme_gripper.actuator:Gripper acme-gripper True"
     assert lines[1] == "[]"
     assert Path(lines[2]).is_relative_to(installed)
 
@@ -194,7 +195,8 @@ def test_a_topic_that_it_cannot_serve_is_refused(joshua: JoshuaProgram, robot: P
 def test_without_it_a_check_notes_what_is_missing_and_a_launch_is_refused(
     joshua: JoshuaProgram, robot: Path
 ) -> None:
-    block = ("--block-plugin", "acme-gripper")
+    # another plugin of the same package would make the unknown type look misspelt
+    block = ("--block-plugin", "acme-gripper", "--block-plugin", "acme-bench")
     check = joshua("--config", str(robot), "--validate-only", *block)
     assert check.returncode == 0, check.stderr
     launch = joshua("--config", str(robot), *block)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def select_distro(name: str) -> None:
     _selected = name.strip().lower() or "jazzy"
 
 
-@lru_cache(maxsize=4)
+@cache  # services are added to what is loaded
 def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
     """Load definitions in which the fields of the types ``octets`` are uint8."""
     # rosbags and numpy cost about 0.1 s, so that nothing imports them before a message is needed

@@ -29,6 +29,9 @@ FRAGMENT_S = 0.5
 #: Seconds of pictures that may wait for an encoder.
 QUEUE_S = 2.0
 
+# x265 reads beyond the end of an episode of two pictures when it looks ahead, and crashes.
+_X265 = "log-level=error:pools=none:frame-threads=1:wpp=0:bframes=0:b-adapt=0:rc-lookahead=0"
+
 # One thread each, so that the same pictures give the same bytes and an encoder takes at most a core;
 # every second picture stands alone (g), so that a training's random reads find any frame fast.
 ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
@@ -39,7 +42,7 @@ ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
             "g": "2",
             "crf": "28",
             "preset": "ultrafast",
-            "x265-params": "log-level=error:pools=1:frame-threads=1",
+            "x265-params": _X265,
         },
     ),
     "av1": ("libsvtav1", {"g": "2", "crf": "30", "preset": "12", "svtav1-params": "lp=1"}),
@@ -199,7 +202,6 @@ class Encoder:
     def finish(self) -> Statistics:
         """Encodes what waits, closes the target and returns the statistics. Raises ``ERRORS``."""
         self._end()
-        self.target.close()
         if self._error is not None:
             raise self._error
         return self._statistics.result()
@@ -230,3 +232,7 @@ class Encoder:
                 self._error = error
             self._count += 1
             self.busy_s += time.thread_time() - began
+        try:
+            self.target.close()
+        except ERRORS as error:
+            self._error = self._error or error

@@ -35,6 +35,9 @@ def make_bus() -> DynamixelBus:
     return DynamixelBus(servos, EventLog(), Faults())
 
 
+FAST_READS = (0x8A, 0x9A)
+
+
 @settings(max_examples=200, deadline=None)
 @given(st.lists(instructions, max_size=12))
 def test_any_sequence_of_instructions(sequence: list[tuple[int, int, bytes]]) -> None:
@@ -46,7 +49,8 @@ def test_any_sequence_of_instructions(sequence: list[tuple[int, int, bytes]]) ->
         for reply in bus.receive(packet(*instruction), 1_000_000, now_s):
             assert reply.due_s > max(now_s, due_s)
             due_s = reply.due_s
-            if len(ids) == len(bus.servos):  # two servos of one id collide, as on a real line
+            # two servos of one id collide, as on a real line; a fast read is one packet in parts
+            if len(ids) == len(bus.servos) and instruction[1] not in FAST_READS:
                 assert reply.data[:4] == HEADER
                 assert len(reply.data) == int.from_bytes(reply.data[5:7], "little") + 7
                 assert crc16(reply.data[:-2]) == int.from_bytes(reply.data[-2:], "little")

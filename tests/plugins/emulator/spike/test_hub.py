@@ -178,5 +178,5 @@ def test_without_micropython_the_message_says_what_to_install(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(NoMicroPythonError, match=r"pip install 'joshua-emulator\[spike\]'"):
+    with pytest.raises(NoMicroPythonError, match=r"\./run --with 'emulator\[spike\]'"):
         micropython_command()
