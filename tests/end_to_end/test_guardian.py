@@ -83,7 +83,9 @@ def test_a_hung_driver_is_killed(tmp_path: Path, joshua_domain_id: int) -> None:
         rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("the driver hung"))
         output = rig.stop()
         assert "guardian: the driver hung: no heartbeat for 0.3 s; 1 released" in output, output
-        assert "its guardian killed it: the driver hung: no heartbeat" in output
+        # the supervisor, which has the same limit, may find the hang first
+        found = ("its guardian killed it: the driver hung: no heartbeat", "it hung: its loop has not run for")
+        assert any(text in output for text in found), output
 
 
 def test_a_killed_supervisor_leaves_a_safe_arm(tmp_path: Path, joshua_domain_id: int) -> None:

@@ -129,7 +129,7 @@ class Child:
         interpreter: str,
         tell: Callable[[ChildEvent], None],
     ) -> None:
-        self.process_id = 0
+        self.process_id = self._early_signal = 0
         self.ended = False
         self.last_errors: deque[str] = deque(maxlen=KEPT_ERROR_LINES)
         self._reactor = reactor
@@ -159,8 +159,10 @@ class Child:
                 self._reactor.watch(self._frames.fileno(), self._receive, self._flush)
 
     def signal(self, number: int) -> None:
-        """Sends a signal if the process exists."""
-        if self.process_id and not self.ended:
+        """Sends a signal if the process exists; one that is starting gets it as soon as its id is known."""
+        if not self.process_id:
+            self._early_signal = number
+        elif not self.ended:
             self._launcher.signal(self.process_id, number)
 
     def report_dropped(self, *, ended: bool = False) -> None:
@@ -172,6 +174,8 @@ class Child:
         if event.event == "started":
             self.process_id = event.process_id
             self._tell(event)
+            if self._early_signal:
+                self.signal(self._early_signal)
             return
         if event.event == "exited":
             for _ in range(1000):
