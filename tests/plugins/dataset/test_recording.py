@@ -169,6 +169,19 @@ def test_a_killed_recorder_comes_back_and_completes_its_episode(
     assert process.returncode == 0
 
 
+def test_a_data_set_that_exists_is_refused_without_a_traceback(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    (tmp_path / "waves").mkdir()
+    (tmp_path / "waves" / "mine.txt").write_text("kept")
+    process = started(joshua, write(tmp_path))
+    refused = joshua("record", "start")
+    assert refused.returncode == 1
+    assert "waves is not empty, and data sets are never overwritten" in refused.stderr
+    output, errors = joshua.stop(process)
+    assert "Traceback" not in output + errors
+    assert process.returncode == 0
+    assert [path.name for path in (tmp_path / "waves").iterdir()] == ["mine.txt"]
+
+
 def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram, tmp_path: Path) -> None:
     path = write(tmp_path, mode="MODE_TELEOPERATE", format="FORMAT_CSV")
     process = started(joshua, path)

@@ -134,7 +134,10 @@ class Recorder:
         with self._lock:
             self._require_topics()
             self._require_space()
-            self._open()
+            try:
+                self._open()
+            except EpisodeError as error:
+                raise RefusedError(str(error)) from error
             steps = self._session.start(time.monotonic())
             self._phase_began_s = time.monotonic()
         kept = self._answer(self._do(steps))
