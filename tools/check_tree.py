@@ -1,4 +1,4 @@
-"""Checks what must never be committed: machine paths, registry hosts, oversized files, misnamed fragments.
+"""Checks what must never be committed: machine paths, registry hosts, large or built files, wrong names.
 
 Prints one line for each finding and exits with 1 when there is any.
 """
@@ -29,6 +29,9 @@ NOT_FRAGMENTS = frozenset(("README.md", "_template.md"))
 # One idea per file. A longer module says in its docstring why it is one file; none is longer than the limit.
 LINES_WITHOUT_REASON = 400
 MAX_SOURCE_LINES = 600
+# Nothing in the tree needs more; what is built or downloaded does.
+MAX_BYTES = 1_000_000
+BUILT = frozenset((".whl", ".gz", ".zip", ".so", ".pyc"))
 REASON = re.compile(r"^\s*Why one file: \S", re.MULTILINE)
 
 
@@ -53,7 +56,12 @@ def tracked_files() -> list[Path]:
 
 
 def examine(path: Path) -> Iterator[str]:
-    """Yields the findings of one file; a file that is not text has none."""
+    """Yields the findings of one file."""
+    if path.suffix in BUILT:
+        yield f"{path.relative_to(ROOT)}: a built or downloaded file: delete it"
+        return
+    if (size := path.stat().st_size) > MAX_BYTES:
+        yield f"{path.relative_to(ROOT)}: {size} bytes, at most {MAX_BYTES}: generate it, or make it smaller"
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError:

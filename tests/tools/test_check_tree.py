@@ -43,6 +43,19 @@ def test_a_constraint_is_a_name_and_a_version(tmp_path: Path, line: str):
     assert "a name and a version only" in findings(tmp_path, "constraints.txt", line)[0]
 
 
+@pytest.mark.parametrize("name", ["numpy-2.4.6-cp311.whl", "joshua.tar.gz"])
+def test_a_built_file_is_found(tmp_path: Path, name: str):
+    assert findings(tmp_path, name, "PK") == [f"{name}: a built or downloaded file: delete it"]
+
+
+def test_a_large_file_is_found_text_or_not(tmp_path: Path):
+    path = tmp_path / "arm.png"
+    path.write_bytes(b"\xff" * 1_000_001)
+    assert list(check_tree.examine(path)) == [
+        "arm.png: 1000001 bytes, at most 1000000: generate it, or make it smaller"
+    ]
+
+
 def test_a_long_module_is_found_but_generated_code_is_not(tmp_path: Path):
     text = '"""Does much.\n\nWhy one file: one class.\n"""\n' + "pass\n" * 597
     assert findings(tmp_path, "long.py", text) == ["long.py: 601 lines, at most 600: split it by idea"]
