@@ -63,6 +63,9 @@ class Recorder:
 
     Args:
         context: of the node; settings: of the block; facts: what the robot shows and does.
+
+    Attributes:
+        on_kept: called on the writer's thread when an episode is complete on the disk.
     """
 
     def __init__(self, context: NodeContext, settings: StoreSettings, facts: ServiceFacts) -> None:
@@ -86,6 +89,7 @@ class Recorder:
         self._load = 0.0
         self._missing: tuple[str, ...] = ()
         self._auto = settings.auto_start
+        self.on_kept: Callable[[], None] = lambda: None
 
     def configure(self) -> None:
         """Subscribe. Raises EpisodeError."""
@@ -382,6 +386,7 @@ class Recorder:
                         text = _kept(number, frames, self._settings.fps, counts)
                         self._message = text
                         answer.set_result(text)
+                        self.on_kept()
                         return
                     self._say(f"episode {writer.episodes} has no frame and is not kept")
                     with self._lock:
