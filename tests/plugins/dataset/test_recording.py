@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -169,17 +171,38 @@ def test_a_killed_recorder_comes_back_and_completes_its_episode(
     assert process.returncode == 0
 
 
-def test_a_data_set_that_exists_is_refused_without_a_traceback(joshua: JoshuaProgram, tmp_path: Path) -> None:
+def test_a_data_set_that_exists_is_refused_before_anything_moves(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
     (tmp_path / "waves").mkdir()
     (tmp_path / "waves" / "mine.txt").write_text("kept")
-    process = started(joshua, write(tmp_path))
-    refused = joshua("record", "start")
-    assert refused.returncode == 1
+    refused = joshua("--config", str(write(tmp_path)), "--duration", "20")
+    assert refused.returncode != 0
     assert "waves is not empty, and data sets are never overwritten" in refused.stderr
-    output, errors = joshua.stop(process)
-    assert "Traceback" not in output + errors
-    assert process.returncode == 0
+    assert "Traceback" not in refused.stdout + refused.stderr
+    assert re.search(
+        r"/follower +out /follower/joint_states +50 Hz +0\.00 Hz", refused.stdout
+    )  # never active
     assert [path.name for path in (tmp_path / "waves").iterdir()] == ["mine.txt"]
+
+
+def test_a_camera_that_is_lost_ends_the_episode(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    process = started(joshua, write(tmp_path, "auto_start: true episode_duration_s: 60"))
+    eventually(lambda: status(joshua)["frames"] >= 10)
+    deadline = time.monotonic() + 20
+    while status(joshua)["phase"] == "recording" and time.monotonic() < deadline:
+        for pid in descendants_of(process.pid):  # a camera that starts anew is unplugged again
+            if "camera_top" in title_of(pid):
+                os.kill(pid, signal.SIGKILL)
+        time.sleep(0.1)
+    found = status(joshua)
+    assert found["phase"] == "reset"
+    assert "episode 0 ended early: observation.images.top is lost: no message" in found["message"]
+    assert record(joshua, "keep").startswith("episode 0 is kept: ")
+    joshua.stop(process)
+    (episode,) = Dataset.read(tmp_path / "waves").episode_list()
+    assert episode.length >= 10
+    assert 0 < episode.counts["dropped"] < 60
 
 
 def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram, tmp_path: Path) -> None:

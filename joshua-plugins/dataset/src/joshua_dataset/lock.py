@@ -38,12 +38,9 @@ class WriterLock:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 file.seek(0)
-                owner = _owner(file.read())
+                text = file.read()
                 file.close()
-                raise EpisodeError(
-                    f"{self._folder} is being written by {owner}. "
-                    "Stop that recording, or name another local_path"
-                ) from None
+                raise self._taken(text) from None
             except OSError:
                 file.close()
                 raise
@@ -57,6 +54,14 @@ class WriterLock:
         json.dump({"process": os.getpid(), "host": socket.gethostname(), "since": started}, file)
         file.flush()
 
+    def require_free(self) -> None:
+        """Find out whether another process writes, and change nothing. Raises EpisodeError that names it."""
+        with contextlib.suppress(OSError), self._path.open(encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise self._taken(file.read()) from None
+
     def release(self) -> None:
         """Gives the lock back; idempotent."""
         if self._file is not None:
@@ -65,6 +70,12 @@ class WriterLock:
                 self._path.parent.rmdir()
             self._file.close()
             self._file = None
+
+    def _taken(self, text: str) -> EpisodeError:
+        return EpisodeError(
+            f"{self._folder} is being written by {_owner(text)}. "
+            "Stop that recording, or name another local_path"
+        )
 
 
 def _owner(text: str) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-from joshua.features import DatasetLayout
+from joshua.features import DatasetLayout, EpisodeError
 
-from joshua_dataset.pictures import PIXEL_FORMAT
+from joshua_dataset.pictures import ENCODERS, PIXEL_FORMAT
 
 VERSION = "v3.0"
 
@@ -49,6 +49,27 @@ OURS = "joshua"
 def place(episode: int) -> dict[str, int]:
     """Chunk and file of an episode."""
     return {"chunk_index": episode // CHUNK_SIZE, "file_index": episode % CHUNK_SIZE}
+
+
+def check_layout(layout: DatasetLayout, table_format: str, *, whole: bool = True) -> None:
+    """Refuse features, codecs and pictures that a data set cannot have. Raises EpisodeError.
+
+    Args:
+        whole: refuse features of unknown shape, too.
+    """
+    for feature in layout.features.values():
+        if 0 in feature.shape and not whole:
+            continue
+        if 0 in feature.shape or not (feature.is_picture or len(feature.shape) == 1):
+            raise EpisodeError(f"{feature.key} has the shape {feature.shape}, which no column can have")
+        odd = feature.is_picture and (feature.shape[0] % 2 or feature.shape[1] % 2)
+        if odd and layout.pictures == "video":
+            height, width, _ = feature.shape
+            raise EpisodeError(f"{feature.key} is {width} x {height}: a video needs an even width and height")
+    if layout.codec not in ENCODERS:
+        raise EpisodeError(f"no encoder for the codec {layout.codec!r}; allowed: {', '.join(ENCODERS)}")
+    if table_format == "lerobot" and layout.pictures != "video":
+        raise EpisodeError("LeRobot's layout keeps pictures as videos: leave pictures out")
 
 
 def data_schema(layout: DatasetLayout) -> pa.Schema:

@@ -9,6 +9,7 @@ Why one file: it is one class, whose threads share one lock and one queue.
 
 from __future__ import annotations
 
+import logging
 import queue
 import shutil
 import threading
@@ -23,7 +24,6 @@ import numpy as np
 from joshua.api import NodeContext, RefusedError, verb
 from joshua.api.nodes import ServiceFacts
 from joshua.features import (
-    Alignment,
     DatasetLayout,
     EpisodeError,
     Feature,
@@ -31,7 +31,6 @@ from joshua.features import (
     FeatureSet,
     Frame,
     JointUnits,
-    TimeAligner,
     Unit,
 )
 from joshua.messages import MessageError
@@ -41,6 +40,7 @@ from joshua_dataset.open_episode import read_journal
 from joshua_dataset.pictures import QUEUE_S
 from joshua_dataset.reader import DatasetError
 from joshua_dataset.repair import repair
+from joshua_dataset.sampler import COUNTERS, Sampler
 from joshua_dataset.session import Phase, Session, Step
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task, picture
@@ -49,10 +49,8 @@ from joshua_dataset.writer import DatasetWriter, writer_of
 #: Column of the acquisition of each value, ns since the epoch, in the order of the features.
 ACQUISITION = "acquisition_ns"
 
-COUNTERS = ("dropped", "held", "worst_alignment_ns")
-
-#: How long a frame waits for a value that is still on its way through a camera or a network.
-LATENCY_S = 0.25
+#: How long an automatic start waits for topics until it says so.
+PATIENCE_S = 10.0
 
 #: Space on the disk below which no episode starts, and below which one ends.
 LEAST_FREE_BYTES = 500 << 20
@@ -74,22 +72,22 @@ class Recorder:
         self._streams = {feature.topic: Stream(feature) for feature in facts.features}
         self._unit = settings.joint_unit(facts.robot_type)
         self._units = {key: JointUnits.from_ranges(joints) for key, joints in facts.arms.items()}
-        self._aligner: TimeAligner | None = None
+        self._sampler: Sampler | None = None
         self._writer: DatasetWriter | None = None
         self._work: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._lock = threading.RLock()
-        self._wait_ns = 0
         self._lost = False
-        self._last = Frame(0)
         self._phase_began_s = time.monotonic()
         self._counts = dict.fromkeys(COUNTERS, 0)
         self._frames_waiting = 0
         self._message = ""
         self._busy = (0.0, 0.0)
         self._load = 0.0
-        self._missing: tuple[str, ...] = ()
+        self._keys: tuple[str, ...] = ()
+        self._features = FeatureSet()
         self._auto = settings.auto_start
         self.on_kept: Callable[[], None] = lambda: None
+        self._began_s = 0.0
 
     def configure(self) -> None:
         """Subscribe. Raises EpisodeError."""
@@ -101,12 +99,20 @@ class Recorder:
         if self._facts.restarted and read_journal(Path(self._settings.folder)) is not None:
             context.log.warning(repair(Path(self._settings.folder)))
             self._settings = self._settings.model_copy(update={"resume": True})
+        self._features = self._described()
+        writer_of(self._settings.format)(self._layout()).check()
+        if not any(key.startswith("action") for key in self._features):
+            context.warn(
+                "no action is recorded, because no actuator of the file takes commands: "
+                "a policy cannot be trained on this data set"
+            )
         for topic in context.spec.subscriptions:
             if topic.name in self._streams:
                 context.subscribe(topic, self._taker(self._streams[topic.name]))
 
     def activate(self) -> None:
         """Start the threads."""
+        self._began_s = time.monotonic()
         self._context.spawn_thread(self._write, name="writer", hang_after_s=60.0)
         self._context.create_timer(1 / min(self._settings.fps, 100), self._tick, name="frames")
         self._context.create_timer(0.5, self._show, name="display")
@@ -196,9 +202,7 @@ class Recorder:
     @verb(moves=False, runs="beside")
     def status(self) -> RecorderStatus:
         """What the recorder does just now."""
-        session, now_s = self._session, time.monotonic()
-        aligner = self._aligner
-        worst = max((counts.worst_ns for counts in aligner.counts.values()), default=0) if aligner else 0
+        session, sampler, now_s = self._session, self._sampler, time.monotonic()
         folder = Path(self._settings.folder)
         return RecorderStatus(
             phase=session.phase.value,
@@ -213,10 +217,10 @@ class Recorder:
                 item.feature.key: round(1 / item.period_s, 1) if item.period_s and not item.is_stale else 0.0
                 for item in self._streams.values()
             },
-            worst_alignment_s=worst / NS_PER_S,
+            worst_alignment_s=self._counts["worst_alignment_ns"] / NS_PER_S,
             dropped=self._counts["dropped"],
             held=self._counts["held"],
-            missing=self._missing,
+            missing=sampler.missing if sampler else (),
             queue_s=self._behind_s,
             encoder_load=self._load,
             free_bytes=_free_bytes(folder),
@@ -238,14 +242,14 @@ class Recorder:
 
         def take(message: Any, received_ns: int) -> None:
             stamp_ns = stream.take(message, received_ns)
-            aligner = self._aligner
-            if aligner is None:
+            sampler = self._sampler
+            if sampler is None or stream.is_latched:
                 return
             if feature.is_picture:
-                aligner.push(feature.key, stamp_ns, message)  # becomes an array on the writer's thread
+                sampler.push(feature.key, stamp_ns, message)  # becomes an array on the writer's thread
                 return
             try:
-                aligner.push(feature.key, stamp_ns, np.asarray(array_of(message, names)))
+                sampler.push(feature.key, stamp_ns, np.asarray(array_of(message, names)))
             except MessageError as error:
                 self._say(f"a message on {feature.topic} is not recorded: {error}")
 
@@ -264,6 +268,8 @@ class Recorder:
                     self._phase_began_s = time.monotonic()
                 except (RefusedError, EpisodeError) as error:
                     self._say(str(error))
+            elif self._auto and time.monotonic() - self._began_s > PATIENCE_S:
+                self._say(f"waits for the first episode: no message received on {', '.join(self._stale())}")
             self._flush(now_ns)
             try:
                 before = self._session.phase
@@ -290,40 +296,26 @@ class Recorder:
             self._context.end_run(f"{self._session.kept} episodes are in {self._settings.folder}")
 
     def _flush(self, now_ns: int) -> None:
-        if self._aligner is not None and self._session.phase is Phase.RECORDING:
-            for frame in self._aligner.poll(now_ns):
-                self._enqueue(frame)
+        sampler = self._sampler
+        if sampler is None or self._session.phase is not Phase.RECORDING:
+            return
+        for frame in sampler.poll(now_ns):
+            self._enqueue(frame)
+        if sampler.failed:
+            self._sampler = None
+            self._do(self._session.discard(time.monotonic()))
+            self._say(f"episode {self._number} is discarded: {sampler.failed}")
+        elif sampler.over:
+            self._end_early(sampler.over)
 
     def _end_time(self) -> None:
         """Make the last frames of the episode, as far as all their values are there."""
-        aligner, self._aligner = self._aligner, None
-        if aligner is not None:
-            for frame in aligner.poll(self._context.now_ns() + self._wait_ns):
-                if not frame.missing:
-                    self._enqueue(frame)
+        sampler, self._sampler = self._sampler, None
+        if sampler is not None:
+            for frame in sampler.rest(self._context.now_ns()):
+                self._enqueue(frame)
 
     def _enqueue(self, frame: Frame) -> None:
-        for key in frame.values:
-            distance = abs(frame.offset_ns(key))
-            self._counts["worst_alignment_ns"] = max(self._counts["worst_alignment_ns"], distance)
-        self._missing = frame.missing
-        if frame.missing:
-            held = frame.missing if self._settings.missing == "hold" else ()
-            if self._settings.missing == "fail":
-                self._do(self._session.discard(time.monotonic()))
-                self._aligner = None
-                self._say(f"episode {self._number} is discarded: no value of {', '.join(frame.missing)}")
-                return
-            if not held or any(key not in self._last.values for key in held):
-                self._counts["dropped"] += 1
-                return
-            self._counts["held"] += 1
-            frame = replace(
-                frame,
-                values={**frame.values, **{key: self._last.values[key] for key in held}},
-                stamps_ns={**frame.stamps_ns, **{key: self._last.stamps_ns[key] for key in held}},
-            )
-        self._last = frame
         self._frames_waiting += 1
         self._work.put(lambda: self._add(frame))
 
@@ -331,7 +323,10 @@ class Recorder:
         steps = self._session.stop(time.monotonic())
         self._end_time()
         self._do(steps)
-        self._say(f"episode {self._number} ended early: {why}")
+        waits = self._session.phase is Phase.REVIEW
+        self._say(f"episode {self._number} ended early: {why}", error=True)
+        if waits:
+            self._context.log.info("keep its frames with `joshua record keep`, or discard them")
 
     def _do(self, steps: list[Step], *, log: bool = False) -> Future[str] | None:
         """Hand steps to the writer's thread, in order; return the answer to the last one.
@@ -343,31 +338,13 @@ class Recorder:
         for step in steps:
             answer = Future()
             if step is Step.BEGIN:
-                self._begin()
+                self._sampler = Sampler(self._streams.values(), self._settings, self._context.now_ns())
+                self._counts = self._sampler.counts
             task, counts = self._session.task_text, self._counts
             if log and step is Step.KEEP:
                 answer.add_done_callback(self._log)
             self._work.put(self._carrying_out(step, task, counts, answer))
         return answer
-
-    def _begin(self) -> None:
-        self._counts = dict.fromkeys(COUNTERS, 0)
-        self._last = Frame(0)
-        period_s = 1 / self._settings.fps
-        alignments = {}
-        for stream in self._streams.values():
-            feature = stream.feature
-            tolerance_s = self._settings.tolerance_s or max(period_s, stream.period_s)
-            smooth = feature.dtype.startswith("float") and not feature.key.startswith("action")
-            alignments[feature.key] = Alignment(
-                round(tolerance_s * NS_PER_S), "interpolated" if smooth else "nearest"
-            )
-        longest_ns = max(item.tolerance_ns for item in alignments.values())
-        self._wait_ns = longest_ns + round(LATENCY_S * NS_PER_S)
-        aligner = TimeAligner(alignments, self._settings.fps, wait_ns=self._wait_ns)
-        # so that the first frame has samples on both sides
-        aligner.start(self._context.now_ns() + longest_ns)
-        self._aligner = aligner
 
     def _carrying_out(
         self, step: Step, task: str, counts: dict[str, int], answer: Future[str]
@@ -428,7 +405,7 @@ class Recorder:
         """An episode that cannot be written is discarded; the robot goes on."""
         with self._lock:
             self._session.lost()
-            self._aligner, self._lost = None, True
+            self._sampler, self._lost = None, True
         if self._writer is not None:
             self._writer.drop_episode()
         self._context.log.error("the episode is lost, %d are kept: %s", self._number, error)
@@ -456,12 +433,13 @@ class Recorder:
         """Open the data set, when what every topic carries is known. Raises EpisodeError."""
         if self._writer is not None:
             return
-        features = [self._described(stream) for stream in self._streams.values()]
-        names = tuple(feature.key for feature in features)
-        self._keys = names
-        acquisition = Feature(ACQUISITION, "int64", (len(names),), names, "ns")
-        self._features = FeatureSet([*features, acquisition])
-        layout = DatasetLayout(
+        self._features = self._described()
+        writer = writer_of(self._settings.format)(self._layout())
+        writer.open()
+        self._writer = writer
+
+    def _layout(self) -> DatasetLayout:
+        return DatasetLayout(
             folder=Path(self._settings.folder),
             robot_type=self._facts.robot_type,
             fps=self._settings.fps,
@@ -472,16 +450,18 @@ class Recorder:
             identity=self._identity(),
             counters=COUNTERS,
         )
-        writer = writer_of(self._settings.format)(layout)
-        writer.open()
-        self._writer = writer
 
-    def _described(self, stream: Stream) -> Feature:
-        """A feature as its first message shows it."""
+    def _described(self) -> FeatureSet:
+        """The features of the data set, those of unknown shape as their first message shows them."""
+        features = [self._seen(stream) for stream in self._streams.values()]
+        self._keys = tuple(feature.key for feature in features)
+        return FeatureSet([*features, Feature(ACQUISITION, "int64", (len(self._keys),), self._keys, "ns")])
+
+    def _seen(self, stream: Stream) -> Feature:
         feature = stream.feature
         if feature.key in self._units and self._unit != "rad":
             return self._units[feature.key].feature(feature, Unit(self._unit))
-        if 0 not in feature.shape:
+        if 0 not in feature.shape or stream.newest is None:
             return feature
         try:
             value = (
@@ -504,7 +484,11 @@ class Recorder:
         }
 
     def _stale(self) -> list[str]:
-        return [topic for topic, stream in self._streams.items() if stream.newest is None or stream.is_stale]
+        return [
+            topic
+            for topic, stream in self._streams.items()
+            if not stream.is_latched and (stream.newest is None or stream.is_stale)
+        ]
 
     def _require_topics(self) -> None:
         stale = self._stale()
@@ -536,10 +520,10 @@ class Recorder:
         if answer.exception() is None and answer.result():
             self._context.log.info(answer.result())
 
-    def _say(self, text: str) -> None:
+    def _say(self, text: str, *, error: bool = False) -> None:
         if text != self._message:
             self._message = text
-            self._context.log.info(text)
+            self._context.log.log(logging.WARNING if error else logging.INFO, "%s", text)
 
     def _show(self) -> None:
         session, writer = self._session, self._writer

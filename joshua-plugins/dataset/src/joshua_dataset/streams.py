@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from joshua.features import Feature
 from joshua.messages.arrays import acquired_ns, array_of
 
@@ -17,6 +18,10 @@ NS_PER_S = 1_000_000_000
 
 #: Age of a topic's newest message at which it counts as missing.
 STALE_S = 1.0
+
+#: Features that hold until a message changes them, and are zero before the first one: their topics may be
+#: silent for as long as nothing changes.
+LATCHED = ("intervention",)
 
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
@@ -69,13 +74,29 @@ class Stream:
         self.stamp_ns = 0
         self.seen_s = 0.0
         self._stamps: deque[int] = deque(maxlen=30)
+        self.is_latched = feature.key.partition(".")[0] in LATCHED
+        self._changes: deque[tuple[int, Any]] = deque(maxlen=1000)
 
     def take(self, message: Any, received_ns: int) -> int:
         """Note a message; return its acquisition."""
         self.stamp_ns = acquired_ns(message, received_ns)
         self.newest, self.seen_s = message, time.monotonic()
         self._stamps.append(self.stamp_ns)
+        if self.is_latched:
+            self._changes.append((self.stamp_ns, array_of(message, self.feature.names)))
         return self.stamp_ns
+
+    def at(self, stamp_ns: int) -> tuple[Any, int]:
+        """What held at a time, and since when it is known, for a latched feature."""
+        for since_ns, value in reversed(tuple(self._changes)):
+            if since_ns <= stamp_ns:
+                return np.asarray(value, self.feature.dtype).reshape(self.feature.shape), since_ns
+        return np.zeros(self.feature.shape, self.feature.dtype), stamp_ns
+
+    @property
+    def age_s(self) -> float:
+        """How long ago its newest message came."""
+        return time.monotonic() - self.seen_s
 
     @property
     def period_s(self) -> float:
@@ -86,7 +107,7 @@ class Stream:
     @property
     def is_stale(self) -> bool:
         """Whether its messages stay away."""
-        return time.monotonic() - self.seen_s > max(STALE_S, 3 * self.period_s)
+        return self.age_s > max(STALE_S, 3 * self.period_s)
 
 
 def picture(message: Any, feature: Feature) -> Any:

@@ -9,6 +9,7 @@ however many precede it.
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -27,11 +28,13 @@ from joshua.features import (
 from joshua_dataset import metadata, open_episode, statistics
 from joshua_dataset.files import Files, Staging
 from joshua_dataset.lock import PRIVATE, WriterLock
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STAMP, STATS, TASKS
+from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STAMP, STATS, TASKS, check_layout
 from joshua_dataset.open_episode import OpenEpisode
-from joshua_dataset.pictures import ENCODERS, ERRORS, Encoder
+from joshua_dataset.pictures import ERRORS, Encoder
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.statistics import Statistics
+
+_ANOTHER = "Name another local_path"
 
 
 class DatasetWriter(EpisodeWriter):
@@ -77,34 +80,44 @@ class DatasetWriter(EpisodeWriter):
         """Processor time of the encoders of the open episode."""
         return sum((item.busy_s for item in self._encoders), 0.0)
 
-    def open(self) -> None:
-        """See ``EpisodeWriter``."""
-        self._check_layout()
+    def check(self) -> None:
+        """Refuse what ``open`` would refuse, and write nothing; features of unknown shape are left out.
+
+        Raises:
+            EpisodeError: as ``open``.
+        """
+        check_layout(self.layout, self.format, whole=False)
         folder = self.layout.folder
         try:
-            found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
-            if found and not self.layout.resume:
-                raise EpisodeError(
-                    f"{folder} is not empty, and data sets are never overwritten. "
-                    "Name another local_path, move the folder away, or append with resume: true"
-                )
+            found = self._found()
+            self._lock.require_free()
+            self._require_finished()
+            if found:
+                self._readable()
+            there = next(path for path in (folder, *folder.parents) if path.exists())
+            if not os.access(there, os.W_OK | os.X_OK) or not there.is_dir():
+                what = "not writable" if there.is_dir() else "not a folder"
+                raise EpisodeError(f"{folder} cannot be written: {there} is {what}. {_ANOTHER}")
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+    def open(self) -> None:
+        """See ``EpisodeWriter``."""
+        check_layout(self.layout, self.format)
+        folder = self.layout.folder
+        try:
+            found = self._found()
             self._files.make_folder(folder)
             self._lock.take()
             try:
-                if open_episode.read_journal(folder) is not None:
-                    raise EpisodeError(
-                        f"{folder} has an episode that a killed recording left unfinished. "
-                        f"Run `joshua dataset repair {folder}` to keep it, or with --cut to discard it"
-                    )
+                self._require_finished()
                 if found:
-                    self._resume()
+                    self._take_up(self._readable())
             except BaseException:
                 self._lock.release()
                 raise
         except OSError as error:
-            raise EpisodeError(
-                f"{folder} cannot be written: {error.strerror or error}. Name another local_path"
-            ) from error
+            raise self._unwritable(error) from error
 
     def add_frame(self, frame: Frame) -> None:
         """See ``EpisodeWriter``."""
@@ -187,24 +200,27 @@ class DatasetWriter(EpisodeWriter):
     def _encoders(self) -> list[Encoder]:
         return list(self._open.encoders.values()) if self._open is not None else []
 
-    def _check_layout(self) -> None:
-        layout = self.layout
-        for feature in layout.features.values():
-            if 0 in feature.shape or not (feature.is_picture or len(feature.shape) == 1):
-                raise EpisodeError(f"{feature.key} has the shape {feature.shape}, which no column can have")
-            odd = feature.is_picture and (feature.shape[0] % 2 or feature.shape[1] % 2)
-            if odd and layout.pictures == "video":
-                height, width, _ = feature.shape
-                raise EpisodeError(
-                    f"{feature.key} is {width} x {height}: a video needs an even width and height"
-                )
-        if layout.codec not in ENCODERS:
-            raise EpisodeError(f"no encoder for the codec {layout.codec!r}; allowed: {', '.join(ENCODERS)}")
-        if self.format == "lerobot" and layout.pictures != "video":
-            raise EpisodeError("LeRobot's layout keeps pictures as videos: leave picture_files out")
+    def _found(self) -> bool:
+        """Whether there is something to append to. Raises EpisodeError where it may not be, and OSError."""
+        folder = self.layout.folder
+        found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
+        if found and not self.layout.resume:
+            raise EpisodeError(
+                f"{folder} is not empty, and data sets are never overwritten. "
+                "Name another local_path, move the folder away, or append with resume: true"
+            )
+        return found
 
-    def _resume(self) -> None:
-        """Takes up a data set that exists. Raises EpisodeError."""
+    def _require_finished(self) -> None:
+        folder = self.layout.folder
+        if open_episode.read_journal(folder) is not None:
+            raise EpisodeError(
+                f"{folder} has an episode that a killed recording left unfinished. "
+                f"Run `joshua dataset repair {folder}` to keep it, or with --cut to discard it"
+            )
+
+    def _readable(self) -> Dataset:
+        """The data set that exists. Raises EpisodeError where it cannot be appended to."""
         layout = self.layout
         try:
             there = Dataset.read(layout.folder)
@@ -215,7 +231,10 @@ class DatasetWriter(EpisodeWriter):
             raise EpisodeError(
                 f"{layout.folder} cannot be appended to, because it differs: " + "; ".join(different)
             )
-        self._take_up(there)
+        return there
+
+    def _unwritable(self, error: OSError) -> EpisodeError:
+        return EpisodeError(f"{self.layout.folder} cannot be written: {error.strerror or error}. {_ANOTHER}")
 
     def take_up(self) -> None:
         """Lock a data set and continue it, whatever its features. Raises EpisodeError and OSError."""
@@ -248,8 +267,12 @@ class DatasetWriter(EpisodeWriter):
         for name, (ours, theirs) in pairs.items():
             if ours != theirs:
                 found.append(f"{name} is {ours} here and {theirs} there")
-        ours_only = FeatureSet(feature for feature in layout.features.values())
-        return found + ours_only.differences(there.features)
+        # a sensor whose messages nobody has seen yet has no shape to compare
+        known = {
+            key: there.features[key] if 0 in feature.shape and key in there.features else feature
+            for key, feature in layout.features.items()
+        }
+        return found + FeatureSet(known.values()).differences(there.features)
 
     def _stage(
         self,

@@ -1,0 +1,133 @@
+"""The frames of one episode: aligned, completed or dropped as the policy says, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import Any
+
+from joshua.features import Alignment, Frame, TimeAligner
+
+from joshua_dataset.settings import StoreSettings
+from joshua_dataset.streams import NS_PER_S, Stream
+
+COUNTERS = ("dropped", "held", "worst_alignment_ns")
+
+#: How long a frame waits for a value that is still on its way through a camera or a network.
+LATENCY_S = 0.25
+
+#: How long a feature may be missing until the episode ends: its node or cable is lost.
+LOST_S = 1.0
+
+
+class Sampler:
+    """Makes the frames of an episode; ``push`` on the threads of transports, all else on one thread.
+
+    Args:
+        streams: what is recorded; settings: rate, tolerance and policy.
+        now_ns: when the episode begins, on the clock of the stamps.
+
+    Attributes:
+        counts: frames that lacked a value, by ``COUNTERS``.
+        missing: features that the newest frame lacks.
+        failed: the policy discards the episode; says why.
+        over: the episode cannot go on; says why.
+    """
+
+    def __init__(self, streams: Collection[Stream], settings: StoreSettings, now_ns: int) -> None:
+        self._streams = {stream.feature.key: stream for stream in streams}
+        self._policy = settings.missing
+        self.counts = dict.fromkeys(COUNTERS, 0)
+        self.missing: tuple[str, ...] = ()
+        self.failed = self.over = ""
+        self._missing_since_ns: dict[str, int] = {}
+        self._last = Frame(0)
+        alignments = {}
+        for stream in streams:
+            feature = stream.feature
+            if stream.is_latched:
+                continue
+            tolerance_s = settings.tolerance_s or max(1 / settings.fps, stream.period_s)
+            smooth = feature.dtype.startswith("float") and not feature.key.startswith("action")
+            alignments[feature.key] = Alignment(
+                round(tolerance_s * NS_PER_S), "interpolated" if smooth else "nearest"
+            )
+        longest_ns = max((item.tolerance_ns for item in alignments.values()), default=0)
+        self._wait_ns = longest_ns + round(LATENCY_S * NS_PER_S)
+        self._aligner = TimeAligner(alignments, settings.fps, wait_ns=self._wait_ns)
+        # so that the first frame has samples on both sides
+        self._aligner.start(now_ns + longest_ns)
+
+    def push(self, key: str, stamp_ns: int, value: Any) -> None:
+        """Take a value; pictures as their message."""
+        self._aligner.push(key, stamp_ns, value)
+
+    def poll(self, now_ns: int) -> Iterator[Frame]:
+        """Yield the frames to write; sets ``failed`` or ``over`` where the episode ends."""
+        frames = self._aligner.poll(now_ns)
+        if self._aligner.jumps:
+            self.over = "the clock of this machine jumped"
+            return
+        for frame in frames:
+            written = self._judged(frame)
+            if self.failed:
+                return
+            if written is not None:
+                yield written
+        self._find_lost(now_ns)
+
+    def rest(self, now_ns: int) -> Iterator[Frame]:
+        """Yield the last frames, as far as all their values are there."""
+        for frame in self._aligner.poll(now_ns + self._wait_ns):
+            if not frame.missing and not self._aligner.jumps:
+                yield self._latched(frame)
+
+    def _judged(self, frame: Frame) -> Frame | None:
+        """The frame as the policy wants it; None drops it."""
+        for key in frame.values:
+            distance = abs(frame.offset_ns(key))
+            self.counts["worst_alignment_ns"] = max(self.counts["worst_alignment_ns"], distance)
+        missing = self.missing = frame.missing
+        self._missing_since_ns = {key: self._missing_since_ns.get(key, frame.stamp_ns) for key in missing}
+        if missing and self._policy == "fail":
+            self.failed = f"no value of {', '.join(missing)}"
+            return None
+        if missing:
+            if self._policy != "hold" or any(key not in self._last.values for key in missing):
+                self.counts["dropped"] += 1
+                return None
+            self.counts["held"] += 1
+            frame = replace(
+                frame,
+                values={**frame.values, **{key: self._last.values[key] for key in missing}},
+                stamps_ns={**frame.stamps_ns, **{key: self._last.stamps_ns[key] for key in missing}},
+            )
+        self._last = frame
+        return self._latched(frame)
+
+    def _latched(self, frame: Frame) -> Frame:
+        """A frame with what holds until it changes, such as ``intervention``."""
+        found = {key: item.at(frame.stamp_ns) for key, item in self._streams.items() if item.is_latched}
+        return replace(
+            frame,
+            values={**frame.values, **{key: value for key, (value, _) in found.items()}},
+            stamps_ns={**frame.stamps_ns, **{key: stamp_ns for key, (_, stamp_ns) in found.items()}},
+        )
+
+    def _find_lost(self, now_ns: int) -> None:
+        """Notice a feature that stays away: further frames would only be dropped or held."""
+        for key, since_ns in self._missing_since_ns.items():
+            if now_ns - since_ns < LOST_S * NS_PER_S + self._wait_ns:
+                continue
+            stream = self._streams[key]
+            if stream.is_stale:
+                why = f"no message received on {stream.feature.topic} for {stream.age_s:.1f} s"
+            else:
+                ahead_s = (stream.stamp_ns - now_ns) / NS_PER_S
+                why = (
+                    f"messages on {stream.feature.topic} have stamps {abs(ahead_s):.2f} s "
+                    f"{'ahead of' if ahead_s > 0 else 'behind'} this machine. "
+                    "Synchronise the clocks of the hosts (chrony or NTP), or raise tolerance_s"
+                )
+            self.over = f"{key} is lost: {why}"
+            return

@@ -1,0 +1,114 @@
+"""The frames of an episode: what is dropped, held or ends it."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua.features import Feature, Frame
+from joshua.messages import message_class
+from joshua.messages.make import joint_state
+from joshua_dataset.sampler import Sampler
+from joshua_dataset.settings import StoreSettings
+from joshua_dataset.streams import Stream
+
+T0 = 1_700_000_000_000_000_000
+PERIOD = 50_000_000
+
+
+def feature(key: str) -> Feature:
+    return Feature.joints(key, ("pan",), topic=f"/{key}")
+
+
+class Cell:
+    """A recorder's streams and sampler at 20 Hz, fed and polled at times of the test's own."""
+
+    def __init__(self, *keys: str, extra: tuple[Feature, ...] = (), **settings: Any) -> None:
+        self.streams = {item.key: Stream(item) for item in (*map(feature, keys), *extra)}
+        self.sampler = Sampler(self.streams.values(), StoreSettings(folder="/data", fps=20, **settings), T0)
+
+    def feed(self, key: str, at_ns: int, value: float = 0.0) -> None:
+        stream = self.streams[key]
+        stream.take(joint_state(("pan",), [value], at_ns=T0 + at_ns), T0 + at_ns)
+        self.sampler.push(key, T0 + at_ns, np.array([value], np.float32))
+
+    def run(self, seconds: float, *keys: str, start_s: float = 0.0, shift_s: float = 0.0) -> list[Frame]:
+        frames: list[Frame] = []
+        first = round(start_s * 20)
+        for number in range(first, first + round(seconds * 20)):
+            for key in keys:
+                self.feed(key, number * PERIOD + round(shift_s * 1e9), number)
+            frames += self.sampler.poll(T0 + number * PERIOD)
+            if self.sampler.over or self.sampler.failed:
+                break
+        return frames
+
+
+def test_a_complete_recording_goes_on() -> None:
+    cell = Cell("observation.state", "action")
+    frames = cell.run(3, "observation.state", "action")
+    assert len(frames) >= 55
+    assert (cell.sampler.over, cell.sampler.counts["dropped"]) == ("", 0)
+    assert all(not frame.missing for frame in cell.sampler.rest(T0 + 3_000_000_000))
+
+
+@pytest.mark.parametrize(("missing", "kept"), [("drop", 0), ("hold", 10)])
+def test_a_feature_that_stays_away_ends_the_episode(missing: str, kept: int) -> None:
+    cell = Cell("observation.state", "action", missing=missing)
+    before = cell.run(1, "observation.state", "action")
+    cell.streams["action"].seen_s = time.monotonic() - 5
+    after = cell.run(3, "observation.state", start_s=1)
+    assert len(before) >= 15
+    assert len(after) >= kept
+    assert cell.sampler.over.startswith("action is lost: no message received on /action for 5.")
+    assert cell.sampler.counts["dropped" if missing == "drop" else "held"] >= 18
+
+
+def test_a_gap_shorter_than_a_second_ends_nothing() -> None:
+    cell = Cell("observation.state", "action")
+    cell.run(1, "observation.state", "action")
+    cell.run(0.8, "observation.state", start_s=1)
+    cell.run(2, "observation.state", "action", start_s=1.8)
+    assert cell.sampler.over == ""
+    assert 10 <= cell.sampler.counts["dropped"] <= 20
+
+
+def test_the_policy_fail_discards_the_episode() -> None:
+    cell = Cell("observation.state", "action", missing="fail")
+    cell.run(1, "observation.state", "action")
+    cell.run(1, "observation.state", start_s=1)
+    assert cell.sampler.failed == "no value of action"
+
+
+def test_a_jump_of_the_clock_ends_the_episode() -> None:
+    cell = Cell("observation.state")
+    cell.run(1, "observation.state")
+    frames = list(cell.sampler.poll(T0 + 3600 * 10**9))
+    assert frames == []
+    assert cell.sampler.over == "the clock of this machine jumped"
+
+
+def test_a_host_whose_clock_is_off_is_named() -> None:
+    cell = Cell("observation.state", "action")
+    cell.run(1, "observation.state", "action")
+    for number in range(20, 60):  # the host of the camera sets its clock by a second
+        cell.feed("observation.state", number * PERIOD)
+        cell.feed("action", number * PERIOD - 10**9)
+        list(cell.sampler.poll(T0 + number * PERIOD))
+    assert cell.sampler.over.startswith("action is lost: messages on /action have stamps 1.0")
+    assert "s behind this machine. Synchronise the clocks of the hosts" in cell.sampler.over
+
+
+def test_what_holds_until_it_changes_is_a_column_of_its_own() -> None:
+    flag = Feature("intervention", "bool", (1,), ("intervention",), topic="/follower/intervention")
+    cell = Cell("observation.state", extra=(flag,))
+    frames = cell.run(1, "observation.state")
+    on = message_class("std_msgs/msg/Bool")(data=True)
+    cell.streams["intervention"].take(on, T0 + 10**9)
+    frames += cell.run(1, "observation.state", start_s=1)
+    marked = [bool(frame["intervention"][0]) for frame in frames]
+    assert marked.index(True) == next(i for i, frame in enumerate(frames) if frame.stamp_ns >= T0 + 10**9)
+    assert all(marked[marked.index(True) :])
+    assert cell.sampler.over == ""
