@@ -80,7 +80,7 @@ def spec(**fields: Any) -> NodeSpec:
                 "joints": JOINTS,
                 "features": COUNTED,
                 "task": "pick it up",
-                "observation_stale_s": 3600.0,
+                "execution": {"observation_max_age_s": 3600.0},
             },
             "publishers": (ACTION,),
             "subscriptions": (SEEN,),
@@ -164,7 +164,9 @@ def test_nothing_is_published_before_everything_was_observed(
 
 def test_what_was_planned_on_stale_observations_is_dropped(model: Any) -> None:
     model.chunk = np.full((1000, 2), 0.05)
-    context, node = start(spec(facts={"joints": JOINTS, "features": COUNTED, "observation_stale_s": 0.3}))
+    context, node = start(
+        spec(facts={"joints": JOINTS, "features": COUNTED, "execution": {"observation_max_age_s": 0.3}})
+    )
     play_until(context, 1, seen=1)
     time.sleep(0.35)
     count = len(actions(context))

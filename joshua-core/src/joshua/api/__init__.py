@@ -2,8 +2,8 @@
 
 Nothing is imported before it is used, so a plugin's description that takes its specs from here stays light.
 What fewer plugins need stands in modules of this package: ``calibration``, ``clocks``, ``emulation``,
-``modes``, ``motions``, ``nodes``, ``schema``, ``simulation``, ``specs`` and ``transports``. The other public
-modules are ``joshua.features`` (what is seen and done), ``joshua.messages`` (ROS 2 messages),
+``models``, ``modes``, ``motions``, ``nodes``, ``schema``, ``simulation``, ``specs`` and ``transports``. The
+other public modules are ``joshua.features`` (what is seen and done), ``joshua.messages`` (ROS 2 messages),
 ``joshua.testing`` (the conformance kit) and ``joshua.tools`` (load, check, plan, and the client of a running
 system).
 """

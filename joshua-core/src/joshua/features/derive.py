@@ -27,6 +27,7 @@ def features_of(
     settings: Mapping[str, Any],
     *,
     reader: NodeEntry | None = None,
+    beside: Iterable[Endpoint] = (),
 ) -> FeatureSet:
     """Derives the features of a robot, or of what one of its nodes subscribes to.
 
@@ -42,6 +43,7 @@ def features_of(
         reader: a node, such as a model, of whose subscriptions the features are: observations only, and
             topics that no node publishes count too, and a key that comes again gets a number; None for
             everything that the robot shows, and its actions.
+        beside: publishers whose topics the reader gets without a subscription in the file.
 
     Raises:
         ValueError: two nodes would have one key; the message names it.
@@ -50,13 +52,12 @@ def features_of(
     if reader is None:
         return FeatureSet(robot.everything())
     seen: dict[str, Feature] = {}
-    for item in graph.of_entry(reader):
-        if not item.is_publisher:
-            feature = robot.observed(item)
-            key, number = feature.key, 2
-            while feature.key in seen:
-                feature, number = replace(feature, key=f"{key}_{number}"), number + 1
-            seen[feature.key] = feature
+    for item in (*(own for own in graph.of_entry(reader) if not own.is_publisher), *beside):
+        feature = robot.observed(item)
+        key, number = feature.key, 2
+        while feature.key in seen:
+            feature, number = replace(feature, key=f"{key}_{number}"), number + 1
+        seen[feature.key] = feature
     return FeatureSet(seen.values())
 
 

@@ -16,7 +16,7 @@ from joshua.messages.make import joint_state
 from joshua.messages.typestore import MessageError
 from joshua.models.chunk_player import ChunkPlayer
 from joshua.models.model import FloatArray, JointSpace, Model, ModelError
-from joshua.models.observer import STALE_AFTER_S, Observer, UnfitMessageError
+from joshua.models.observer import Observer, UnfitMessageError
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
@@ -57,7 +57,7 @@ class InferenceNode(NodeBehaviour):
         self._features = FeatureSet(facts.features)
         self._observer = Observer(
             self._features,
-            STALE_AFTER_S if facts.observation_stale_s is None else facts.observation_stale_s,
+            facts.execution.observation_max_age_s,
             facts.task,
         )
         self._outputs = Outputs(())

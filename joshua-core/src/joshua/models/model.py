@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from joshua.features.feature_set import FeatureSet
 from joshua.features.frame import Frame
+from joshua.plan.model_needs import ModelNeeds
+from joshua.plugins.settings import ModelSettings
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,6 +35,36 @@ class Observation(Frame):
     """
 
     task: str = ""
+
+
+@dataclass(frozen=True)
+class ChunkRequest:
+    """What a new chunk continues, for real-time chunking (Black, Galliker, Levine 2025).
+
+    Step k is the k-th period after the observation, as in the chunk that the model returns.
+
+    Attributes:
+        planned: actions of the chunk before at steps 0…P-1, radians, shape (P, N); P ≥ ``delay``.
+        delay: steps that are carried out as planned, because the new chunk arrives after them.
+        overlap: steps of ``planned`` that guide the new chunk, the fixed ones included; at most P.
+        max_guidance_weight: of a denoising step; schedule: ``exp``, ``linear``, ``ones`` or ``zeros``.
+    """
+
+    planned: FloatArray
+    delay: int
+    overlap: int
+    max_guidance_weight: float = 5.0
+    schedule: str = "exp"
+
+    def weights(self, steps: int) -> FloatArray:
+        """How strongly each of so many steps of the new chunk follows ``planned``: the paper's soft mask."""
+        at, end = np.arange(steps), min(self.overlap, steps)
+        start = min(self.delay, end)
+        falling = np.clip((end - at) / (end - start + 1), 0.0, 1.0)
+        shapes = {"linear": falling, "ones": np.ones(steps), "zeros": np.zeros(steps)}
+        soft = shapes.get(self.schedule, falling * np.expm1(falling) / np.expm1(1.0))
+        mask: FloatArray = np.where(at < start, 1.0, np.where(at < end, soft, 0.0))
+        return mask
 
 
 class Model(ABC):
@@ -59,7 +91,18 @@ class Model(ABC):
 
     @abstractmethod
     def act(self, observation: Observation) -> FloatArray:
-        """Returns the next actions in radians, shape (T, N): T ≥ 1 steps of the publisher's period."""
+        """Returns the next actions in radians, shape (T, N): T ≥ 1 steps of the publisher's period.
+
+        The first is that of the time of the observation, ``observation.stamp_ns``.
+        """
+
+    def continue_chunk(self, observation: Observation, request: ChunkRequest) -> FloatArray:
+        """Returns actions as ``act`` does that continue a chunk, if the needs say ``supports_rtc``."""
+        raise NotImplementedError(f"{type(self).__name__} has no continue_chunk")
+
+    def needs(self) -> ModelNeeds:
+        """What the model needs and can do, once it is loaded; what its settings know, unless overridden."""
+        return self.settings.needs() if isinstance(self.settings, ModelSettings) else ModelNeeds()
 
     @abstractmethod
     def close(self) -> None:

@@ -14,9 +14,6 @@ from joshua.models.model import Observation
 
 NS_PER_S = 1_000_000_000
 
-#: Age at which an observation is too old to act on.
-STALE_AFTER_S = 1.0
-
 
 class UnfitMessageError(Exception):
     """A message cannot be shown to the model; says on which topic and why."""
@@ -39,7 +36,7 @@ class Observer:
         task: instruction in natural language.
     """
 
-    def __init__(self, features: FeatureSet, stale_after_s: float = STALE_AFTER_S, task: str = "") -> None:
+    def __init__(self, features: FeatureSet, stale_after_s: float = 1.0, task: str = "") -> None:
         self._features = tuple(features.values())
         self._stale_after_ns = round(stale_after_s * NS_PER_S)
         self._task = task

@@ -14,6 +14,9 @@ from joshua.plan.facts import SafeStop as SafeStop
 from joshua.plan.facts import SensorFacts as SensorFacts
 from joshua.plan.facts import ServiceFacts as ServiceFacts
 from joshua.plan.joints import JointRange as JointRange
+from joshua.plan.model_needs import Compute as Compute
+from joshua.plan.model_needs import Execution as Execution
+from joshua.plan.model_needs import ModelNeeds as ModelNeeds
 from joshua.plan.node_spec import NodeKind as NodeKind
 from joshua.plan.node_spec import NodeSpec as NodeSpec
 from joshua.plan.node_spec import TopicSpec as TopicSpec

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from joshua.plan.feature import Feature
 from joshua.plan.joints import JointRange
+from joshua.plan.model_needs import Compute, Execution
 
 #: pydantic refuses an unknown name, so that a misspelt fact is no silent one.
 _STRICT = {"extra": "forbid"}
@@ -152,15 +153,17 @@ class ModelFacts(NodeFacts):
     """What a model's node is told.
 
     Attributes:
-        joints: that it commands; features: of its subscriptions; task: instruction in natural language.
-        observation_stale_s: age of an observation that stops it; None takes the usual one.
+        joints: that it commands; features: of its subscriptions, by the model's keys.
+        task: instruction in natural language.
+        execution, compute: of the file.
     """
 
     kind: Literal["model"] = "model"
     joints: tuple[JointRange, ...] = ()
     features: tuple[Feature, ...] = ()
     task: str = ""
-    observation_stale_s: float | None = None
+    execution: Execution = field(default_factory=Execution)
+    compute: Compute = field(default_factory=Compute)
 
 
 @dataclass(frozen=True)

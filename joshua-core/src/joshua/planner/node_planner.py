@@ -11,7 +11,6 @@ from joshua.plan import (
     ActuatorFacts,
     Commander,
     JointRange,
-    ModelFacts,
     NodeKind,
     NodeSpec,
     SensorFacts,
@@ -20,6 +19,7 @@ from joshua.plan import (
 from joshua.plan.facts import Facts
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.planner.draft import Draft
+from joshua.planner.model_planner import model_facts, needs_of, state_topics
 from joshua.planner.resolution import Resolved, safety_facts
 from joshua.plugins import ActuatorSpec, ModelSpec, SensorSpec
 from joshua.schema import config_pb2 as pb
@@ -72,7 +72,7 @@ def _spec(draft: Draft, item: Resolved, facts: Facts) -> NodeSpec:
         facts=facts,
         backend="native" if native else "python",
         publishers=tuple(_topics(draft.graph, want.entry, publishers=True)),
-        subscriptions=tuple(_topics(draft.graph, want.entry, publishers=False)),
+        subscriptions=(*_topics(draft.graph, want.entry, publishers=False), *_states(draft, item)),
         process_group=node.process_group or (PHYSICS_GROUP if want.is_simulated else ""),
         interpreter=_interpreter(draft, want.entry),
         host=node.host,
@@ -128,6 +128,12 @@ def _topics(graph: RobotGraph, entry: NodeEntry, *, publishers: bool) -> Iterabl
             )
 
 
+def _states(draft: Draft, item: Resolved) -> Iterable[TopicSpec]:
+    """The states that a model gets without a subscription in the file."""
+    for own in state_topics(draft, item, needs_of(item)) if item.want.entry.is_model else ():
+        yield TopicSpec(name=own.topic, type_name=data_types.type_name(own.block.data_type), qos=own.qos)
+
+
 def _facts(
     draft: Draft, item: Resolved, settings: Mapping[str, Any], physics: dict[str, Any] | None
 ) -> Facts:
@@ -139,9 +145,7 @@ def _facts(
         "ready_timeout_s": spec.ready_timeout_s,
     }
     if isinstance(spec, ModelSpec):
-        commanded = (joint for other in graph.driven_by(entry) for joint in draft.joints.get(other.path, ()))
-        features = features_of(graph, _names(draft), settings, reader=entry)
-        return ModelFacts(joints=tuple(commanded), features=tuple(features.values()), **common)
+        return model_facts(draft, item, settings, common)
     common["simulation"] = physics if item.want.is_simulated else None
     if isinstance(spec, SensorSpec):
         return SensorFacts(joints=item.joints, terminal=spec.terminal, **common)

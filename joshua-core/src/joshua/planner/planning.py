@@ -22,6 +22,10 @@ def resolve(draft: Draft) -> tuple[list[Resolved], list[ResolvedService]]:
     services = resolve_services(draft)
     wanted = wanted_nodes(draft.graph, devices=draft.mode.devices, models=draft.mode.models)
     nodes = resolve_nodes(draft, wanted, physics_of(services))
+    if draft.graph.models:
+        from joshua.planner.model_planner import check_models
+
+        check_models(draft, nodes)
     _check_terminal(draft, nodes)
     hosts = [want.entry.node.host for want in wanted]
     if draft.request.host and hosts and draft.request.host not in hosts:

@@ -12,7 +12,7 @@ from joshua.plan import Related
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, SensorSpec
-from joshua.plugins.block_context import BlockContext
+from joshua.plugins.block_context import BlockContext, ModelContext
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 from joshua.schema.rules import block_rule
@@ -140,7 +140,8 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
         known = all(other.path in final_names for other in driven)
         reached = tuple(joint for other in driven for joint in draft.joints[other.path]) if known else ()
         simulation = physics if want.is_simulated else None
-        context = BlockContext(calibration, reached, simulation, launch=draft.launch)
+        model = _model_context(draft, entry) if entry.is_model else ModelContext()
+        context = BlockContext(calibration, reached, simulation, model=model, launch=draft.launch)
         block = want.block
         if block is not None and spec.settings:
             positions = draft.loaded.positions
@@ -156,6 +157,12 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
             check_safety(draft, want, spec, joints)
     draft.findings += [_plugin_missing(draft, wants) for wants in missing.values()]
     return resolved
+
+
+def _model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
+    from joshua.planner.model_planner import model_context  # with features, which other files need not
+
+    return model_context(draft, entry)
 
 
 def _plugin_missing(draft: Draft, wants: list[Wanted]) -> Diagnostic:

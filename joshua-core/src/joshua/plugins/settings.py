@@ -13,6 +13,7 @@ from typing_extensions import Self
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence
 from joshua.plan.joints import JointRange
+from joshua.plan.model_needs import Compute, ModelNeeds
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.targets import TargetError, load_target
 
@@ -113,6 +114,38 @@ class ActuatorSettings(BlockSettings):
     def joints(self) -> tuple[JointRange, ...]:
         """The joints in their order, known without a connection and without the driver."""
         raise NotImplementedError(f"{type(self).__name__} names no joints: override joints")
+
+
+class ModelSettings(BlockSettings):
+    """Base class of the settings of models, with what their entry says beside the block.
+
+    Attributes:
+        weights: folder or file, absolute, or a hub id; "" for none.
+        task: of the file, "" for none; compute: where and how the model computes.
+        rate_hz: steps of a chunk in a second.
+    """
+
+    weights: str = ""
+    task: str = ""
+    compute: Compute = Compute()
+    rate_hz: float = 0.0
+
+    @classmethod
+    def si_values(
+        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
+    ) -> dict[str, Any]:
+        """Adds what the entry of the model says to the values of the block."""
+        own, entry = super().si_values(values, node, context), context.model
+        known = {"weights": entry.weights, "compute": entry.compute, "rate_hz": entry.rate_hz}
+        return own | known | {"task": entry.task or own.get("task", "")}
+
+    def needs(self) -> ModelNeeds:
+        """What the model needs and can do, as far as its settings and the files of its weights say.
+
+        Called while a file is checked: it imports nothing heavy. Raises FieldError for weights that cannot
+        be used. Weights that are not on this machine leave it open: the node asks again after loading.
+        """
+        return ModelNeeds()
 
 
 class Positions(Protocol):

@@ -66,6 +66,22 @@ class ModelType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     SMOLVLA: _ClassVar[ModelType]
     MODEL_PLUGIN: _ClassVar[ModelType]
 
+class ExecutionStrategy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    EXECUTION_DEFAULT: _ClassVar[ExecutionStrategy]
+    REPLACE_ON_ARRIVAL: _ClassVar[ExecutionStrategy]
+    TEMPORAL_ENSEMBLE: _ClassVar[ExecutionStrategy]
+    REAL_TIME_CHUNKING: _ClassVar[ExecutionStrategy]
+    SYNCHRONOUS: _ClassVar[ExecutionStrategy]
+
+class GuidanceSchedule(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    GUIDANCE_DEFAULT: _ClassVar[GuidanceSchedule]
+    GUIDANCE_EXP: _ClassVar[GuidanceSchedule]
+    GUIDANCE_LINEAR: _ClassVar[GuidanceSchedule]
+    GUIDANCE_ONES: _ClassVar[GuidanceSchedule]
+    GUIDANCE_ZEROS: _ClassVar[GuidanceSchedule]
+
 class DataFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     FORMAT_UNSPECIFIED: _ClassVar[DataFormat]
@@ -204,6 +220,16 @@ MODEL_UNSPECIFIED: ModelType
 RANDOM_NOISE: ModelType
 SMOLVLA: ModelType
 MODEL_PLUGIN: ModelType
+EXECUTION_DEFAULT: ExecutionStrategy
+REPLACE_ON_ARRIVAL: ExecutionStrategy
+TEMPORAL_ENSEMBLE: ExecutionStrategy
+REAL_TIME_CHUNKING: ExecutionStrategy
+SYNCHRONOUS: ExecutionStrategy
+GUIDANCE_DEFAULT: GuidanceSchedule
+GUIDANCE_EXP: GuidanceSchedule
+GUIDANCE_LINEAR: GuidanceSchedule
+GUIDANCE_ONES: GuidanceSchedule
+GUIDANCE_ZEROS: GuidanceSchedule
 FORMAT_UNSPECIFIED: DataFormat
 FORMAT_HUGGINGFACE: DataFormat
 FORMAT_CSV: DataFormat
@@ -685,20 +711,78 @@ class Ai(_message.Message):
     def __init__(self, models: _Optional[_Iterable[_Union[SingleModel, _Mapping]]] = ..., data_store: _Optional[_Union[DataStore, _Mapping]] = ..., training: _Optional[_Union[Training, _Mapping]] = ...) -> None: ...
 
 class SingleModel(_message.Message):
-    __slots__ = ("model_type", "pretrained_model_name_or_path", "node", "plugin_config", "random_noise_config", "smolvla_config")
+    __slots__ = ("model_type", "pretrained_model_name_or_path", "node", "plugin_config", "random_noise_config", "smolvla_config", "execution", "compute", "rename", "task")
     MODEL_TYPE_FIELD_NUMBER: _ClassVar[int]
     PRETRAINED_MODEL_NAME_OR_PATH_FIELD_NUMBER: _ClassVar[int]
     NODE_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
     RANDOM_NOISE_CONFIG_FIELD_NUMBER: _ClassVar[int]
     SMOLVLA_CONFIG_FIELD_NUMBER: _ClassVar[int]
+    EXECUTION_FIELD_NUMBER: _ClassVar[int]
+    COMPUTE_FIELD_NUMBER: _ClassVar[int]
+    RENAME_FIELD_NUMBER: _ClassVar[int]
+    TASK_FIELD_NUMBER: _ClassVar[int]
     model_type: ModelType
     pretrained_model_name_or_path: str
     node: Node
     plugin_config: _any_pb2.Any
     random_noise_config: RandomNoiseConfig
     smolvla_config: SmolVlaConfig
-    def __init__(self, model_type: _Optional[_Union[ModelType, str]] = ..., pretrained_model_name_or_path: _Optional[str] = ..., node: _Optional[_Union[Node, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., random_noise_config: _Optional[_Union[RandomNoiseConfig, _Mapping]] = ..., smolvla_config: _Optional[_Union[SmolVlaConfig, _Mapping]] = ...) -> None: ...
+    execution: ModelExecution
+    compute: ModelCompute
+    rename: _containers.RepeatedCompositeFieldContainer[FeatureName]
+    task: str
+    def __init__(self, model_type: _Optional[_Union[ModelType, str]] = ..., pretrained_model_name_or_path: _Optional[str] = ..., node: _Optional[_Union[Node, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., random_noise_config: _Optional[_Union[RandomNoiseConfig, _Mapping]] = ..., smolvla_config: _Optional[_Union[SmolVlaConfig, _Mapping]] = ..., execution: _Optional[_Union[ModelExecution, _Mapping]] = ..., compute: _Optional[_Union[ModelCompute, _Mapping]] = ..., rename: _Optional[_Iterable[_Union[FeatureName, _Mapping]]] = ..., task: _Optional[str] = ...) -> None: ...
+
+class FeatureName(_message.Message):
+    __slots__ = ("robot", "model")
+    ROBOT_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    robot: str
+    model: str
+    def __init__(self, robot: _Optional[str] = ..., model: _Optional[str] = ...) -> None: ...
+
+class ModelExecution(_message.Message):
+    __slots__ = ("strategy", "steps_per_chunk", "observation_max_age_s", "ramp_s", "max_velocity_rad_s", "chunk_timeout_s", "ensemble_coefficient", "execution_horizon", "inference_delay", "delay_margin", "max_guidance_weight", "guidance_schedule")
+    STRATEGY_FIELD_NUMBER: _ClassVar[int]
+    STEPS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
+    OBSERVATION_MAX_AGE_S_FIELD_NUMBER: _ClassVar[int]
+    RAMP_S_FIELD_NUMBER: _ClassVar[int]
+    MAX_VELOCITY_RAD_S_FIELD_NUMBER: _ClassVar[int]
+    CHUNK_TIMEOUT_S_FIELD_NUMBER: _ClassVar[int]
+    ENSEMBLE_COEFFICIENT_FIELD_NUMBER: _ClassVar[int]
+    EXECUTION_HORIZON_FIELD_NUMBER: _ClassVar[int]
+    INFERENCE_DELAY_FIELD_NUMBER: _ClassVar[int]
+    DELAY_MARGIN_FIELD_NUMBER: _ClassVar[int]
+    MAX_GUIDANCE_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    GUIDANCE_SCHEDULE_FIELD_NUMBER: _ClassVar[int]
+    strategy: ExecutionStrategy
+    steps_per_chunk: int
+    observation_max_age_s: float
+    ramp_s: float
+    max_velocity_rad_s: float
+    chunk_timeout_s: float
+    ensemble_coefficient: float
+    execution_horizon: int
+    inference_delay: int
+    delay_margin: int
+    max_guidance_weight: float
+    guidance_schedule: GuidanceSchedule
+    def __init__(self, strategy: _Optional[_Union[ExecutionStrategy, str]] = ..., steps_per_chunk: _Optional[int] = ..., observation_max_age_s: _Optional[float] = ..., ramp_s: _Optional[float] = ..., max_velocity_rad_s: _Optional[float] = ..., chunk_timeout_s: _Optional[float] = ..., ensemble_coefficient: _Optional[float] = ..., execution_horizon: _Optional[int] = ..., inference_delay: _Optional[int] = ..., delay_margin: _Optional[int] = ..., max_guidance_weight: _Optional[float] = ..., guidance_schedule: _Optional[_Union[GuidanceSchedule, str]] = ...) -> None: ...
+
+class ModelCompute(_message.Message):
+    __slots__ = ("device", "precision", "warm_up", "seed", "threads")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    PRECISION_FIELD_NUMBER: _ClassVar[int]
+    WARM_UP_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    THREADS_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    precision: str
+    warm_up: int
+    seed: int
+    threads: int
+    def __init__(self, device: _Optional[str] = ..., precision: _Optional[str] = ..., warm_up: _Optional[int] = ..., seed: _Optional[int] = ..., threads: _Optional[int] = ...) -> None: ...
 
 class RandomNoiseConfig(_message.Message):
     __slots__ = ("seed", "amplitude_rad")

@@ -111,7 +111,7 @@ def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
     type_name = pb.ModelType.DESCRIPTOR.values_by_number.get(model.model_type)
     chosen = type_name.name if type_name is not None else ""
     for field in model.DESCRIPTOR.fields:
-        if field.message_type is None or field.name == "node":
+        if field.message_type is None or not 100 <= field.number < 110:  # the settings blocks
             continue
         fits = block_rule(field.message_type).fits or ("MODEL_PLUGIN",)
         if model.model_type and chosen not in fits and _has(model, field.name):

@@ -1,0 +1,122 @@
+"""What a model needs and a robot lacks: each difference names both sides and the remedy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from joshua.features.feature_set import LEROBOT_SUFFIX, FeatureSet
+from joshua.plan.feature import ACTION, IMAGES, Feature
+from joshua.plan.joints import JointRange
+from joshua.plan.model_needs import ModelNeeds
+
+_RATE_TOLERANCE = 0.01
+
+
+class Unmet(NamedTuple):
+    """One difference: ``field`` of the model's entry that it is about, "" for the entry itself."""
+
+    message: str
+    remedy: str
+    field: str = ""
+    allowed: tuple[str, ...] = ()
+
+
+def unmet(
+    needs: ModelNeeds, features: FeatureSet, joints: Sequence[JointRange], rate_hz: float, strategy: str
+) -> list[Unmet]:
+    """Compares what a model needs with what it is given.
+
+    Args:
+        features: of its observations, by the model's keys; joints: that it commands.
+        rate_hz: at which its actions are published; strategy: of the execution.
+    """
+    source = f" ({needs.source})" if needs.source else ""
+    found = list(_features(needs.features or (), features, source))
+    if needs.action is not None:
+        commanded = Feature.joints(ACTION, tuple(joint.name for joint in joints))
+        found += _numbers(needs.action, commanded, source)
+    for key, (least, greatest) in needs.ranges.items():
+        unit = next((f.unit for f in (*(needs.features or ()), needs.action) if f and f.key == key), "")
+        found += _ranges(key, zip(joints, least, greatest, strict=False), unit or "rad", source)
+    if needs.rate_hz and abs(rate_hz - needs.rate_hz) > _RATE_TOLERANCE * needs.rate_hz:
+        message = f"The model acts {needs.rate_hz:g} times a second{source}, and its node {rate_hz:g} times"
+        remedy = f"Set publish_rate_hz: {needs.rate_hz:.4g}"
+        found.append(Unmet(message, remedy, "node.publishers[0].publish_rate_hz"))
+    if strategy == "REAL_TIME_CHUNKING" and not needs.supports_rtc:
+        message = "The model cannot continue a chunk, which REAL_TIME_CHUNKING requires of a flow policy"
+        others = ("REPLACE_ON_ARRIVAL", "TEMPORAL_ENSEMBLE", "SYNCHRONOUS")
+        found.append(Unmet(message, f"Write strategy: {others[0]}", "execution.strategy", others))
+    return found
+
+
+def _features(needed: Sequence[Feature], given: FeatureSet, source: str) -> Iterator[Unmet]:
+    wanted = {feature.key for feature in needed}
+    for feature in needed:
+        if feature.key in given:
+            compare = _picture if feature.is_picture else _numbers
+            yield from compare(feature, given[feature.key], source)
+            continue
+        same = [f for f in given.values() if f.is_picture is feature.is_picture]
+        free = [_short(f.key) for f in same if f.key not in wanted]
+        has = ", ".join(f.key for f in same) or "none"
+        message = f"The model needs {feature.key}{source}; the robot gives it {has}"
+        if free:
+            remedy = f'Add rename {{ robot: "{free[0]}" model: "{_short(feature.key)}" }} to the model'
+        elif feature.is_picture:
+            remedy = "Add subscriptions { data_type: IMAGE … } of one more camera to its node"
+        else:
+            remedy = "Add subscriptions { data_type: JOINT_STATE … } of the arm to its node"
+        yield Unmet(message, remedy, "node.subscriptions", tuple(free))
+
+
+def _short(key: str) -> str:
+    return key.removeprefix(IMAGES)
+
+
+def _picture(needed: Feature, given: Feature, source: str) -> Iterator[Unmet]:
+    if any(a and b and a != b for a, b in zip(needed.shape[:2], given.shape[:2], strict=True)):
+        height, width = needed.shape[:2]
+        message = (
+            f"{needed.key}: the model needs {width} × {height} pixels{source}, and {given.topic} "
+            f"has {given.shape[1]} × {given.shape[0]}"
+        )
+        remedy = f"Set width: {width} height: {height} in the camera's block"
+        yield Unmet(message, remedy, "node.subscriptions")
+
+
+def _numbers(needed: Feature, given: Feature, source: str) -> Iterator[Unmet]:
+    ours, theirs = ([n.removesuffix(LEROBOT_SUFFIX) for n in f.names] for f in (given, needed))
+    if 0 not in (*needed.shape, *given.shape) and needed.shape != given.shape:
+        message = (
+            f"{needed.key}: the model has {needed.shape[0]} numbers{source}, and the robot has "
+            f"{given.shape[0]}: {', '.join(ours)}"
+        )
+        yield Unmet(message, "Use weights that were trained on this robot")
+    elif ours and theirs and ours != theirs:
+        what = "the order differs" if sorted(ours) == sorted(theirs) else "the names differ"
+        message = (
+            f"{needed.key}: {what}: {', '.join(theirs)} in the model{source}, {', '.join(ours)} on the robot"
+        )
+        yield Unmet(message, "Give the joints the names and the order of the training: `joshua calibrate`")
+
+
+def _ranges(
+    key: str, trained: Iterable[tuple[JointRange, float, float]], unit: str, source: str
+) -> Iterator[Unmet]:
+    """Joints whose positions in training lie far outside what the joint can reach: another unit, mostly."""
+    for joint, least, greatest in trained:
+        half = math.degrees(joint.max_rad - joint.min_rad) / 2
+        low, high = {
+            "rad": (joint.min_rad, joint.max_rad),
+            "deg": (math.degrees(joint.min_rad), math.degrees(joint.max_rad)),
+            "lerobot_deg": (-half, half),
+        }.get(unit, (-100.0, 100.0))
+        margin = high - low
+        if least < low - margin or greatest > high + margin:
+            message = (
+                f"{key}: in training {joint.name} went from {least:.4g} to {greatest:.4g}{source}, and this "
+                f"robot reaches {low:.4g} to {high:.4g} {unit}"
+            )
+            yield Unmet(message, "Use the statistics of this robot's data set, or correct the unit")

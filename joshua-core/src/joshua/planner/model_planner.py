@@ -1,0 +1,144 @@
+"""What the entry of a model says beside its block, and whether the robot gives the model what it needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from joshua.config.input_paths import folder_of
+from joshua.features.derive import features_of
+from joshua.features.feature_set import FeatureSet
+from joshua.features.needs import unmet
+from joshua.plan import Compute, Diagnostic, Execution, JointRange, ModelFacts, ModelNeeds
+from joshua.plan.feature import IMAGES, Feature
+from joshua.plan.graph import Endpoint, NodeEntry
+from joshua.plugins.block_context import ModelContext
+from joshua.schema import data_type_pb2
+
+if TYPE_CHECKING:
+    from joshua.planner.draft import Draft
+    from joshua.planner.resolution import Resolved
+
+
+def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
+    """What settings of a model are made from beside the block."""
+    from joshua.plugins.block_values import block_values
+
+    owner, path = entry.owner, f"{entry.owner_path}.pretrained_model_name_or_path"
+    weights = owner.pretrained_model_name_or_path
+    if weights:
+        folder = folder_of(draft.loaded.positions, path, draft.request.path)
+        place = Path(os.path.normpath(folder / os.path.expanduser(weights)))  # noqa: PTH111 (as the checks)
+        weights = str(place) if place.exists() else weights
+    return ModelContext(weights, owner.task, Compute(**block_values(owner.compute)), _rate(entry))
+
+
+def needs_of(item: Resolved) -> ModelNeeds:
+    """What a model needs, as its settings know it. Raises FieldError."""
+    from joshua.plugins.settings import ModelSettings  # needs pydantic, as the settings did
+
+    return item.settings.needs() if isinstance(item.settings, ModelSettings) else ModelNeeds()
+
+
+def state_topics(draft: Draft, item: Resolved, needs: ModelNeeds) -> list[Endpoint]:
+    """The states of the actuators that a model commands, where it needs them and subscribes to none."""
+    graph, entry = draft.graph, item.want.entry
+    if not needs.reads_state:
+        return []
+    seen = {own.topic for own in graph.of_entry(entry) if not own.is_publisher}
+    found = []
+    for actuator in graph.driven_by(entry):
+        states = [
+            own
+            for own in graph.of_entry(actuator)
+            if own.is_publisher and own.block.data_type == data_type_pb2.JOINT_STATE
+        ]
+        found += states[:1] if not any(own.topic in seen for own in states) else []
+    return found
+
+
+def model_facts(
+    draft: Draft, item: Resolved, settings: Mapping[str, Any], common: dict[str, Any]
+) -> ModelFacts:
+    """What the node of a model is told, with features by the model's own keys."""
+    from joshua.plugins.block_values import block_values
+
+    owner = item.want.entry.owner
+    return ModelFacts(
+        joints=tuple(_joints(draft, item)),
+        features=tuple(_renamed(draft, item, settings, needs_of(item)).values()),
+        task=getattr(item.settings, "task", "") or owner.task,
+        execution=Execution(**block_values(owner.execution)),
+        compute=Compute(**block_values(owner.compute)),
+        **common,
+    )
+
+
+def check_models(draft: Draft, nodes: Sequence[Resolved]) -> None:
+    """Find what models need and the robot does not give them."""
+    settings = {item.want.entry.path: item.settings for item in nodes}
+    for item in nodes:
+        if item.want.entry.is_model and (item.settings is not None or not item.spec.settings):
+            draft.findings += _findings(draft, item, settings)
+
+
+def _findings(draft: Draft, item: Resolved, settings: Mapping[str, Any]) -> Iterator[Diagnostic]:
+    from joshua.plugins.settings import FieldError
+
+    entry, owner = item.want.entry, item.want.entry.owner
+    path = entry.owner_path
+    try:
+        needs = needs_of(item)
+    except FieldError as error:
+        field = f"{item.want.block_path}.{error.field}" if error.field else path
+        yield draft.error(
+            "invalid-setting", str(error), field, allowed=error.allowed, remedy=error.remedy or None
+        )
+        return
+    try:
+        features = _renamed(draft, item, settings, needs)
+    except ValueError as error:
+        yield draft.error("rename-unfit", str(error), f"{path}.rename")
+        return
+    strategy = owner.DESCRIPTOR.fields_by_name["execution"].message_type.fields_by_name["strategy"]
+    chosen = strategy.enum_type.values_by_number.get(owner.execution.strategy)
+    joints = tuple(_joints(draft, item))
+    for lack in unmet(needs, features, joints, _rate(entry), chosen.name if chosen else "") if joints else ():
+        place = f"{path}.{lack.field}" if lack.field else path
+        yield draft.error("model-unfit", lack.message, place, allowed=lack.allowed, remedy=lack.remedy)
+    if needs.reads_task and not (getattr(item.settings, "task", "") or owner.task):
+        name = entry.node.node_name
+        message = f"{name} has no task; the arm holds until it gets one"
+        remedy = 'Run `joshua task "…"` during the run, or add task: "…" to the model'
+        yield draft.note("task-missing", message, path, remedy=remedy)
+
+
+def _renamed(draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: ModelNeeds) -> FeatureSet:
+    """The features of a model's subscriptions by its own keys. Raises ValueError."""
+    names = {path: [joint.name for joint in joints] for path, joints in draft.joints.items()}
+    entry = item.want.entry
+    features = features_of(
+        draft.graph, names, settings, reader=entry, beside=state_topics(draft, item, needs)
+    )
+    found: dict[str, Feature] = dict(features)
+    for row in entry.owner.rename:
+        key = next((key for key in features if row.robot in (key, key.removeprefix(IMAGES))), None)
+        if key is None:
+            raise ValueError(
+                f"{row.robot} is none of what the model gets: {', '.join(features) or 'nothing'}"
+            )
+        picture = features[key].is_picture and "." not in row.model
+        found[key] = replace(features[key], key=f"{IMAGES}{row.model}" if picture else row.model)
+    return FeatureSet(found.values())
+
+
+def _joints(draft: Draft, item: Resolved) -> Iterator[JointRange]:
+    for other in draft.graph.driven_by(item.want.entry):
+        yield from draft.joints.get(other.path, ())
+
+
+def _rate(entry: NodeEntry) -> float:
+    return max((item.publish_rate_hz for item in entry.node.publishers), default=0.0)
