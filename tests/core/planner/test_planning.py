@@ -276,35 +276,6 @@ def test_settings_that_do_not_act_everywhere_are_noted_once(tmp_path, kind, note
         assert item.message.startswith("/follower/joint_states, /leader/joint_states: lifespan acts between")
 
 
-@pytest.mark.parametrize(
-    ("kind", "width", "height", "qos", "warned"),
-    [
-        ("TRANSPORT_DDS", 1920, 1080, "", True),
-        ("TRANSPORT_DDS", 1920, 1080, "qos { reliability: BEST_EFFORT }", False),
-        ("TRANSPORT_DDS", 1280, 720, "", False),
-        ("TRANSPORT_ZENOH", 1920, 1080, "", False),
-    ],
-)
-def test_large_reliable_images_over_dds_are_warned_of(tmp_path, kind, width, height, qos, warned):
-    path = tmp_path / "robot.pbtxt"
-    path.write_text(
-        f"""{GENERAL.replace("MODE_TELEOPERATE", "MODE_TEST")}
-        transport {{ kind: {kind} }}
-        robot {{ perceptions {{
-          node {{ node_name: "eye" node_id: 1 publishers {{
-            data_type: IMAGE topic_name: "/image" publish_rate_hz: 30 {qos} }} }}
-          perception_type: PERCEPTION_CAMERA
-          mock_camera_config {{ width: {width} height: {height} fps: 30 }} }} }}"""
-    )
-    examination = examine(Request(str(path)))
-    found = [item for item in examination.diagnostics if item.code == "image-too-large"]
-    assert bool(found) == warned, codes(examination)
-    for item in found:
-        assert item.severity is Severity.WARNING
-        assert "reliable raw images of 1920 × 1080 pixels can hang" in item.message
-        assert "COMPRESSED_IMAGE" in item.remedy
-
-
 def test_a_missing_transport_names_its_plugin(tmp_path):
     path = teleoperation(tmp_path, "transport { kind: TRANSPORT_DDS }")
     blocked = ("joshua-dds",)

@@ -61,7 +61,6 @@ def make_plan(draft: Draft, nodes: list[Resolved], services: list[ResolvedServic
     if transport is None:
         return None
     _note_partial_qos(draft, mine, transport.kind)
-    _warn_of_large_images(draft, mine, transport.kind)
     return Plan(
         source=request.path,
         mode=pb.OperationMode.Name(config.general.mode) if mode_name(config) else "",
@@ -98,24 +97,6 @@ def _check_terminal(draft: Draft, nodes: list[Resolved]) -> None:
                 f"{first} and {node.node_name} both read the terminal; each key reaches only one of them"
             )
             draft.findings.append(draft.error("terminal-shared", message, want.block_path))
-
-
-#: Reliable images of 1920 × 1080 hang subscribers of Fast DDS, smaller ones did not (guides/transport.md).
-_LARGEST_RELIABLE_IMAGE_B = 3_000_000
-
-
-def _warn_of_large_images(draft: Draft, nodes: list[NodeSpec], kind: str) -> None:
-    """Warn of raw images that are too large to be sent reliably over DDS."""
-    for node in nodes if kind == "dds" else ():
-        width, height = node.settings.get("width", 0), node.settings.get("height", 0)
-        for topic in node.publishers:
-            raw = topic.type_name == "sensor_msgs/msg/Image" and topic.qos.reliability == "RELIABLE"
-            if raw and 3 * width * height > _LARGEST_RELIABLE_IMAGE_B:
-                message = (
-                    f"{topic.name}: reliable raw images of {width} × {height} pixels can hang ROS 2 "
-                    "subscribers that use Fast DDS"
-                )
-                draft.findings.append(draft.warning("image-too-large", message))
 
 
 def _note_partial_qos(draft: Draft, nodes: list[NodeSpec], kind: str) -> None:

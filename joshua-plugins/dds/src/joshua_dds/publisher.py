@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -9,13 +10,17 @@ from cyclonedds.pub import DataWriter
 from joshua.api.transports import Buffer, Emit, Publisher, QosProfile, TransportError
 
 from joshua_dds import raw
-from joshua_dds.qos import endpoint_qos
+from joshua_dds.qos import endpoint_qos, keeps_until_taken
 
 if TYPE_CHECKING:
     from joshua_dds.transport import DdsNode
 
 _BLOCKING_S = 0.1
 _RETRY_S = 0.0005
+#: Dropped messages are logged at the first, then at each power of ten.
+_LOGGED_COUNTS = frozenset(10**power for power in range(12))
+
+_log = logging.getLogger("joshua.transport")
 
 
 class DdsPublisher(Publisher):
@@ -31,6 +36,7 @@ class DdsPublisher(Publisher):
     ) -> None:
         super().__init__(node, topic)
         self._home = home = node.home
+        self._drops_newest, self._dropped = keeps_until_taken(qos, type_name), 0
         policies = endpoint_qos(qos, type_name, is_writer=True)
         with raw.READING_QOS:
             self.entity: Any = DataWriter(home.participant, home.topic(topic, type_name), qos=policies)
@@ -42,8 +48,18 @@ class DdsPublisher(Publisher):
         with self._lock:
             if self._closed:
                 raise TransportError(f"the publisher of {self.topic} is closed")
-            if not raw.write(self.entity, cdr):
+            if raw.write(self.entity, cdr):
+                return
+            if not self._drops_newest:
                 self._write_late(cdr)
+                return
+            self._dropped += 1
+        if self._dropped in _LOGGED_COUNTS:
+            _log.warning(
+                "%s: %d messages were not sent, because a reliable subscription does not keep up",
+                self.topic,
+                self._dropped,
+            )
 
     def _write_late(self, cdr: Buffer) -> None:
         """Retry while the readers catch up, for as long as ROS 2 lets a reliable writer wait."""
