@@ -148,7 +148,7 @@ def test_a_held_arm_is_resumed_without_falling(tmp_path: Path, joshua_domain_id:
         os.kill(rig.driver, signal.SIGKILL)
         rig.wait(lambda: rig.gone(rig.guardian))
         found = wait_for_state(rig, "fault")
-        assert "restarted after a failure, with torque off" in found["reason"]
+        assert "restarted after a failure, holding its position. Check the arm" in found["reason"]
         assert rig.energised() == {True}
         result = rig.joshua("resume", "follower_arm")
         assert result.returncode == 0, result.stderr

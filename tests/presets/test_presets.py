@@ -163,7 +163,7 @@ def test_the_layout_is_that_of_joshua_fmt(capsys: pytest.CaptureFixture[str]):
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_wheel_and_source_archive_contain_every_preset(tmp_path: Path):
+def test_wheel_and_source_archive_contain_presets_templates_and_stubs(tmp_path: Path):
     pytest.importorskip("hatchling")
     build = "import hatchling.build as b, sys; b.build_sdist(sys.argv[1]); b.build_wheel(sys.argv[1])"
     subprocess.run([sys.executable, "-c", build, tmp_path], cwd=ROOT / "joshua-core", check=True, timeout=200)
@@ -175,6 +175,13 @@ def test_wheel_and_source_archive_contain_every_preset(tmp_path: Path):
     for name in preset_names():
         assert f"joshua/presets/{name}.pbtxt" in in_wheel
         assert in_archive[f"src/joshua/presets/{name}.pbtxt"].isreg()
+    package = ROOT / "joshua-core" / "src"
+    data = [path for suffix in ("template", "pyi", "json", "typed") for path in package.rglob(f"*.{suffix}")]
+    assert {"new_plugin.template", "config_pb2.pyi", "codes.json", "py.typed"} <= {path.name for path in data}
+    for path in data:
+        name = path.relative_to(package).as_posix()
+        assert name in in_wheel
+        assert f"src/{name}" in in_archive
 
 
 @each_preset

@@ -304,7 +304,7 @@ def test_after_a_failure_nothing_moves_without_consent(run: Any) -> None:
     assert len(node.states) == 10
     assert node.context.faults == [
         "restarted after a failure, with torque off. Check the arm. "
-        "Run `joshua resume arm` to re-enable torque"
+        "Run `joshua resume arm` to follow commands again"
     ]
     with pytest.raises(DeviceError, match="no torque"):
         node.actuator.write(np.zeros(2))

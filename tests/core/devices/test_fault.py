@@ -369,3 +369,26 @@ def test_a_driver_that_is_started_again_is_told_how_the_device_was_reached(
     EstopFiles(str(tmp_path / "files")).leave_order("/arm", "module:stop", {"serial_number": "A1"})
     assert start().arm.context.remembered == {}
     assert start(restarted=True).arm.context.remembered == {"serial_number": "A1"}
+
+
+@pytest.mark.parametrize(
+    ("safe_state", "torque", "said"),
+    [
+        ("RELEASE", {"joint_1": False, "joint_2": False}, "with torque off"),
+        ("HOLD", {"joint_1": True, "joint_2": True}, "holding its position"),
+        ("HOLD", {"joint_1": True, "joint_2": False}, "with torque on at joint_1 only"),
+        ("HOLD", {"joint_1": False, "joint_2": False}, "with torque off"),
+        ("HOLD", None, "in the safe state HOLD"),
+    ],
+)
+def test_a_restarted_arm_says_which_joints_have_torque(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    safe_state: str,
+    torque: dict[str, bool] | None,
+    said: str,
+) -> None:
+    monkeypatch.setattr(MockActuator, "read_torque", lambda _: torque)
+    node = Node(tmp_path, restarted=True, safe_state=safe_state)
+    (fault,) = node.context.faults
+    assert fault.startswith(f"restarted after a failure, {said}. Check the arm. Run `joshua resume arm`")

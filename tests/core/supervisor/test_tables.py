@@ -282,6 +282,12 @@ def test_a_log_line_has_local_time_level_and_node(monkeypatch):
         entry = LogEntry(1_700_000_000_123_456_789, "/arm", 30, "hot\tmotor\nnext \x07")
         assert log_line(entry) == "22:13:20.123 WARNING /arm: hot\tmotor\nnext \\x07"
         assert log_line(LogEntry(0, "", 20, "x")) == "00:00:00.000 INFO    x"
+        long = LogEntry(0, "/follower_arm", 20, "follows /leader_arm: shoulder_pan, elbow_flex\n  at once")
+        assert log_line(long, Screen(48)).split("\n") == [
+            "00:00:00.000 INFO    /follower_arm: follows",
+            "  /leader_arm: shoulder_pan, elbow_flex",
+            "  at once",
+        ]
     finally:
         monkeypatch.undo()
         time.tzset()

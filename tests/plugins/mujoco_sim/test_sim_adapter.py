@@ -163,7 +163,7 @@ def test_teleoperation_runs_against_physics() -> None:
     ended = run("--config", str(CONFIGS / "teleop_so_arm100.pbtxt"), "--sim", "--duration", "4")
     assert ended.returncode == 0, ended.stderr
     assert "simulated: leader_arm, follower_arm" in ended.stdout
-    assert "follows /leader_arm: shoulder_pan → shoulder_pan" in ended.stderr
+    assert "follows /leader_arm: shoulder_pan, shoulder_lift" in ended.stderr
     assert "/follower_arm/applied_command" in ended.stdout
 
 

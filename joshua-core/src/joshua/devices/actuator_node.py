@@ -135,8 +135,8 @@ class ActuatorNode(NodeBehaviour):
         if self._safety.latch() is not None:
             self._watch()
         elif self._is_commanded and self._facts.restarted:
-            self._safety.renew(actuator)
-            self._enter_fault("restarted after a failure, with torque off. Check the arm")
+            left = self._safety.renew(actuator)
+            self._enter_fault(f"restarted after a failure, {left}. Check the arm", "follow commands again")
         elif self._is_commanded:
             self.energise()
         if not self._timer_runs:
@@ -339,10 +339,10 @@ class ActuatorNode(NodeBehaviour):
             self._safety.stand_down()
             self._enter_fault(reason)
 
-    def _enter_fault(self, reason: str) -> None:
+    def _enter_fault(self, reason: str, aim: str = "re-enable torque") -> None:
         spec = self.context.spec
         if self._is_commanded and self._safety.latch() is None:
-            reason = f"{reason.rstrip('.')}. Run `joshua resume {spec.name}` to re-enable torque"
+            reason = f"{reason.rstrip('.')}. Run `joshua resume {spec.name}` to {aim}"
         self._status.fault = reason
         self.context.fault(reason)
 

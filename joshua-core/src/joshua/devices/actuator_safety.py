@@ -120,13 +120,21 @@ class ActuatorSafety:
         self.stand_down()
         return said
 
-    def renew(self, actuator: Actuator) -> None:
-        """Makes sure after a failure that the joints have no torque, where the safe state ends so.
+    def renew(self, actuator: Actuator) -> str:
+        """After a failure, disable torque unless the safe state is HOLD. Return which joints have torque.
 
-        The guardian of the driver before gives up where it cannot reach the device. Raises DeviceError.
+        The guardian of the previous driver gives up if it cannot reach the device. Raises DeviceError.
         """
         if self._state != HOLD:
             actuator.release()
+            return "with torque off"
+        torque = actuator.read_torque()
+        if torque is None:
+            return "in the safe state HOLD"
+        on = [joint for joint, has_torque in torque.items() if has_torque]
+        if len(on) == len(torque):
+            return "holding its position"
+        return f"with torque on at {', '.join(on)} only" if on else "with torque off"
 
     def stand_down(self) -> None:
         """Lets the guardian go: the device has confirmed that the joints have no torque."""

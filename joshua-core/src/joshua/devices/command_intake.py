@@ -213,7 +213,8 @@ def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> L
         mapping = LeaderMapping(leader.joints or (), facts.joints)
     except ValueError as error:
         raise DeviceError(f"{own_name} cannot follow {leader.node}: {error}") from error
-    pairs = ", ".join(f"{pair.leader} → {pair.follower}" for pair in mapping.pairs)
+    names = [(pair.leader, pair.follower) for pair in mapping.pairs]
+    pairs = ", ".join(name if name == own else f"{name} → {own}" for name, own in names)
     context.log.info("follows %s: %s", leader.node, pairs)
     unpaired = mapping.unpaired_leader + mapping.unpaired_follower
     if unpaired:

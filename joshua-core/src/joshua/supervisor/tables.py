@@ -54,7 +54,7 @@ class Screen:
         """A text in a style such as ``RED``."""
         return f"\x1b[{style}m{text}\x1b[0m" if self.colour and style else text
 
-    def wrap(self, text: str, label: str = "", style: str = "") -> list[str]:
+    def wrap(self, text: str, label: str = "", style: str = "", indent: int = 2) -> list[str]:
         """Wrap a sentence behind a painted label; the lines after the first are indented."""
         text = clean(text)
         lines = [text]
@@ -62,7 +62,7 @@ class Screen:
             lines = textwrap.wrap(
                 f"{label}{text}",
                 self.columns,
-                subsequent_indent="  ",
+                subsequent_indent=" " * indent,
                 break_long_words=False,
                 break_on_hyphens=False,
             ) or [label]
@@ -273,12 +273,13 @@ def progress_text(progress: Progress) -> str:
     return text if progress.remaining_s is None else f"{text}, {progress.remaining_s:.0f} s left"
 
 
-def log_line(entry: LogEntry) -> str:
-    """One log entry for the terminal."""
+def log_line(entry: LogEntry, screen: Screen = PLAIN) -> str:
+    """One log entry for the terminal, wrapped at its width."""
     stamp = time.strftime("%H:%M:%S", time.localtime(entry.time_ns // 1_000_000_000))
     millis = entry.time_ns // 1_000_000 % 1000
     name = f"{entry.node}: " if entry.node else ""
-    return f"{stamp}.{millis:03d} {entry.level_name:<7} {name}{clean(entry.text)}"
+    text = f"{stamp}.{millis:03d} {entry.level_name:<7} {name}{entry.text}"
+    return "\n".join(piece for line in text.split("\n") for piece in screen.wrap(line))
 
 
 def report_lines(report: RunReport, screen: Screen = PLAIN) -> list[str]:

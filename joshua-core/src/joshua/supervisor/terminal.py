@@ -69,8 +69,8 @@ class Terminal:
         """Show a log line of sufficient level."""
         if entry.level < self._log_level:
             return
-        line = Screen.of(self._errors).paint(log_line(entry), _STYLES.get(entry.level_name, ""))
-        self._put(self._errors, line + "\n")
+        screen, style = Screen.of(self._errors), _STYLES.get(entry.level_name, "")
+        self._put(self._errors, screen.paint(log_line(entry, screen), style) + "\n")
 
     def _on_finish(self, report: RunReport) -> None:
         """Show the end-of-run table and write what waits."""

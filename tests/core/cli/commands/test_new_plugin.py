@@ -25,22 +25,24 @@ def descriptor(module: str) -> FileDescriptorProto:
     return FileDescriptorProto.FromString(ast.literal_eval(found[1]))
 
 
-def test_the_files_bear_the_names_of_the_author() -> None:
-    files = new_plugin.files_of("acme-soft-hand")
+@pytest.mark.parametrize("kind", new_plugin.KINDS)
+def test_the_files_bear_the_names_of_the_author(kind: str) -> None:
+    files = new_plugin.files_of("acme-soft-hand", kind)
     assert set(files) == {
         *("pyproject.toml", "README.md", "robot.pbtxt", "tests/test_soft_hand.py"),
-        *(f"src/acme_soft_hand/{name}.py" for name in ("__init__", "actuator", "plugin", "settings")),
+        *(f"src/acme_soft_hand/{name}.py" for name in ("__init__", kind, "plugin", "settings")),
         *("src/acme_soft_hand/py.typed", "src/acme_soft_hand/soft_hand.proto"),
         *("src/acme_soft_hand/soft_hand_pb2.py", "src/acme_soft_hand/soft_hand_pb2.comments.json"),
     }
-    assert "class SoftHand(Actuator):" in files["src/acme_soft_hand/actuator.py"]
+    assert f"class SoftHand({kind.capitalize()}):" in files[f"src/acme_soft_hand/{kind}.py"]
     assert "[type.example.org/acme.SoftHandConfig]" in files["robot.pbtxt"]
     assert not [path for path, text in files.items() if "$" in text and not path.endswith("_pb2.py")]
-    assert "package hand;" in new_plugin.files_of("hand")["src/hand/hand.proto"]
+    assert "package hand;" in new_plugin.files_of("hand", kind)["src/hand/hand.proto"]
 
 
-def test_the_compiled_module_is_what_the_compiler_makes(tmp_path: Path) -> None:
-    files = new_plugin.files_of("acme-hand")
+@pytest.mark.parametrize("kind", new_plugin.KINDS)
+def test_the_compiled_module_is_what_the_compiler_makes(kind: str, tmp_path: Path) -> None:
+    files = new_plugin.files_of("acme-hand", kind)
     proto = tmp_path / "acme_hand/hand.proto"
     proto.parent.mkdir()
     proto.write_text(files["src/acme_hand/hand.proto"])

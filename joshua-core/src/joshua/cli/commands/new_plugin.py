@@ -14,16 +14,12 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-TEMPLATE = Path(__file__).with_suffix(".template")
+#: The kinds of plugins, and what the driver of each simulates. A file beside this one holds its template.
+KINDS = {"actuator": "an actuator with one joint", "sensor": "a sensor that measures a distance"}
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z][a-z0-9]*)*")
 _FILE = re.compile(r"^=== (.+)\n", re.MULTILINE)
-# What the compiler of protobuf makes of the proto file in the template: field, type of presence, rule.
-_FIELDS = (
-    ("stroke_m", False, 'unit: "m" above: 0 max: 0.5 required: true example: "0.08"'),
-    ("finger_length_m", True, 'unit: "m" above: 0 max: 1 default: "0.1"'),
-    ("speed_rad_s", True, 'unit: "rad/s" above: 0 max: 10 default: "2"'),
-)
+_FIELD = re.compile(r"^  (optional )?float (\w+) = (\d+) \[\(joshua.rule\) = \{(.*)\}\];$", re.MULTILINE)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "name", metavar="NAME", help="name of the distribution and its folder, such as acme-hand"
     )
+    parser.add_argument("--kind", choices=KINDS, default="actuator", help="kind of device (actuator)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(name)
     try:
         target.mkdir()
-        for path, text in files_of(name).items():
+        for path, text in files_of(name, arguments.kind).items():
             (target / path).parent.mkdir(parents=True, exist_ok=True)
             (target / path).write_text(text, encoding="utf-8")
     except FileExistsError:
@@ -56,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     except OSError as error:
         return _refuse(f"{target} cannot be written: {error.strerror}", "check the folder's permissions")
     sys.stdout.write(
-        f"{target} written: an actuator whose driver simulates one joint\n"
+        f"{target} written: {KINDS[arguments.kind]}, simulated by its driver\n"
         f"  install: pip install -e './{target}[test]'\n"
         f"  test:    pytest {target}/tests\n"
         "  check:   joshua plugins --check\n"
@@ -66,19 +63,22 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.OK
 
 
-def files_of(name: str) -> dict[str, str]:
-    """The files of a distribution by their path in it."""
+def files_of(name: str, kind: str = "actuator") -> dict[str, str]:
+    """Return the files of a distribution by their path in it."""
     vendor, _, device = name.partition("-")
     device = (device or vendor).replace("-", "_")
     names = {"name": name, "package": name.replace("-", "_"), "vendor": vendor, "device": device}
-    names["Class"] = "".join(word.capitalize() for word in device.split("_"))
-    names["serialized"] = repr(_compiled(names))
-    _, *parts = _FILE.split(Template(TEMPLATE.read_text(encoding="utf-8")).substitute(names))
+    names |= {"Class": "".join(word.capitalize() for word in device.split("_"))}
+    names |= {"kind": kind, "what": KINDS[kind], "serialized": ""}
+    sources = [Path(__file__).with_name(f"new_plugin{of}.template") for of in ("", f"_{kind}")]
+    template = Template("".join(source.read_text(encoding="utf-8") for source in sources))
+    names["serialized"] = repr(_compiled(names, template.substitute(names)))
+    _, *parts = _FILE.split(template.substitute(names))
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
-def _compiled(names: dict[str, str]) -> bytes:
-    """The descriptor of the template's proto file, without the compiler, which need not be installed."""
+def _compiled(names: dict[str, str], text: str) -> bytes:
+    """Return the descriptor of the proto file in a text; the compiler may not be installed."""
     from google.protobuf import text_format
     from google.protobuf.descriptor_pb2 import FileDescriptorProto
 
@@ -89,8 +89,8 @@ def _compiled(names: dict[str, str]) -> bytes:
     file.dependency.append("joshua/schema/options.proto")
     file.syntax = "proto3"
     message = file.message_type.add(name=f"{names['Class']}Config")
-    for number, (name, is_optional, rule) in enumerate(_FIELDS, 1):
-        field = message.field.add(name=name, number=number, label="LABEL_OPTIONAL", type="TYPE_FLOAT")
+    for is_optional, name, number, rule in _FIELD.findall(text):
+        field = message.field.add(name=name, number=int(number), label="LABEL_OPTIONAL", type="TYPE_FLOAT")
         text_format.Parse(rule, field.options.Extensions[rule_option])
         if is_optional:
             field.oneof_index, field.proto3_optional = len(message.oneof_decl), True

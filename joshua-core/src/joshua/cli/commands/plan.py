@@ -28,6 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
         return file_missing("plan")
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
+    from joshua.supervisor.tables import Screen
 
     result = examine(request_of(arguments, Purpose.SHOW))
     if result.plan is None:
@@ -37,7 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write(result.plan.model_dump_json(indent=2) + "\n")
     else:
         show_findings(result, "text")
-        sys.stdout.write(plan_text(result.plan))
+        wrap = Screen.of(sys.stdout).wrap
+        for line in plan_text(result.plan).splitlines():
+            sys.stdout.write("\n".join(wrap(line, indent=13 if line[:1] == " " else 2)) + "\n")
     return ExitCode.OK
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from joshua.config.checks.context import Block, Context
 from joshua.config.checks.device_table import frame_rate, messages_of, type_text
+from joshua.config.checks.identity import free_ids
 from joshua.plan import Diagnostic
 from joshua.schema.rules import block_rule
 from joshua.textproto.field_facts import FieldFacts, field_facts, number_text
@@ -82,7 +84,11 @@ def _sample(context: Context, block: Block, facts: FieldFacts) -> str:
         return f"data_type: {types[0]}"
     if facts.name == "publish_rate_hz" and item is not None and (fps := frame_rate(item.entry.owner)[1]) > 0:
         return f"publish_rate_hz: {number_text(fps)}"
-    return facts.sample()
+    text = facts.sample()
+    if facts.name in ("node", "node_id"):  # the example in the schema is one id for all
+        path = block.path if facts.name == "node_id" else block.field_path("node")
+        text = re.sub(r"(?<=node_id: )\d+", str(free_ids(context).get(path, 1)), text)
+    return text
 
 
 def _repeated(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 from joshua.config.checks.context import Context
@@ -23,25 +24,31 @@ def title(entry: NodeEntry) -> str:
     return entry.node.node_name or entry.owner_path
 
 
+def free_ids(context: Context) -> dict[str, int]:
+    """Return an unused node_id for each node without an id of its own, by the path of the node."""
+    owners: dict[int, str] = {}
+    for entry in context.graph.entries:
+        if context.is_known(f"{entry.path}.node_id", entry.node.node_id):
+            owners.setdefault(entry.node.node_id, entry.path)
+    lacking = [entry.path for entry in context.graph.entries if owners.get(entry.node.node_id) != entry.path]
+    unused = (number for number in itertools.count(1) if number not in owners)
+    return dict(zip(lacking, unused, strict=False))
+
+
 def _ids(context: Context) -> Iterator[Diagnostic]:
-    written = [
-        entry
-        for entry in context.graph.entries
-        if context.is_known(f"{entry.path}.node_id", entry.node.node_id)
-    ]
-    used = {entry.node.node_id for entry in written}
-    free = next(number for number in range(1, len(used) + 2) if number not in used)
+    free = free_ids(context)
     first: dict[int, NodeEntry] = {}
-    for entry in written:
-        number = entry.node.node_id
-        other = first.setdefault(number, entry)
+    for entry in context.graph.entries:
+        path = f"{entry.path}.node_id"
+        if not context.is_known(path, entry.node.node_id):
+            continue
+        other = first.setdefault(entry.node.node_id, entry)
         if other is not entry:
-            path = f"{entry.path}.node_id"
             yield context.error(
                 "duplicate-node-id",
                 f"{title(entry)} and {title(other)} have the same node_id; each node needs its own",
                 path,
-                allowed=(f"{free} (the smallest free id)",),
+                allowed=(f"{free[entry.path]} (a free id)",),
                 related=context.see(f"{other.path}.node_id", f"{title(other)} has this id"),
             )
 

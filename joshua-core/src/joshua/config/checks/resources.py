@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import posixpath
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -137,7 +138,7 @@ def _motor_id_fields(message: Message) -> list[str]:
 
 def _duplicates(context: Context, places: list[tuple[str, int]]) -> Iterator[Diagnostic]:
     taken = {value for _, value in places}
-    free = next((number for number in range(1, 254) if number not in taken), None)
+    free = (number for number in range(1, 254) if number not in taken)
     first: dict[int, str] = {}
     for path, value in places:
         if not context.is_known(path, value):
@@ -149,6 +150,6 @@ def _duplicates(context: Context, places: list[tuple[str, int]]) -> Iterator[Dia
             "duplicate-motor-id",
             f"Motor id {value} appears twice on one bus; each motor must have its own id",
             path,
-            allowed=(f"{free} (the smallest free id)",) if free is not None else (),
+            allowed=tuple(f"{number} (a free id)" for number in itertools.islice(free, 1)),
             related=context.see(other, "first use of this id"),
         )

@@ -111,9 +111,11 @@ def _two_publishers(
     message = (
         f"{names} both command {title(commanded.entry)} on {item.topic}, which would jerk between the two"
     )
-    remedy = "Give one of them its own topic_name, or mark the one that takes over with override: true"
+    remedy = (
+        "Give one of them its own topic_name, or set override: true on the one that may override the other"
+    )
     if overriding:
-        message = f"{names} both have override: true on {item.topic}; only one publisher may take over"
+        message = f"{names} both have override: true on {item.topic}; only one may override the others"
         remedy = "Remove override from one of them and give it its own topic_name"
     return context.error(
         "command-topic-two-publishers",
