@@ -116,6 +116,35 @@ class Peer:
             for info in self._node.get_publishers_info_by_topic(topic)
         ]
 
+    def serve(self, name):
+        """Answers a service of type Trigger, and counts its requests."""
+        self._counts[name] = 0
+
+        def answer(request, response):
+            self._counts[name] += 1
+            response.success, response.message = True, "from ROS 2"
+            return response
+
+        self._node.create_service(ros_class("std_srvs/srv/Trigger"), name, answer)
+        return True
+
+    def call(self, name, seconds):
+        """The response of a service of type Trigger; None if none arrives in time, False without a server.
+
+        It asks again: what is sent before the other side knows this client is lost.
+        """
+        client = self._node.create_client(ros_class("std_srvs/srv/Trigger"), name)
+        if not client.wait_for_service(timeout_sec=20.0):
+            return False
+        asked = []
+        for _ in range(round(seconds / 0.5)):
+            asked.append(client.call_async(ros_class("std_srvs/srv/Trigger").Request()))
+            time.sleep(0.5)
+            for future in asked:
+                if future.done():
+                    return future.result().message
+        return None
+
     def parameters(self, node):
         """Names of the parameters of a node; None if it has no such services."""
         client = AsyncParameterClient(self._node, node)

@@ -8,6 +8,7 @@ import time
 from joshua.plan import (
     Diagnostic,
     NodeReport,
+    Plan,
     Position,
     RunReport,
     Severity,
@@ -17,6 +18,7 @@ from joshua.plan import (
     TransportSettings,
 )
 from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.supervisor.node_record import start_table as start_table_of
 from joshua.supervisor.node_record import visible_to
 from joshua.supervisor.tables import (
     Cell,
@@ -201,6 +203,9 @@ def test_the_start_says_who_sees_it():
         "in the local network, with ROS_DOMAIN_ID=0"
     )
     assert "hides the run" in visible_to(TransportSettings(kind="dds", discovery_range="OFF"))
+    limited = TransportSettings(kind="dds", discovery_range="SUBNET", limits="No services: use `joshua call`")
+    table = start_table_of(Plan(source="r", mode="m", transport=limited), [], 0.1, ())
+    assert table.visible == "in the local network, with ROS_DOMAIN_ID=0. No services: use `joshua call`"
 
 
 def test_what_a_node_tells_people_comes_first_in_the_status_line():

@@ -68,6 +68,7 @@ def test_the_settings_carry_what_opens_the_transport():
     settings = choose("kind: TRANSPORT_DDS")
     assert settings.implementation == "joshua_dds.transport:DdsTransport"
     assert settings.prepare == "joshua_dds.config:require_usable"
+    assert settings.limits == "Services and parameters are not offered over DDS: use `joshua call`"
     zenoh = INSTALLED.transports()["zenoh"]
     assert (zenoh.implementation, zenoh.prepare) == (choose().implementation, choose().prepare)
 

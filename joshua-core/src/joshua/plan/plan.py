@@ -23,7 +23,7 @@ class TransportSettings(Value):
     Attributes:
         kind: name of the transport, such as ``zenoh`` or ``dds``.
         reason: why it was chosen, for the start-up table.
-        implementation, prepare: import strings of its ``TransportSpec``; "" if it is not installed.
+        implementation, prepare, limits: of its ``TransportSpec``; "" if it is not installed.
         domain_id: ROS 2 domain; distro: ROS 2 distribution whose wire conventions hold.
         listen_endpoints, connect_endpoints: Zenoh router; network_interface, peers: DDS.
         discovery_range: value of ROS_AUTOMATIC_DISCOVERY_RANGE in force.
@@ -33,6 +33,7 @@ class TransportSettings(Value):
     reason: str = "the embedded default"
     implementation: str = "joshua.transport.zenoh.transport:ZenohTransport"
     prepare: str = "joshua.transport.zenoh.router:prepare"
+    limits: str = ""
     domain_id: int = 0
     distro: str = "jazzy"
     listen_endpoints: tuple[str, ...] = ("tcp/localhost:7447",)

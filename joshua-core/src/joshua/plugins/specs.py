@@ -222,6 +222,7 @@ class TransportSpec(PluginSpec):
         prepare: import string of a light function that the supervisor calls with the ``TransportSettings``
             before nodes start. It raises ``TransportError`` where they cannot be used on this machine, and
             returns what it hosts for the nodes, or None.
+        limits: what of ROS 2 it does not carry and what to do, a sentence of the start-up table.
     """
 
     kind: ClassVar[str] = "transport"
@@ -231,6 +232,7 @@ class TransportSpec(PluginSpec):
     rmw_implementations: tuple[str, ...] = ()
     library: str = ""
     prepare: str = ""
+    limits: str = ""
 
     @staticmethod
     def short(enum_value: str) -> str:

@@ -186,7 +186,7 @@ def start_table(
         nodes=tuple(record.row() for record in records),
         notes=tuple(notes),
         findings=plan.findings,
-        visible=visible_to(transport),
+        visible=". ".join(filter(None, (visible_to(transport), transport.limits))),
     )
 
 

@@ -95,8 +95,7 @@ def choose_transport(
         values["listen_endpoints"] = tuple(block.listen_endpoints)
     if kind != ZENOH:
         spec = usable_transport(registry(), kind)
-        values["implementation"] = spec.implementation if spec else ""
-        values["prepare"] = spec.prepare if spec else ""
+        values |= {name: getattr(spec, name, "") for name in ("implementation", "prepare", "limits")}
     return TransportSettings.model_validate(values)
 
 

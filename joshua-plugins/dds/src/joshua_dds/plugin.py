@@ -14,6 +14,7 @@ def joshua_specs() -> list[PluginSpec]:
             implementation="joshua_dds.transport:DdsTransport",
             prepare="joshua_dds.config:require_usable",
             library="cyclonedds",
+            limits="Services and parameters are not offered over DDS: use `joshua call`",
             summary="ROS 2 over DDS, by the conventions of rmw_cyclonedds and rmw_fastrtps",
         )
     ]
