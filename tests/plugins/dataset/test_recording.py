@@ -19,6 +19,7 @@ from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
 from joshua_dataset.reader import Dataset
 from processes import descendants_of, title_of
+from rosbags.rosbag2 import Reader
 
 ROBOT = """
 robot {{
@@ -217,6 +218,22 @@ def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram
     header = episode.table.read_text().partition("\n")[0]
     assert '"action.joint_1"' in header
     assert process.returncode == 0
+
+
+def test_messages_are_recorded_as_they_come(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    fields = "auto_start: true num_episodes: 1 episode_duration_s: 1.0"
+    run = joshua("--config", str(write(tmp_path, fields, format="FORMAT_MCAP")))
+    assert run.returncode == 0, run.stderr
+    assert re.search(r"episode 0 is kept: \d+ messages \((0\.9|1\.\d) s\)", run.stdout + run.stderr)
+    (episode,) = Dataset.read(tmp_path / "waves").episode_list()
+    with Reader(episode.table) as reader:
+        counts = {item.topic: item.msgcount for item in reader.connections}
+    assert counts.keys() == {
+        *("/leader/joint_states", "/follower/joint_states", "/follower/applied_command"),
+        *("/top/image_raw",),
+    }
+    assert counts["/leader/joint_states"] >= 30
+    assert counts["/top/image_raw"] >= 10
 
 
 def test_a_replay_drives_the_arm_through_the_recording(joshua: JoshuaProgram, tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def service_node(draft: Draft, resolved: ResolvedService, told: Mapping[str, Any
         environment=resolved.environment,
         **(told if service.kind is StoreSpec else {}),
     )
-    if service.kind is StoreSpec:
+    if service.kind is StoreSpec and not getattr(spec, "all_topics", False):
         recorded = {feature.topic for feature in facts.features}
         topics = tuple(item for item in topics if item.is_publisher or item.name in recorded)
     return NodeSpec(

@@ -150,10 +150,16 @@ class ModelSpec(NodePluginSpec):
 
 
 class StoreSpec(PluginSpec):
-    """A data store: ``implementation`` is the behaviour of its node."""
+    """A data store: ``implementation`` is the behaviour of its node.
+
+    Attributes:
+        all_topics: it subscribes to all that the run publishes, not only to what becomes a feature.
+    """
 
     kind: ClassVar[str] = "store"
     base: ClassVar[str] = "joshua.node.behaviour:Store"
+
+    all_topics: bool = False
 
 
 class EpisodeWriterSpec(PluginSpec):

@@ -90,6 +90,7 @@ class DataFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FORMAT_JSONL: _ClassVar[DataFormat]
     FORMAT_PARQUET: _ClassVar[DataFormat]
     FORMAT_PLUGIN: _ClassVar[DataFormat]
+    FORMAT_MCAP: _ClassVar[DataFormat]
 
 class StorageBackend(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -236,6 +237,7 @@ FORMAT_CSV: DataFormat
 FORMAT_JSONL: DataFormat
 FORMAT_PARQUET: DataFormat
 FORMAT_PLUGIN: DataFormat
+FORMAT_MCAP: DataFormat
 STORAGE_UNSPECIFIED: StorageBackend
 STORAGE_LOCAL: StorageBackend
 STORAGE_CLOUD: StorageBackend

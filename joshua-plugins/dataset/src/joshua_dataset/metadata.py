@@ -18,7 +18,7 @@ VERSION = "v3.0"
 CHUNK_SIZE = 1000
 
 #: Suffix of the tables by format; ``lerobot`` has LeRobot's layout, the others the same columns.
-SUFFIXES = {"lerobot": ".parquet", "parquet": ".parquet", "csv": ".csv", "jsonl": ".jsonl"}
+SUFFIXES = {"lerobot": ".parquet", "parquet": ".parquet", "csv": ".csv", "jsonl": ".jsonl", "mcap": ""}
 
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -41,6 +41,9 @@ INDEX_COLUMNS = {
     "index": "int64",
     "task_index": "int64",
 }
+
+#: How the pictures of a data set of ROS 2 messages are kept.
+MESSAGES = "messages"
 
 #: Entry of ``info.json`` for what LeRobot's layout has no place for.
 OURS = "joshua"

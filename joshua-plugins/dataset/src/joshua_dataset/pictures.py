@@ -145,23 +145,24 @@ class PictureFiles(Target):
 
     def add(self, picture: Picture) -> None:
         """See ``Target``."""
-        height, width, _ = picture.shape
-        png = self._suffix == ".png"
-        context: Any = av.CodecContext.create("png" if png else "mjpeg", "w")
-        context.width, context.height = width, height
-        context.pix_fmt, context.time_base = "rgb24" if png else "yuvj420p", Fraction(1, 1)
-        if png:
-            context.options = {"compression_level": "1"}
-        else:
-            context.options = {"qmin": "2", "qmax": "3"}
-        frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
-        frame.pts = 0
-        data = b"".join(bytes(packet) for packet in (*context.encode(frame), *context.encode(None)))
+        data = encoded(picture, png=self._suffix == ".png")
         (self.path / f"frame-{self._count:06d}{self._suffix}").write_bytes(data)
         self._count += 1
 
     def close(self) -> None:
         """See ``Target``."""
+
+
+def encoded(picture: Picture, *, png: bool) -> bytes:
+    """A picture (H, W, 3), RGB, as the content of a PNG file, else of a JPEG file."""
+    height, width, _ = picture.shape
+    context: Any = av.CodecContext.create("png" if png else "mjpeg", "w")
+    context.width, context.height = width, height
+    context.pix_fmt, context.time_base = "rgb24" if png else "yuvj420p", Fraction(1, 1)
+    context.options = {"compression_level": "1"} if png else {"qmin": "2", "qmax": "3"}
+    frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
+    frame.pts = 0
+    return b"".join(bytes(packet) for packet in (*context.encode(frame), *context.encode(None)))
 
 
 class Encoder:

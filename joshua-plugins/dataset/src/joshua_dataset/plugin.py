@@ -16,18 +16,27 @@ def joshua_specs() -> list[PluginSpec]:
             settings="joshua_dataset.settings:StoreSettings",
             summary="records and replays episodes",
         ),
+        StoreSpec(
+            block="data_store",
+            enum_values=("FORMAT_MCAP",),
+            implementation="joshua_dataset.node:DataStore",
+            settings="joshua_dataset.settings:StoreSettings",
+            summary="records every message as it comes",
+            all_topics=True,
+        ),
         *(
             EpisodeWriterSpec(
                 block="data_store",
                 enum_values=(value,),
-                implementation=f"joshua_dataset.writer:{name}",
+                implementation=f"joshua_dataset.{name}",
                 summary=summary,
             )
             for value, name, summary in (
-                ("FORMAT_HUGGINGFACE", "LeRobotWriter", "data sets in the layout of LeRobot v3"),
-                ("FORMAT_PARQUET", "ParquetWriter", "data sets as Parquet tables"),
-                ("FORMAT_CSV", "CsvWriter", "data sets as comma-separated values"),
-                ("FORMAT_JSONL", "JsonlWriter", "data sets as lines of JSON"),
+                ("FORMAT_HUGGINGFACE", "writer:LeRobotWriter", "data sets in the layout of LeRobot v3"),
+                ("FORMAT_PARQUET", "writer:ParquetWriter", "data sets as Parquet tables"),
+                ("FORMAT_CSV", "writer:CsvWriter", "data sets as comma-separated values"),
+                ("FORMAT_JSONL", "writer:JsonlWriter", "data sets as lines of JSON"),
+                ("FORMAT_MCAP", "mcap_writer:McapWriter", "data sets of ROS 2 messages"),
             )
         ),
     ]

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from joshua.features import FeatureSet
 
 from joshua_dataset import statistics
-from joshua_dataset.metadata import INFO, OURS, STATS, TASKS
+from joshua_dataset.metadata import INFO, MESSAGES, OURS, STATS, TASKS
 from joshua_dataset.statistics import Statistics
 
 #: Largest picture that is decoded, pixels.
@@ -78,7 +78,8 @@ class Dataset:
         folder: of the data set; version: of LeRobot's layout; format: as ``writer_of`` takes it.
         fps: frames per second; robot_type: what was recorded; features: of each frame.
         episodes, frames: how many; tasks: by their index.
-        pictures: ``video``, ``png``, ``jpeg`` or ``table``, where the pictures stand in the tables.
+        pictures: ``video``, ``png``, ``jpeg``, ``table``, where the pictures stand in the tables, or
+            ``messages``, where all values stand in ROS 2 messages.
         codec: of the videos; "" without any.
         identity: what appended episodes must share; counters: names of the counts of each episode.
         info: the whole ``meta/info.json``.
@@ -168,6 +169,11 @@ class Dataset:
 
     def columns(self, episode: Episode) -> dict[str, npt.NDArray[Any]]:
         """The numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
+        if self.pictures == MESSAGES:
+            raise DatasetError(
+                f"{self.folder} holds ROS 2 messages and no frames. "
+                f"Open {episode.table} with rosbag2 or Foxglove"
+            )
         table = self._table(episode)
         found: dict[str, npt.NDArray[Any]] = {}
         for name in table.column_names:
@@ -265,7 +271,7 @@ class Dataset:
             found = dict(row["stats"])
         table = self._inside(str(info["data_path"]), file)
         pictures = {}
-        for feature in self.features.pictures:
+        for feature in self.features.pictures if self.pictures != MESSAGES else ():
             key, path, from_s = feature.key, table, 0.0
             if self.pictures != "table":
                 if self.version == "v3.0":

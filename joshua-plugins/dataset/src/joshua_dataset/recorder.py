@@ -14,6 +14,7 @@ import queue
 import shutil
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -34,8 +35,10 @@ from joshua.features import (
     Unit,
 )
 from joshua.messages import MessageError
-from joshua.messages.arrays import array_of
+from joshua.messages.arrays import acquired_ns, array_of
 
+from joshua_dataset.formats import writer_of
+from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.open_episode import read_journal
 from joshua_dataset.pictures import QUEUE_S
 from joshua_dataset.reader import DatasetError
@@ -44,7 +47,7 @@ from joshua_dataset.sampler import COUNTERS, Sampler
 from joshua_dataset.session import Phase, Session, Step
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task, picture
-from joshua_dataset.writer import DatasetWriter, writer_of
+from joshua_dataset.writer import DatasetWriter
 
 #: Column of the acquisition of each value, ns since the epoch, in the order of the features.
 ACQUISITION = "acquisition_ns"
@@ -88,6 +91,8 @@ class Recorder:
         self._auto = settings.auto_start
         self.on_kept: Callable[[], None] = lambda: None
         self._began_s = 0.0
+        self._raw = settings.format == "mcap"
+        self._queued_s: deque[float] = deque()
 
     def configure(self) -> None:
         """Subscribe. Raises EpisodeError."""
@@ -109,6 +114,8 @@ class Recorder:
         for topic in context.spec.subscriptions:
             if topic.name in self._streams:
                 context.subscribe(topic, self._taker(self._streams[topic.name]))
+            elif self._raw:
+                context.subscribe(topic, self._takes_messages(topic.name))
 
     def activate(self) -> None:
         """Start the threads."""
@@ -234,6 +241,8 @@ class Recorder:
 
     @property
     def _behind_s(self) -> float:
+        if self._queued_s:
+            return time.monotonic() - self._queued_s[0]
         encoders = self._writer.waiting if self._writer is not None else 0
         return (self._frames_waiting + encoders) / self._settings.fps
 
@@ -243,7 +252,11 @@ class Recorder:
         def take(message: Any, received_ns: int) -> None:
             stamp_ns = stream.take(message, received_ns)
             sampler = self._sampler
-            if sampler is None or stream.is_latched:
+            if sampler is None:
+                return
+            if self._raw:
+                self._take_message(stream.feature.topic, message, received_ns, stamp_ns)
+            if stream.is_latched:
                 return
             if feature.is_picture:
                 sampler.push(feature.key, stamp_ns, message)  # becomes an array on the writer's thread
@@ -252,6 +265,19 @@ class Recorder:
                 sampler.push(feature.key, stamp_ns, np.asarray(array_of(message, names)))
             except MessageError as error:
                 self._say(f"a message on {feature.topic} is not recorded: {error}")
+
+        return take
+
+    def _take_message(self, topic: str, message: Any, received_ns: int, stamp_ns: int) -> None:
+        self._queued_s.append(time.monotonic())
+        self._work.put(lambda: self._add_message(topic, message, received_ns, stamp_ns))
+
+    def _takes_messages(self, topic: str) -> Callable[[Any, int], None]:
+        """Take what becomes no feature, such as the states of a leader."""
+
+        def take(message: Any, received_ns: int) -> None:
+            if self._sampler is not None:
+                self._take_message(topic, message, received_ns, acquired_ns(message, received_ns))
 
         return take
 
@@ -316,6 +342,8 @@ class Recorder:
                 self._enqueue(frame)
 
     def _enqueue(self, frame: Frame) -> None:
+        if self._raw:
+            return  # frames are counted only
         self._frames_waiting += 1
         self._work.put(lambda: self._add(frame))
 
@@ -358,9 +386,9 @@ class Recorder:
                     self._busy = (time.monotonic(), 0.0)
                 elif step is Step.KEEP:
                     if writer.open_frames:
-                        number, frames = writer.episodes, writer.open_frames
+                        number, frames, length_s = writer.episodes, writer.open_frames, writer.open_s
                         writer.end_episode(task, counts)
-                        text = _kept(number, frames, self._settings.fps, counts)
+                        text = _kept(number, frames, length_s, counts, "messages" if self._raw else "frames")
                         self._message = text
                         answer.set_result(text)
                         self.on_kept()
@@ -390,6 +418,16 @@ class Recorder:
         except (MessageError, DatasetError, FeatureError) as error:
             self._counts["dropped"] += 1
             self._say(f"a frame is dropped: {error}")
+        except EpisodeError as error:
+            self._lose(error)
+
+    def _add_message(self, topic: str, message: Any, received_ns: int, stamp_ns: int) -> None:
+        """Write a message (on the writer's thread)."""
+        self._queued_s.popleft()
+        if self._lost or not isinstance(self._writer, McapWriter):
+            return
+        try:
+            self._writer.add_message(topic, message, received_ns, stamp_ns)
         except EpisodeError as error:
             self._lose(error)
 
@@ -531,7 +569,7 @@ class Recorder:
         parts = [f"episode {self._number}{wanted} {session.phase.value}"]
         stale = self._stale()
         if writer is not None and session.is_open:
-            parts.append(f"{writer.open_frames / self._settings.fps:.1f} s")
+            parts.append(f"{writer.open_s:.1f} s")
             if self._counts["dropped"]:
                 parts.append(f"{self._counts['dropped']} dropped")
             if self._behind_s > 0.5:
@@ -542,8 +580,8 @@ class Recorder:
         self._context.progress("episodes", session.kept, self._settings.num_episodes or None, unit="episodes")
 
 
-def _kept(number: int, frames: int, fps: int, counts: dict[str, int]) -> str:
-    text = f"episode {number} is kept: {frames} frames ({frames / fps:.1f} s)"
+def _kept(number: int, frames: int, length_s: float, counts: dict[str, int], what: str) -> str:
+    text = f"episode {number} is kept: {frames} {what} ({length_s:.1f} s)"
     for name in ("dropped", "held"):
         if counts[name]:
             text += f", {counts[name]} {name}"

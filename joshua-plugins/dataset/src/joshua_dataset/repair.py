@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,14 @@ import av
 from joshua.features import DatasetLayout, EpisodeError, FeatureSet
 
 from joshua_dataset import open_episode
+from joshua_dataset.formats import writer_of
+from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.metadata import INFO, OURS, pictures_of, place
 from joshua_dataset.open_episode import columns_of, pictures_path
 from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE
-from joshua_dataset.reader import DatasetError, picture_of
+from joshua_dataset.reader import Dataset, DatasetError, picture_of
 from joshua_dataset.statistics import PictureStatistics, Statistics
-from joshua_dataset.writer import DatasetWriter, writer_of
+from joshua_dataset.writer import DatasetWriter
 
 
 def repair(folder: Path, *, cut: bool = False) -> str:
@@ -50,7 +53,11 @@ def _layout(folder: Path, journal: dict[str, Any] | None) -> tuple[DatasetLayout
     """What the journal says of the data set; without one, nothing of it is needed."""
     info = (journal or {}).get("info")
     if not isinstance(info, dict):
-        return DatasetLayout(folder, "", 1, FeatureSet()), writer_of("lerobot")
+        kind = "lerobot"
+        if journal is None:
+            with contextlib.suppress(DatasetError):  # the writer says what is wrong
+                kind = Dataset.read(folder).format
+        return DatasetLayout(folder, "", 1, FeatureSet()), writer_of(kind)
     try:
         ours = info[OURS]
         layout = DatasetLayout(
@@ -80,6 +87,11 @@ def _repair(writer: DatasetWriter, journal: dict[str, Any] | None, *, cut: bool)
     if number < writer.episodes and number >= 0:
         open_episode.remove(folder)
         return f"episode {number} was complete; its leftovers are removed"
+    if isinstance(writer, McapWriter) and not cut:
+        length_s = writer.complete(journal)
+        if not length_s:
+            return f"no message of the unfinished episode {number} is on the disk; it is discarded"
+        return f"episode {number} is completed ({length_s:.1f} s)"
     rows = open_episode.rows_of(folder)
     if cut or number < 0 or rows is None:
         _remove_placed(layout, number)

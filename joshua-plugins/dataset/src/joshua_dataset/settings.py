@@ -37,6 +37,7 @@ FORMATS = {
     "FORMAT_PARQUET": "parquet",
     "FORMAT_CSV": "csv",
     "FORMAT_JSONL": "jsonl",
+    "FORMAT_MCAP": "mcap",
 }
 MISSING = {
     "MISSING_UNSPECIFIED": "drop",

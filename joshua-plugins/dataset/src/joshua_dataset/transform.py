@@ -11,6 +11,7 @@ from typing import Any
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
 
 from joshua_dataset import statistics
+from joshua_dataset.formats import writer_of
 from joshua_dataset.jobs import in_order
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INDEX_COLUMNS, STAMP
@@ -18,7 +19,6 @@ from joshua_dataset.open_episode import SUFFIXES, open_folder
 from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE, Encoder, PictureFiles, Video
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 from joshua_dataset.statistics import PictureStatistics, Statistics
-from joshua_dataset.writer import writer_of
 
 NS_PER_S = 1_000_000_000
 

@@ -71,6 +71,11 @@ class DatasetWriter(EpisodeWriter):
         return self._open.frames if self._open is not None else 0
 
     @property
+    def open_s(self) -> float:
+        """Length of the open episode."""
+        return self.open_frames / self.layout.fps
+
+    @property
     def waiting(self) -> int:
         """Pictures that wait for their encoder, of the camera that is most behind."""
         return max((item.waiting for item in self._encoders), default=0)
@@ -373,13 +378,3 @@ class JsonlWriter(DatasetWriter):
     """One JSON object a frame."""
 
     format = "jsonl"
-
-
-_WRITERS: dict[str, type[DatasetWriter]] = {
-    kind.format: kind for kind in (LeRobotWriter, ParquetWriter, CsvWriter, JsonlWriter)
-}
-
-
-def writer_of(table_format: str) -> type[DatasetWriter]:
-    """The writer of a format. Raises KeyError."""
-    return _WRITERS[table_format]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--into", type=Path, required=True, metavar="TARGET", help="folder of the new data set"
     )
     made(merge)
+    export = one(actions, "export", "write a data set for Foxglove, rosbag2 or Rerun")
+    export.add_argument("target", type=Path, metavar="TARGET")
+    export.add_argument(
+        "--to", choices=("mcap", "rerun"), default="mcap", help="MCAP with ROS 2 messages (default), or .rrd"
+    )
     remove = one(actions, "delete", "remove episodes; the others are counted anew")
     episodes(remove)
     workers(remove)
@@ -184,25 +191,43 @@ def _merge(arguments: argparse.Namespace) -> int:
     return _build([Source(folder) for folder in arguments.folders], arguments.into, arguments)
 
 
-def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
-    from joshua_dataset.transform import build
+def _export(arguments: argparse.Namespace) -> int:
+    from joshua_dataset.export import export
 
-    def progress(done: int, total: int) -> None:
-        if sys.stderr.isatty():
+    with _progress() as progress:
+        count = export(arguments.folder, arguments.target, arguments.to, progress)
+    sys.stdout.write(f"{arguments.target}: {count} episodes\n")
+    return 0
+
+
+@contextlib.contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """Shows the episodes that are done, on a terminal."""
+    shown = sys.stderr.isatty()
+
+    def show(done: int, total: int) -> None:
+        if shown:
             sys.stderr.write(f"\r{done} of {total} episodes")
             sys.stderr.flush()
 
-    count = build(
-        sources,
-        target,
-        table_format=arguments.format,
-        codec=arguments.codec,
-        pictures=arguments.pictures,
-        workers=arguments.workers,
-        progress=progress,
-    )
-    if sys.stderr.isatty():
+    yield show
+    if shown:
         sys.stderr.write("\n")
+
+
+def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
+    from joshua_dataset.transform import build
+
+    with _progress() as progress:
+        count = build(
+            sources,
+            target,
+            table_format=arguments.format,
+            codec=arguments.codec,
+            pictures=arguments.pictures,
+            workers=arguments.workers,
+            progress=progress,
+        )
     sys.stdout.write(f"{target}: {count} episodes\n")
     return 0
 

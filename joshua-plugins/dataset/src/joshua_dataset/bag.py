@@ -1,0 +1,172 @@
+"""One episode as a rosbag2 folder: an MCAP file with ROS 2 messages and their schemas, and its metadata."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joshua.messages.typestore import definitions, distro, type_hash
+
+FILE = "messages.mcap"
+METADATA = "metadata.yaml"
+
+#: A chunk is on its way to the disk when it is full, so a small one keeps little from a reader after a kill.
+CHUNK_BYTES = 4096
+
+#: Time after which what was written is handed to the operating system.
+FLUSH_S = 0.25
+
+
+@dataclass
+class _Topic:
+    """One channel of a bag."""
+
+    name: str
+    type_name: str
+    channel: int
+    count: int = 0
+
+
+class Bag:
+    """Writes one episode.
+
+    Args:
+        folder: of the bag; it is created.
+
+    Attributes:
+        count: messages; begin_ns, end_ns: of their log times, 0 without any.
+
+    Raises:
+        OSError: the disk refuses it; so do the methods.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        folder.mkdir(parents=True)
+        self.folder = folder
+        self.count = self.begin_ns = self.end_ns = 0
+        self._topics: dict[str, _Topic] = {}
+        self._schemas: dict[str, int] = {}
+        self._file: Any = (folder / FILE).open("wb")
+        self._flushed_s = time.monotonic()
+        self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+        self._writer.start(profile="ros2", library="joshua-dataset")
+
+    @property
+    def length_s(self) -> float:
+        """From the first to the last message."""
+        return (self.end_ns - self.begin_ns) / 1e9
+
+    def add(self, topic: str, type_name: str, data: bytes, log_ns: int, publish_ns: int) -> None:
+        """Add a message.
+
+        Args:
+            data: CDR with its encapsulation header; log_ns: when it was received; publish_ns: its stamp.
+        """
+        there = self._topics.get(topic) or self._declared(topic, type_name)
+        self._writer.add_message(there.channel, log_ns, data, publish_ns, there.count)
+        there.count += 1
+        self.begin_ns = min(self.begin_ns, log_ns) if self.count else log_ns
+        self.end_ns = max(self.end_ns, log_ns)
+        self.count += 1
+        now_s = time.monotonic()
+        if now_s - self._flushed_s > FLUSH_S:
+            self._file.flush()
+            self._flushed_s = now_s
+
+    def close(self) -> None:
+        """Complete the file and write the metadata, without which rosbag2 does not open the folder."""
+        self._writer.finish()
+        self._file.close()
+        (self.folder / METADATA).write_text(json.dumps(self._metadata(), indent=1) + "\n", encoding="utf-8")
+
+    def drop(self) -> None:
+        """Close the file, complete or not."""
+        with contextlib.suppress(OSError):  # what is buffered goes nowhere
+            self._file.close()
+
+    def _declared(self, topic: str, type_name: str) -> _Topic:
+        if type_name not in self._schemas:
+            text, _ = definitions().generate_msgdef(type_name, ros_version=2)
+            self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text.encode())
+        described = {"offered_qos_profiles": "", "topic_type_hash": type_hash(type_name)}
+        channel = self._writer.register_channel(topic, "cdr", self._schemas[type_name], described)
+        self._topics[topic] = made = _Topic(topic, type_name, channel)
+        return made
+
+    def _metadata(self) -> dict[str, Any]:
+        """What rosbag2 keeps beside a bag; JSON is YAML, too."""
+        span = {
+            "starting_time": {"nanoseconds_since_epoch": self.begin_ns},
+            "duration": {"nanoseconds": self.end_ns - self.begin_ns},
+            "message_count": self.count,
+        }
+        topics = [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": "",
+                    "type_description_hash": type_hash(topic.type_name),
+                },
+                "message_count": topic.count,
+            }
+            for topic in self._topics.values()
+        ]
+        return {
+            "rosbag2_bagfile_information": {
+                "version": 8,
+                "storage_identifier": "mcap",
+                "relative_file_paths": [FILE],
+                **span,
+                "topics_with_message_count": topics,
+                "compression_format": "",
+                "compression_mode": "",
+                "files": [{"path": FILE, **span}],
+                "custom_data": None,
+                "ros_distro": distro(),
+            }
+        }
+
+
+def completed(torn: Path, folder: Path) -> Bag:
+    """Copy the messages of a bag that a kill left unfinished into a new one, which is complete then."""
+    bag = Bag(folder)
+    for topic, type_name, message in messages(torn / FILE):
+        bag.add(topic, type_name, message.data, message.log_time, message.publish_time)
+    bag.close()
+    return bag
+
+
+def messages(path: Path) -> Iterator[tuple[str, str, Any]]:
+    """Yield topic, type and record of each message in a file, as far as the file is whole."""
+    from mcap.exceptions import McapError
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
+
+    channels: dict[int, Channel] = {}
+    schemas: dict[int, Schema] = {}
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        records = iter(StreamReader(file, validate_crcs=True).records)
+        while True:
+            try:
+                record = next(records)
+            except (StopIteration, McapError, ValueError, EOFError, IndexError, struct.error):
+                return  # the end, or a torn chunk
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                yield channel.topic, schemas[channel.schema_id].name, record
