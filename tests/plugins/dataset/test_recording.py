@@ -249,6 +249,9 @@ def test_a_replay_drives_the_arm_through_the_recording(joshua: JoshuaProgram, tm
     lines = [line for line in text.splitlines() if "joint_1  " in line]
     mean_rad = float(lines[0].split("joint_1")[1].split()[0])
     assert mean_rad < 0.2
+    picture = (tmp_path / "waves-replay-0.svg").read_text()
+    assert f"picture: {tmp_path / 'waves-replay-0.svg'}" in text
+    assert picture.count("<polyline") == 4  # goal and position of two joints
     missing = joshua("--config", str(write(tmp_path, "operation: DATA_STORE_REPLAY episodes: [7]")))
     assert missing.returncode != 0
     assert "has no episode 7; allowed: 0 to 0" in missing.stdout + missing.stderr

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from joshua.api import NodeContext, RefusedError, verb
 from joshua.api.nodes import MessagePublisher, ServiceFacts
-from joshua.features import EpisodeError, Feature, JointUnits, Unit
+from joshua.features import ACTION, EpisodeError, Feature, JointUnits, Unit
 from joshua.messages import MessageError
 from joshua.messages.arrays import array_of
 from joshua.messages.make import joint_state
@@ -19,6 +19,7 @@ from joshua.messages.make import joint_state
 from joshua_dataset.metadata import STAMP
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.settings import StoreSettings
+from joshua_dataset.tracking import Tracking
 
 #: Distance from the first action at which an arm has approached it, rad; and the longest approach.
 NEAR_RAD = 0.05
@@ -70,7 +71,7 @@ class Replayer:
         self._asked_s = 0.0
         self._paused = False
         self._index = 0
-        self._errors: dict[str, list[npt.NDArray[np.float64]]] = {}
+        self._tracking: dict[str, Tracking] = {}
 
     def configure(self) -> None:
         """Read the episodes and compare them with the robot. Raises EpisodeError."""
@@ -212,14 +213,14 @@ class Replayer:
             self._command(track, at)
             for arm in self._arms:
                 if arm.measured_rad is not None:
-                    error = track.goals_rad[arm.action][at] - arm.measured_rad
-                    self._errors.setdefault(arm.action, []).append(error)
+                    known = self._tracking.setdefault(arm.action, Tracking(arm.names))
+                    known.add(elapsed_s, track.goals_rad[arm.action][at], arm.measured_rad)
         self._context.show(f"episode {track.number}, {elapsed_s:.1f} of {track.time_s[-1]:.1f} s")
         self._context.progress("replay", elapsed_s, float(track.time_s[-1]), unit="s")
         if elapsed_s > track.time_s[-1] + 0.2:
             self._report(track)
             self._index += 1
-            self._began_s, self._asked_s, self._errors = None, time.monotonic(), {}
+            self._began_s, self._asked_s, self._tracking = None, time.monotonic(), {}
             if self._index == len(self._tracks):
                 self._context.end_run(f"{len(self._tracks)} episodes are replayed")
 
@@ -258,18 +259,20 @@ class Replayer:
             arm.publisher.publish(joint_state(arm.names, goal, at_ns=self._context.now_ns()))
 
     def _report(self, track: _Track) -> None:
-        """Log the tracking error of each joint."""
-        for arm in self._arms:
-            errors = self._errors.get(arm.action)
-            if not errors:
-                continue
-            found = np.abs(np.stack(errors))
-            lines = [f"tracking error of episode {track.number}, rad (mean, p95, largest):"]
-            for name, column in zip(arm.names, found.T, strict=True):
-                figures = (column.mean(), np.quantile(column, 0.95), column.max())
-                lines.append(f"  {name:<20} " + "  ".join(f"{figure:.3f}" for figure in figures))
-            for line in lines:
-                self._context.log.info(line)
+        """Log the tracking error of each joint, and draw it beside the data set."""
+        folder = Path(self._settings.folder)
+        for action, tracking in self._tracking.items():
+            self._context.log.info("tracking error of episode %d, rad (mean, p95, largest):", track.number)
+            for line in tracking.table():
+                self._context.log.info("  %s", line)
+            arm = action.removeprefix(ACTION).replace(".", "-")
+            path = folder.with_name(f"{folder.name}-replay-{track.number}{arm}.svg")
+            try:
+                path.write_text(tracking.svg(f"{folder.name}, episode {track.number}{arm}"), encoding="utf-8")
+            except OSError as error:
+                self._context.warn(f"no picture of the replay: {path}: {error.strerror or error}")
+            else:
+                self._context.log.info("picture: %s", path)
 
 
 def _order(feature: Feature, names: tuple[str, ...], folder: Path) -> list[int]:
