@@ -144,7 +144,7 @@ def learn(session: nox.Session) -> None:
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
-    session.install("--no-deps", *editable(CORE, f"{PLUGIN}/dataset"))
+    session.install("--no-deps", *editable(CORE, f"{PLUGIN}/dataset", f"{PLUGIN}/smolvla"))
     environment = {"PYTHONPATH": "tests/learn", "HF_HUB_OFFLINE": "1"}
     if session.posargs == ["bench"]:
         session.run("python", "tests/learn/bench_datasets.py", env=environment)

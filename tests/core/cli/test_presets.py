@@ -41,16 +41,16 @@ def with_plugins(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 def test_each_preset_says_whether_its_plugins_are_there(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(Path(__file__).parents[3])
     with_plugins(monkeypatch, "joshua-sts3215")
-    names = ("teleop_so_arm100", "test_camera", "inference_smolvla", "test_mock_hardware")
-    arms, camera, smolvla, mock = (read_preset(name) for name in names)
+    names = ("teleop_so_arm100", "test_camera", "training_rl_isaac", "test_mock_hardware")
+    arms, camera, isaac, mock = (read_preset(name) for name in names)
     assert command.needs(arms) == "needs joshua-sts3215 (installed)"
     assert command.needs(camera) == "needs joshua-camera (cannot run, not installed: joshua-camera)"
-    assert command.needs(smolvla).endswith("joshua-camera (cannot run, not available yet: joshua-smolvla)")
+    assert command.needs(isaac).endswith("(cannot run, not available yet: joshua-isaac-trainer)")
     assert command.needs(mock) == "needs no plugin"
-    out = command.listing([arms, camera, smolvla, mock], 120)
+    out = command.listing([arms, camera, isaac, mock], 120)
     assert "2 of 4 presets can run with the plugins that are installed." in out
     assert "install what is missing: ./run --with camera\n" in out
-    assert "not available yet: joshua-smolvla\n" in out
+    assert "not available yet: joshua-isaac-trainer\n" in out
 
 
 def test_the_plugins_that_are_installed_here_are_found():

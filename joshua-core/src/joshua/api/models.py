@@ -1,7 +1,15 @@
 """What trained models use beside ``Model``: their settings, what they need, chunks in real time."""
 
-from joshua.models.model import ChunkRequest as ChunkRequest
+from typing import TYPE_CHECKING
+
 from joshua.plan import Compute as Compute
 from joshua.plan import ModelNeeds as ModelNeeds
+from joshua.plan.lazy import lazy_names
 from joshua.plugins.block_context import ModelContext as ModelContext
 from joshua.plugins.settings import ModelSettings as ModelSettings
+
+if TYPE_CHECKING:
+    from joshua.models.model import ChunkRequest as ChunkRequest
+
+#: Loaded at first use: settings are checked without numpy.
+__getattr__, __dir__ = lazy_names(__name__, {"joshua.models.model": ("ChunkRequest",)})

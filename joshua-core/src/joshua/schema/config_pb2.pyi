@@ -795,16 +795,20 @@ class RandomNoiseConfig(_message.Message):
     def __init__(self, seed: _Optional[int] = ..., amplitude_rad: _Optional[float] = ...) -> None: ...
 
 class SmolVlaConfig(_message.Message):
-    __slots__ = ("task", "device", "precision", "actions_per_chunk")
-    TASK_FIELD_NUMBER: _ClassVar[int]
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    PRECISION_FIELD_NUMBER: _ClassVar[int]
-    ACTIONS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
-    task: str
-    device: str
-    precision: str
-    actions_per_chunk: int
-    def __init__(self, task: _Optional[str] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., actions_per_chunk: _Optional[int] = ...) -> None: ...
+    __slots__ = ("revision", "units", "absent_cameras", "denoising_steps", "picture_size", "compile")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    UNITS_FIELD_NUMBER: _ClassVar[int]
+    ABSENT_CAMERAS_FIELD_NUMBER: _ClassVar[int]
+    DENOISING_STEPS_FIELD_NUMBER: _ClassVar[int]
+    PICTURE_SIZE_FIELD_NUMBER: _ClassVar[int]
+    COMPILE_FIELD_NUMBER: _ClassVar[int]
+    revision: str
+    units: JointPositionUnit
+    absent_cameras: _containers.RepeatedScalarFieldContainer[str]
+    denoising_steps: int
+    picture_size: int
+    compile: bool
+    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ...) -> None: ...
 
 class DataStore(_message.Message):
     __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed")

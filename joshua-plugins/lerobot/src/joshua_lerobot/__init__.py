@@ -1,0 +1,1 @@
+"""Policies of LeRobot on a robot: reading a checkpoint, checking it against the robot, running it."""

@@ -1,0 +1,305 @@
+"""A checkpoint of a policy as its files describe it: read without torch, and nothing of it is executed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from joshua.features import ACTION, STATE, FeatureSet
+
+from joshua_lerobot.safetensors import TornFileError, entries, table
+
+CONFIG = "config.json"
+WEIGHTS = "model.safetensors"
+PREPROCESSOR = "policy_preprocessor.json"
+POSTPROCESSOR = "policy_postprocessor.json"
+
+#: The ``meta/info.json`` of the data set that a policy was trained on, kept beside its weights.
+DATASET = "dataset.json"
+
+#: Files that are unpickled when they are loaded, which executes what they contain.
+PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl", ".pickle")
+
+#: Where LeRobot's training puts a checkpoint below the folder that it writes.
+_BELOW = ("pretrained_model", "checkpoints/last/pretrained_model", "last/pretrained_model")
+
+#: Statistics that each way of normalisation needs.
+NORMALISED_BY = {
+    "MEAN_STD": ("mean", "std"),
+    "MIN_MAX": ("min", "max"),
+    "QUANTILES": ("q01", "q99"),
+    "QUANTILE10": ("q10", "q90"),
+}
+
+
+class CheckpointError(Exception):
+    """A checkpoint cannot be used.
+
+    Args:
+        message: what is wrong with it, one sentence; remedy: what to do, one imperative sentence.
+    """
+
+    def __init__(self, message: str, remedy: str) -> None:
+        super().__init__(f"{message}. {remedy}")
+        self.message = message
+        self.remedy = remedy
+
+
+@dataclass(frozen=True)
+class PolicyFeature:
+    """One input or output of a policy.
+
+    Attributes:
+        key: LeRobot's name; kind: STATE, VISUAL, ENV, ACTION or LANGUAGE.
+        shape: of one value; pictures are (channels, height, width). 0 stands for any length.
+    """
+
+    key: str
+    kind: str
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What the files of a checkpoint say.
+
+    Attributes:
+        folder: that holds the files; type: of the policy, such as ``act``; config: of config.json.
+        inputs, outputs: features of the policy.
+        statistics: of each feature by name, such as ``mean``, flattened.
+        norms: how each feature is normalised, such as ``MEAN_STD``; "" where nothing says so.
+        dataset: features of the data set that it was trained on, in its units; None where nothing is known.
+        fps: frames per second of that data set; 0 where nothing is known.
+    """
+
+    folder: Path
+    type: str
+    config: Mapping[str, Any]
+    inputs: tuple[PolicyFeature, ...]
+    outputs: tuple[PolicyFeature, ...]
+    statistics: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
+    norms: Mapping[str, str] = field(default_factory=dict)
+    dataset: FeatureSet | None = None
+    fps: float = 0.0
+
+    @property
+    def cameras(self) -> tuple[PolicyFeature, ...]:
+        """Its pictures."""
+        return tuple(item for item in self.inputs if item.kind == "VISUAL")
+
+    def size(self, key: str) -> int:
+        """Length of the state or the action; 0 where it has none."""
+        return next((item.shape[0] for item in (*self.inputs, *self.outputs) if item.key == key), 0)
+
+    def described(self, key: str) -> tuple[tuple[str, ...], str]:
+        """Names of the joints of a feature, without ``.pos``, and their unit; () and "" if unknown."""
+        feature = self.dataset.get(key) if self.dataset is not None else None
+        if feature is None:
+            return (), ""
+        return tuple(name.removesuffix(".pos") for name in feature.names), feature.unit
+
+
+def read_checkpoint(folder: Path, *, weights: str = WEIGHTS) -> Checkpoint:
+    """Reads a checkpoint.
+
+    Args:
+        folder: that holds it; weights: name of the file that must be there whole.
+
+    Raises:
+        CheckpointError: it cannot be used; nothing of it was executed.
+    """
+    config = _config(folder)
+    inputs, outputs = (_features(folder, config, side) for side in ("input_features", "output_features"))
+    if weights == WEIGHTS:
+        check_weights(folder)
+        check_processors(folder)
+    statistics, norms = _statistics(folder)
+    dataset, fps = _dataset(folder)
+    return Checkpoint(folder, str(config["type"]), config, inputs, outputs, statistics, norms, dataset, fps)
+
+
+def check_weights(folder: Path) -> None:
+    """Raises CheckpointError for weights that are missing, torn or pickled."""
+    path = folder / WEIGHTS
+    if not path.is_file():
+        pickles = sorted(item.name for item in folder.iterdir() if item.suffix in PICKLES)
+        if pickles:
+            raise pickled(folder, pickles[0])
+        raise CheckpointError(
+            f"{folder} has no {WEIGHTS}",
+            "Save the policy with policy.save_pretrained(FOLDER), and name that folder",
+        )
+    try:
+        if not entries(path):
+            raise TornFileError(f"{path} holds no weights")
+    except TornFileError as error:
+        raise CheckpointError(str(error), "Copy or download the checkpoint again") from error
+    except OSError as error:
+        raise CheckpointError(f"{path} cannot be read: {error.strerror}", "Change its permissions") from error
+
+
+def pickled(place: Path | str, name: str) -> CheckpointError:
+    """The refusal of weights that are pickled."""
+    return CheckpointError(
+        f"{place} has its weights in {name}, a pickle, which executes what it contains when it is loaded; "
+        f"only {WEIGHTS} is loaded",
+        "If you trust it, convert it once on a machine that is not the robot: load it with the LeRobot that "
+        "wrote it, and call policy.save_pretrained(FOLDER)",
+    )
+
+
+def check_processors(folder: Path) -> None:
+    """Raises CheckpointError for processors that are missing, or that name code outside of LeRobot."""
+    for name in (PREPROCESSOR, POSTPROCESSOR):
+        if not (folder / name).is_file():
+            raise CheckpointError(
+                f"{folder} has no {name}: it was written before LeRobot 0.4 and keeps its normalisation in "
+                "the weights",
+                "Convert it: python -m lerobot.processor.migrate_policy_normalization --pretrained-path "
+                f"{folder}",
+            )
+        for step in _steps(folder / name):
+            place = step.get("class", "")
+            if "registry_name" not in step and not str(place).startswith("lerobot."):
+                raise CheckpointError(
+                    f"{folder / name} names {place or 'no class'} as a processor: loading it would execute "
+                    "code that is not LeRobot's",
+                    "Save the checkpoint with LeRobot's own processors",
+                )
+            _check_state(folder, str(step.get("state_file") or ""))
+
+
+def _check_state(folder: Path, name: str) -> None:
+    if not name:
+        return
+    path = folder / name
+    if Path(name).name != name or path.suffix != ".safetensors":
+        raise CheckpointError(
+            f"{folder} keeps statistics in {name!r}, and only a .safetensors file beside it is loaded",
+            "Save the checkpoint again with policy and processors",
+        )
+    if not path.is_file():
+        raise CheckpointError(f"{path} is missing", "Copy or download the whole checkpoint again")
+    try:
+        entries(path)
+    except TornFileError as error:
+        raise CheckpointError(str(error), "Copy or download the checkpoint again") from error
+
+
+def _config(folder: Path) -> dict[str, Any]:
+    if not folder.is_dir():
+        what = "is a file, and a checkpoint is a folder" if folder.exists() else "does not exist"
+        raise CheckpointError(f"{folder} {what}", f"Name the folder that holds {CONFIG} and {WEIGHTS}")
+    path = folder / CONFIG
+    if not path.is_file():
+        inner = next((name for name in _BELOW if (folder / name / CONFIG).is_file()), "")
+        if inner:
+            raise CheckpointError(f"{folder} has no {CONFIG}", f"Name its folder {folder / inner}")
+        pickles = sorted(item.name for item in folder.iterdir() if item.suffix in PICKLES)
+        if pickles:
+            raise pickled(folder, pickles[0])
+        raise CheckpointError(
+            f"{folder} has no {CONFIG}", "Name the folder that policy.save_pretrained or lerobot-train wrote"
+        )
+    config = _json(path)
+    if not isinstance(config.get("type"), str):
+        kind = "a model of transformers" if "architectures" in config else "no policy of LeRobot"
+        raise CheckpointError(
+            f"{path} names no type of policy: it describes {kind}", "Name a checkpoint that LeRobot wrote"
+        )
+    return config
+
+
+def _features(folder: Path, config: Mapping[str, Any], side: str) -> tuple[PolicyFeature, ...]:
+    try:
+        described = config.get(side) or {}
+        return tuple(
+            PolicyFeature(key, str(values["type"]), tuple(map(int, values["shape"])))
+            for key, values in described.items()
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CheckpointError(
+            f"{folder / CONFIG}: {side} is no description of features", "Save the checkpoint again"
+        ) from error
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CheckpointError(f"{path} cannot be read: {error.strerror}", "Change its permissions") from error
+    except ValueError as error:
+        raise CheckpointError(
+            f"{path} is no JSON: {error}", "Copy or download the checkpoint again"
+        ) from error
+    if not isinstance(content, dict):
+        raise CheckpointError(f"{path} is no JSON object", "Copy or download the checkpoint again")
+    return content
+
+
+def _steps(path: Path) -> Iterator[Mapping[str, Any]]:
+    for step in _json(path).get("steps") or ():
+        if isinstance(step, Mapping):
+            yield step
+
+
+def _statistics(folder: Path) -> tuple[dict[str, dict[str, tuple[float, ...]]], dict[str, str]]:
+    """Statistics and ways of normalisation, as the processors have them."""
+    found: dict[str, dict[str, tuple[float, ...]]] = {}
+    norms: dict[str, str] = {}
+    for name in (PREPROCESSOR, POSTPROCESSOR):
+        for step in _steps(folder / name) if (folder / name).is_file() else ():
+            config = step.get("config") or {}
+            modes = config.get("norm_map") or {}
+            for key, values in (config.get("features") or {}).items() if modes else ():
+                norms[key] = str(modes.get(values.get("type"), "IDENTITY"))
+            state = str(step.get("state_file") or "")
+            if modes and state and (folder / state).is_file():
+                try:
+                    numbers = table(folder / state)
+                except TornFileError as error:
+                    raise CheckpointError(str(error), "Copy or download the checkpoint again") from error
+                for path, values in numbers.items():
+                    key, _, statistic = path.rpartition(".")
+                    found.setdefault(key, {})[statistic] = values
+    return found, norms
+
+
+def _dataset(folder: Path) -> tuple[FeatureSet | None, float]:
+    """The data set that it was trained on: beside the weights, else where LeRobot's training says it was."""
+    info = _json(folder / DATASET) if (folder / DATASET).is_file() else _trained_on(folder)
+    try:
+        return (FeatureSet.from_lerobot(info["features"]) if info else None), float(info.get("fps") or 0)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CheckpointError(
+            f"{folder / DATASET} describes no data set: {error}",
+            "Copy meta/info.json of the data set there, or remove the file",
+        ) from error
+
+
+def _trained_on(folder: Path) -> dict[str, Any]:
+    """``meta/info.json`` of the data set that ``train_config.json`` names, where it is on this machine."""
+    try:
+        named = json.loads((folder / "train_config.json").read_text(encoding="utf-8"))["dataset"]
+        home = os.environ.get("HF_LEROBOT_HOME") or "~/.cache/huggingface/lerobot"
+        place = Path(named.get("root") or Path(home).expanduser() / str(named["repo_id"]))
+        content = json.loads((place / "meta" / "info.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+    return content if isinstance(content, dict) and "features" in content else {}
+
+
+def extent(checkpoint: Checkpoint) -> float:
+    """Largest position of a joint in the statistics of state and action; 0 where there are none."""
+    found = [0.0]
+    for key in (STATE, ACTION):
+        values = checkpoint.statistics.get(key, {})
+        found += [
+            abs(value) for name in ("min", "max", "q01", "q99", "mean") for value in values.get(name, ())
+        ]
+        found += [2 * abs(value) for value in values.get("std", ())]
+    return max(found)

@@ -1,0 +1,1 @@
+"""Commands of ``joshua`` that come with policies."""

@@ -1,0 +1,135 @@
+"""Checkpoints of the Hugging Face hub: found on this machine by their path, fetched by the hub's client.
+
+The token comes from the environment (``HF_TOKEN``) or from the file that ``hf auth login`` writes; it is
+read by the client and never seen here.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from joshua.tools import install
+
+from joshua_lerobot.checkpoint import CONFIG, PICKLES, WEIGHTS, Checkpoint, CheckpointError, pickled
+
+#: All that is ever downloaded: no pickle, no code.
+PATTERNS = ("*.json", "*.safetensors", "*.onnx", "*.txt", "*.model", "*.jinja")
+
+#: What SmolVLA takes of its language model; the weights are in the checkpoint.
+LANGUAGE_MODEL = ("*.json", "*.txt", "*.model", "*.jinja")
+
+
+def is_hub_id(weights: str) -> bool:
+    """Whether a name that is no folder of this machine can be one of the hub: ``owner/name``."""
+    owner, slash, name = weights.partition("/")
+    return bool(slash and owner and name) and "/" not in name and not weights.startswith((".", "/", "~"))
+
+
+def cached(name: str, revision: str = "") -> Path | None:
+    """The folder of a checkpoint that was downloaded before; None where there is none."""
+    home = os.environ.get("HF_HOME") or os.path.join(  # noqa: PTH118
+        os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface"
+    )
+    place = Path(os.environ.get("HF_HUB_CACHE") or Path(home) / "hub").expanduser()
+    place /= f"models--{name.replace('/', '--')}"
+    try:
+        commit = (place / "refs" / (revision or "main")).read_text(encoding="utf-8").strip()
+    except OSError:
+        commit = revision
+    folder = place / "snapshots" / commit
+    return folder if commit and (folder / CONFIG).is_file() else None
+
+
+def fetch(name: str, revision: str = "") -> Path:
+    """Downloads what is missing of a checkpoint, and returns its folder.
+
+    Raises:
+        CheckpointError: it cannot be had, or its weights are pickled.
+    """
+    folder = _download(name, revision, PATTERNS)
+    if not (folder / WEIGHTS).is_file():
+        _look_for_pickles(name, revision)
+    return folder
+
+
+def _download(name: str, revision: str, patterns: tuple[str, ...]) -> Path:
+    try:
+        from huggingface_hub import snapshot_download
+    except ImportError as error:
+        raise CheckpointError(
+            f"{name} is on the Hugging Face hub, and huggingface-hub, which downloads from it, is not "
+            "installed",
+            f"Install LeRobot with it: {install('joshua-lerobot', 'policies')}",
+        ) from error
+    try:
+        return Path(snapshot_download(name, revision=revision or None, allow_patterns=list(patterns)))
+    except Exception as error:  # the client's errors differ between its versions
+        raise _refused(name, revision, error) from error
+
+
+def fetch_language_model(checkpoint: Checkpoint) -> None:
+    """Downloads description and tokenizer of the language model that a checkpoint names, if it is on the hub.
+
+    Raises:
+        CheckpointError: they cannot be had.
+    """
+    name = str(checkpoint.config.get("vlm_model_name") or "")
+    if is_hub_id(name) and not (checkpoint.folder / name).exists():
+        _download(name, "", LANGUAGE_MODEL)
+
+
+def _look_for_pickles(name: str, revision: str) -> None:
+    """Raises CheckpointError where the weights on the hub are pickled: they were not downloaded."""
+    from huggingface_hub import HfApi
+
+    try:
+        files = HfApi().list_repo_files(name, revision=revision or None)
+    except Exception:  # noqa: BLE001 - the weights are missing either way, and whoever reads the folder says so
+        return
+    if found := sorted(file for file in files if Path(file).suffix in PICKLES):
+        raise pickled(f"{name} on the hub", found[0])
+
+
+def _refused(name: str, revision: str, error: Exception) -> CheckpointError:
+    """What to do about an error of the client, judged by its name and the status of the hub's answer."""
+    names = {kind.__name__ for kind in type(error).__mro__}
+    cause: BaseException | None = error
+    status = 0
+    while cause is not None and not status:
+        names |= {kind.__name__ for kind in type(cause).__mro__}
+        status = int(getattr(getattr(cause, "response", None), "status_code", 0) or 0)
+        cause = cause.__cause__ or cause.__context__
+    if "GatedRepoError" in names or status == 403:
+        return CheckpointError(
+            f"The hub does not give {name} to you (403): its owner must grant access",
+            f"Ask for access on the page of {name}, then run `hf auth login` as the user of the robot, or "
+            "set HF_TOKEN",
+        )
+    if "RevisionNotFoundError" in names:
+        return CheckpointError(
+            f"{name} has no revision {revision!r} on the hub", "Correct revision, or remove it"
+        )
+    if status == 401 or "RepositoryNotFoundError" in names or status == 404:
+        return CheckpointError(
+            f"The hub has no checkpoint {name}, or it is private ({status or 404})",
+            "Correct the name. For a private one run `hf auth login` as the user of the robot, or set "
+            "HF_TOKEN",
+        )
+    if names & {
+        "LocalEntryNotFoundError",
+        "OfflineModeIsEnabled",
+        "ConnectionError",
+        "ConnectError",
+        "Timeout",
+    }:
+        return CheckpointError(
+            f"The hub cannot be reached, and {name} was not downloaded to this machine before",
+            f"Connect this machine once and run `joshua policy fetch {name}`, or copy the checkpoint here "
+            "and "
+            "name its folder",
+        )
+    said = str(error).strip().partition("\n")[0][:200]
+    return CheckpointError(
+        f"{name} cannot be downloaded: {type(error).__name__}: {said}", "Try again later, or name a folder"
+    )

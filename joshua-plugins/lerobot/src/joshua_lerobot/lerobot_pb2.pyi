@@ -1,0 +1,27 @@
+from joshua.schema import config_pb2 as _config_pb2
+from joshua.schema import options_pb2 as _options_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class LeRobotPolicy(_message.Message):
+    __slots__ = ("revision", "units", "absent_cameras", "actions_per_chunk", "denoising_steps", "picture_size", "compile")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    UNITS_FIELD_NUMBER: _ClassVar[int]
+    ABSENT_CAMERAS_FIELD_NUMBER: _ClassVar[int]
+    ACTIONS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
+    DENOISING_STEPS_FIELD_NUMBER: _ClassVar[int]
+    PICTURE_SIZE_FIELD_NUMBER: _ClassVar[int]
+    COMPILE_FIELD_NUMBER: _ClassVar[int]
+    revision: str
+    units: _config_pb2.JointPositionUnit
+    absent_cameras: _containers.RepeatedScalarFieldContainer[str]
+    actions_per_chunk: int
+    denoising_steps: int
+    picture_size: int
+    compile: bool
+    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[_config_pb2.JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., actions_per_chunk: _Optional[int] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ...) -> None: ...

@@ -1,0 +1,258 @@
+"""From the files of a checkpoint to a policy that computes; torch and LeRobot are imported here only."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joshua.api import ModelError
+from joshua.api.models import Compute
+from joshua.tools import install
+
+from joshua_lerobot.checkpoint import POSTPROCESSOR, PREPROCESSOR, WEIGHTS, Checkpoint
+from joshua_lerobot.settings import DENOISING, PolicySettings
+
+HALF = {"bfloat16": "bfloat16", "float16": "float16"}
+
+
+@dataclass(frozen=True)
+class LoadedPolicy:
+    """A policy with its own pre- and post-processors.
+
+    Attributes:
+        policy: LeRobot's; before, after: the processors; device: torch's.
+        dtype: of half precision, None for float32.
+    """
+
+    policy: Any
+    before: Any
+    after: Any
+    device: Any
+    dtype: Any = None
+
+    def precision(self) -> AbstractContextManager[Any]:
+        """What the policy computes in."""
+        import torch
+
+        return torch.autocast(self.device.type, self.dtype) if self.dtype is not None else nullcontext()
+
+
+def require(module: str, what: str) -> Any:
+    """Imports a module. Raises ModelError with the command that installs it."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        missing = error.name or module
+        raise ModelError(
+            f"{what} needs {missing}, which is not installed for {sys.executable}: "
+            f"{install('joshua-lerobot', 'policies')}. It brings PyTorch, 1 to 9 GB. If it is installed in "
+            "another "
+            'environment, name its interpreter in the node: python: "/path/to/bin/python"'
+        ) from error
+    except (ImportError, OSError, RuntimeError) as error:
+        raise ModelError(
+            f"{what} needs {module}, which cannot be imported for {sys.executable}: {error}. Install "
+            "versions that "
+            f"go together: {install('joshua-lerobot', 'policies')}"
+        ) from error
+
+
+def choose_device(wanted: str) -> Any:
+    """Torch's device for one of the file. Raises ModelError for one that is not there."""
+    torch = require("torch", "A policy")
+    there = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
+    if wanted == "auto":
+        return torch.device(next(name for name, is_there in there.items() if is_there))
+    if not there[wanted]:
+        found = ", ".join(name for name, is_there in there.items() if is_there)
+        why = {
+            "cuda": "Install the driver of the GPU and a PyTorch that is built for CUDA",
+            "mps": "It needs macOS on Apple silicon",
+        }[wanted]
+        raise ModelError(
+            f'device: "{wanted}" is not there; PyTorch {torch.__version__} of {sys.executable} finds '
+            f"{found}. {why}, "
+            'or set compute { device: "auto" }'
+        )
+    return torch.device(wanted)
+
+
+def prepare(compute: Compute) -> Any:
+    """Sets threads and chooses the device. Raises ModelError."""
+    torch = require("torch", "A policy")
+    if compute.threads:
+        torch.set_num_threads(compute.threads)
+    return choose_device(compute.device)
+
+
+def load_policy(checkpoint: Checkpoint, settings: PolicySettings) -> LoadedPolicy:
+    """Loads a policy and its processors.
+
+    Raises:
+        ModelError: a library, a device or a part of the checkpoint is missing or does not fit.
+    """
+    device = prepare(settings.compute)
+    import torch
+
+    require("lerobot", "A policy")
+    config = _config(checkpoint, settings, device)
+    dtype = getattr(torch, HALF[settings.compute.precision]) if settings.compute.precision in HALF else None
+    try:
+        policy = _policy(checkpoint, config, device)
+        if dtype is not None:
+            policy.to(dtype)
+        policy.to(device)
+        policy.eval()
+        if settings.compile and not hasattr(config, "compile_model"):
+            policy.model = torch.compile(policy.model)
+        before, after = _processors(checkpoint, config, device)
+    except torch.OutOfMemoryError as error:
+        raise out_of_memory(device) from error
+    return LoadedPolicy(policy, before, after, device, dtype)
+
+
+def out_of_memory(device: Any) -> ModelError:
+    """What to do without enough memory."""
+    return ModelError(
+        f'The memory of {device} does not suffice for the policy. Set compute {{ precision: "bfloat16" }}, '
+        "which "
+        "takes half, lower picture_size, or end other programs that use it"
+    )
+
+
+def _config(checkpoint: Checkpoint, settings: PolicySettings, device: Any) -> Any:
+    require("lerobot.policies", f"A policy of type {checkpoint.type!r}")
+    import draccus
+    from lerobot.configs.policies import PreTrainedConfig
+
+    known = sorted(PreTrainedConfig.get_known_choices())
+    if checkpoint.type not in known:
+        raise ModelError(
+            f"{checkpoint.folder} holds a policy of type {checkpoint.type!r}, which this LeRobot does not "
+            "have; it has "
+            f"{', '.join(known)}. Install the version of LeRobot that trained it"
+        )
+    values = dict(checkpoint.config)
+    if values.get("use_peft"):
+        raise ModelError(
+            f"{checkpoint.folder} is an adapter (PEFT) and no whole policy. Merge it with its base policy "
+            "and save "
+            "the result with policy.save_pretrained(FOLDER)"
+        )
+    chosen = {
+        "device": str(device),
+        "load_vlm_weights": False,  # they are in the checkpoint
+        "pretrained_backbone_weights": None,
+        "use_amp": False,
+        "push_to_hub": False,
+    }
+    if settings.compile:
+        chosen["compile_model"] = True
+    if settings.denoising_steps:
+        chosen[DENOISING[checkpoint.type]] = settings.denoising_steps
+    if settings.picture_size:
+        chosen["resize_imgs_with_padding"] = [settings.picture_size, settings.picture_size]
+    if inner := inner_folder(checkpoint):
+        chosen["vlm_model_name"] = str(inner)
+    values |= {name: value for name, value in chosen.items() if name in values or name in ("device",)}
+    try:
+        with draccus.config_type("json"):
+            return draccus.decode(PreTrainedConfig, values)
+    except Exception as error:
+        said = str(error).strip().partition("\n")[0]
+        raise ModelError(
+            f"{checkpoint.folder / 'config.json'} does not fit this LeRobot: {said}. Install the version "
+            "that trained "
+            "the policy, or save it again with this one"
+        ) from error
+
+
+def inner_folder(checkpoint: Checkpoint) -> Path | None:
+    """The folder of the language model's description inside the checkpoint; None where it is elsewhere."""
+    name = str(checkpoint.config.get("vlm_model_name") or "")
+    place = checkpoint.folder / name
+    return place if name and not Path(name).is_absolute() and (place / "config.json").is_file() else None
+
+
+def _policy(checkpoint: Checkpoint, config: Any, device: Any) -> Any:
+    from lerobot.policies.factory import get_policy_class
+    from lerobot.policies.pretrained import PreTrainedPolicy
+    from safetensors.torch import load_model
+
+    what = f"A policy of type {checkpoint.type!r}"
+    try:
+        kind = get_policy_class(checkpoint.type)
+        if kind.from_pretrained.__func__ is not PreTrainedPolicy.from_pretrained.__func__:
+            return kind.from_pretrained(checkpoint.folder, config=config)  # it renames its weights
+        policy = kind(config)
+    except ModuleNotFoundError as error:
+        raise ModelError(
+            f"{what} needs {error.name}, which is not installed for {sys.executable}: pip install "
+            f"{error.name}"
+        ) from error
+    except OSError as error:  # transformers: a part of the language model is not there
+        raise _without_language_model(checkpoint, error) from error
+    except (ImportError, ValueError, TypeError, RuntimeError, AssertionError) as error:
+        raise ModelError(
+            f"{what} cannot be made from {checkpoint.folder / 'config.json'}: {error}"
+        ) from error
+    try:
+        missing, unexpected = load_model(
+            policy, checkpoint.folder / WEIGHTS, strict=False, device=str(device)
+        )
+    except RuntimeError as error:
+        said = " ".join(str(error).split())[:300]
+        raise ModelError(
+            f"{checkpoint.folder / WEIGHTS} does not fit config.json beside it: {said}. Copy both from one "
+            "checkpoint"
+        ) from error
+    if missing:
+        raise ModelError(
+            f"{checkpoint.folder / WEIGHTS} lacks {len(missing)} weights of the policy, such as "
+            f"{min(missing)}, which "
+            "would be random. Copy config.json and the weights from one checkpoint"
+        )
+    if any(name.startswith(("normalize_", "unnormalize_")) for name in unexpected):
+        raise ModelError(
+            f"{checkpoint.folder} keeps its normalisation in the weights. Convert it: python -m "
+            f"lerobot.processor.migrate_policy_normalization --pretrained-path {checkpoint.folder}"
+        )
+    return policy
+
+
+def _without_language_model(checkpoint: Checkpoint, error: Exception) -> ModelError:
+    name = checkpoint.config.get("vlm_model_name") or "the language model"
+    said = str(error).strip().partition("\n")[0][:200]
+    return ModelError(
+        f"{checkpoint.folder} stands on {name}, whose description and tokenizer cannot be had: {said}. "
+        "Connect this "
+        f"machine once and run `joshua policy fetch {checkpoint.folder}`, or copy them into a folder of the "
+        "checkpoint and name that in vlm_model_name of config.json"
+    )
+
+
+def _processors(checkpoint: Checkpoint, config: Any, device: Any) -> tuple[Any, Any]:
+    from lerobot.policies.factory import make_pre_post_processors
+
+    before: dict[str, Any] = {"device_processor": {"device": str(device)}}
+    if inner := inner_folder(checkpoint):
+        before["tokenizer_processor"] = {"tokenizer_name": str(inner)}
+    chosen = {
+        "preprocessor_overrides": before,
+        "postprocessor_overrides": {"device_processor": {"device": "cpu"}},
+    }
+    for side, name in zip(chosen, (PREPROCESSOR, POSTPROCESSOR), strict=True):
+        text = (checkpoint.folder / name).read_text(encoding="utf-8")
+        chosen[side] = {step: values for step, values in chosen[side].items() if f'"{step}"' in text}
+    try:
+        before_policy, after_policy = make_pre_post_processors(config, str(checkpoint.folder), **chosen)
+    except OSError as error:
+        raise _without_language_model(checkpoint, error) from error
+    except (ImportError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        said = " ".join(str(error).split())[:300]
+        raise ModelError(f"The processors of {checkpoint.folder} cannot be loaded: {said}") from error
+    return before_policy, after_policy

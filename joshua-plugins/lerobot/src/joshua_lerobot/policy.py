@@ -1,0 +1,246 @@
+"""A policy of LeRobot as a model: radians outside, the checkpoint's units inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from joshua.api import FieldError, JointRange, JointSpace, Model, ModelError, Observation
+from joshua.api.models import ChunkRequest, ModelNeeds
+from joshua.features import FeatureSet, JointUnits, Unit
+
+from joshua_lerobot.checkpoint import Checkpoint, CheckpointError
+from joshua_lerobot.hub import fetch, is_hub_id
+from joshua_lerobot.loading import LoadedPolicy, load_policy, out_of_memory
+from joshua_lerobot.settings import PolicySettings
+
+FloatArray = npt.NDArray[np.float64]
+
+_NS_PER_S = 1_000_000_000
+
+#: Distance of two observations, in periods, up to which one is the predecessor of the other.
+_SUCCESSIVE = 1.5
+
+#: Policies that predict a chunk from one observation.
+PREDICTS_CHUNKS = frozenset({"act", "smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
+
+
+class LeRobotModel(Model):
+    """Runs a policy with the processors of its checkpoint.
+
+    Policies that look back (Diffusion, VQ-BeT) see the observations of consecutive requests if these follow
+    one another at the rate of the actions, and the present one in place of earlier ones otherwise, as LeRobot
+    does at the start of an episode.
+    """
+
+    settings: PolicySettings
+
+    def __init__(
+        self, settings: PolicySettings, joints: JointSpace, features: FeatureSet | None = None
+    ) -> None:
+        super().__init__(settings, joints, features)
+        self.units = ArmUnits(joints)
+        self._checkpoint: Checkpoint | None = None
+        self._loaded: LoadedPolicy | None = None
+        self._unit = Unit.RADIANS
+        self._last_ns = 0
+
+    def load(self) -> None:
+        """Fetches and loads the policy. Raises ModelError."""
+        self._checkpoint, self._unit = open_checkpoint(self.settings)
+        self._loaded = load_policy(self._checkpoint, self.settings)
+
+    def needs(self) -> ModelNeeds:
+        """See ``Model``; by the files that were loaded."""
+        return needs_of(self.settings, self._checkpoint)
+
+    def reset(self) -> None:
+        """Forgets the episode so far; the same seed draws the same noise again."""
+        loaded = self._ready()
+        loaded.policy.reset()
+        self._last_ns = 0
+        if self.settings.compute.seed is not None:
+            import torch
+
+            torch.manual_seed(self.settings.compute.seed)
+
+    def act(self, observation: Observation) -> FloatArray:
+        """See ``Model``. Raises ModelError."""
+        return self._guarded(lambda loaded, kind: self._chunk(loaded, kind, observation))
+
+    def continue_chunk(self, observation: Observation, request: ChunkRequest) -> FloatArray:
+        """See ``Model``; by the real-time chunking of LeRobot. Raises ModelError."""
+        return self._guarded(lambda loaded, kind: self._continued(loaded, observation, request))
+
+    def close(self) -> None:
+        """Frees the policy; a second call does nothing."""
+        loaded, self._loaded = self._loaded, None
+        if loaded is not None and loaded.device.type == "cuda":
+            import torch
+
+            torch.cuda.empty_cache()
+
+    def _guarded(self, compute: Callable[[LoadedPolicy, str], Any]) -> FloatArray:
+        import torch
+
+        loaded = self._ready()
+        assert self._checkpoint is not None
+        try:
+            with torch.no_grad(), loaded.precision():
+                actions = compute(loaded, self._checkpoint.type)
+        except torch.OutOfMemoryError as error:
+            raise out_of_memory(loaded.device) from error
+        return self._in_radians(loaded, actions)
+
+    def _ready(self) -> LoadedPolicy:
+        if self._loaded is None:
+            raise ModelError(f"{type(self).__name__}: the policy is not loaded: call load first")
+        return self._loaded
+
+    def _chunk(self, loaded: LoadedPolicy, kind: str, observation: Observation) -> Any:
+        """A chunk in the policy's own scale, shape (1, T, N)."""
+        batch = loaded.before(self._batch(observation))
+        if kind in PREDICTS_CHUNKS:
+            return loaded.policy.predict_action_chunk(batch)[:, : self._steps()]
+        if not self._follows(observation):
+            loaded.policy.reset()
+        return _drained(loaded.policy, batch)
+
+    def _continued(self, loaded: LoadedPolicy, observation: Observation, request: ChunkRequest) -> Any:
+        import torch
+        from lerobot.configs.types import RTCAttentionSchedule
+        from lerobot.policies.rtc.configuration_rtc import RTCConfig
+
+        policy = loaded.policy
+        policy.config.rtc_config = RTCConfig(
+            enabled=True,
+            prefix_attention_schedule=RTCAttentionSchedule(request.schedule.upper()),
+            max_guidance_weight=request.max_guidance_weight,
+            execution_horizon=request.overlap,
+        )
+        policy.init_rtc_processor()
+        planned = torch.from_numpy(self.units.given(request.planned, self._unit).astype(np.float32))
+        try:
+            chunk = policy.predict_action_chunk(
+                loaded.before(self._batch(observation)),
+                inference_delay=request.delay,
+                prev_chunk_left_over=_normalised(loaded.before, planned).to(loaded.device),
+                execution_horizon=request.overlap,
+            )
+        finally:
+            policy.config.rtc_config = None
+            policy.init_rtc_processor()
+        return chunk
+
+    def _batch(self, observation: Observation) -> dict[str, Any]:
+        """An observation as LeRobot's processors take it: pictures (1, C, H, W) in [0, 1], numbers (1, N)."""
+        import torch
+
+        assert self._checkpoint is not None
+        batch: dict[str, Any] = {}
+        for item in self._checkpoint.inputs:
+            if item.key not in observation.values:
+                continue
+            value = observation[item.key]
+            if item.kind == "VISUAL":
+                picture = torch.from_numpy(np.ascontiguousarray(value)).to(torch.float32) / 255
+                batch[item.key] = picture.permute(2, 0, 1).contiguous().unsqueeze(0)
+            else:
+                if item.kind == "STATE":
+                    value = self.units.given(value, self._unit)
+                batch[item.key] = torch.from_numpy(np.asarray(value, np.float32)).unsqueeze(0)
+        if observation.task:
+            batch["task"] = observation.task
+        return batch
+
+    def _in_radians(self, loaded: LoadedPolicy, actions: Any) -> FloatArray:
+        import torch
+
+        steps = loaded.after(actions.to(torch.float32))
+        values = np.asarray(steps.detach().cpu().numpy(), np.float64)
+        return self.units.radians(values.reshape(-1, values.shape[-1]), self._unit)
+
+    def _steps(self) -> int | None:
+        """How many actions of a chunk are handed on; None for all."""
+        assert self._checkpoint is not None
+        kept = self.settings.actions_per_chunk or int(self._checkpoint.config.get("n_action_steps") or 0)
+        return kept or None
+
+    def _follows(self, observation: Observation) -> bool:
+        """Whether an observation is the one after the last."""
+        period_ns = _NS_PER_S / (self.settings.rate_hz or 1.0)
+        follows = 0 < observation.stamp_ns - self._last_ns < _SUCCESSIVE * period_ns
+        self._last_ns = observation.stamp_ns
+        return follows
+
+
+class ArmUnits:
+    """The joints that a model commands, in radians and in the units of a checkpoint, shape (…, N)."""
+
+    def __init__(self, joints: JointSpace) -> None:
+        ends = zip(joints.names, joints.position_min_rad, joints.position_max_rad, strict=True)
+        # The numbers keep apart joints of two arms that have one name; grippers stay what they are.
+        ranges = [JointRange(f"{i}_{name}", float(a), float(b)) for i, (name, a, b) in enumerate(ends)]
+        self._ranges = ranges
+
+    def given(self, position_rad: npt.ArrayLike, unit: Unit) -> FloatArray:
+        """Positions as the policy gets them."""
+        position = np.asarray(position_rad, np.float64)
+        if unit is Unit.RADIANS:
+            return position
+        return JointUnits.from_ranges(self._ranges).from_radians(position, unit)
+
+    def radians(self, values: FloatArray, unit: Unit) -> FloatArray:
+        """Positions that a policy gives."""
+        if unit is Unit.RADIANS:
+            return values
+        return JointUnits.from_ranges(self._ranges).to_radians(values, unit)
+
+
+def open_checkpoint(settings: PolicySettings) -> tuple[Checkpoint, Unit]:
+    """Fetches and reads a checkpoint. Raises ModelError."""
+    try:
+        folder = Path(settings.weights)
+        if not folder.exists() and is_hub_id(settings.weights):
+            folder = fetch(settings.weights, settings.revision)
+        checkpoint = settings.read(folder)
+        return checkpoint, Unit(settings.unit_of(checkpoint))
+    except CheckpointError as error:
+        raise ModelError(str(error)) from error
+    except FieldError as error:
+        raise ModelError(f"{error}. {error.remedy}") from error
+
+
+def needs_of(settings: PolicySettings, checkpoint: Checkpoint | None) -> ModelNeeds:
+    """What a model needs, by the files that were loaded. Raises ModelError."""
+    if checkpoint is None:
+        return settings.needs()
+    try:
+        return settings.needs_of(checkpoint)
+    except FieldError as error:
+        raise ModelError(f"{error}. {error.remedy}") from error
+
+
+def _drained(policy: Any, batch: dict[str, Any]) -> Any:
+    """All actions that a policy with a queue of its own makes of one observation, shape (1, T, N)."""
+    import torch
+
+    actions = [policy.select_action(batch)]
+    queue = getattr(policy, "_queues", {}).get("action")
+    while queue:
+        actions.append(queue.popleft())
+    return torch.stack([action.reshape(1, -1) for action in actions], dim=1)
+
+
+def _normalised(before: Any, actions: Any) -> Any:
+    """Actions of the data set's scale in the policy's own, by the checkpoint's normaliser."""
+    from lerobot.processor import NormalizerProcessorStep, TransitionKey
+    from lerobot.processor.converters import create_transition
+
+    for step in before.steps:
+        if isinstance(step, NormalizerProcessorStep):
+            return step(create_transition(action=actions))[TransitionKey.ACTION]
+    return actions

@@ -1,0 +1,270 @@
+"""Settings of policies, and what a policy needs of the robot: from its block and its files, without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from joshua.api import BlockContext, FieldError
+from joshua.api.models import ModelNeeds, ModelSettings
+from joshua.features import ACTION, IMAGES, STATE, Feature
+from pydantic import model_validator
+
+from joshua_lerobot.checkpoint import NORMALISED_BY, Checkpoint, CheckpointError, extent, read_checkpoint
+from joshua_lerobot.hub import cached, is_hub_id
+
+WEIGHTS = "pretrained_model_name_or_path"
+
+UNITS = {"UNIT_AUTO": "", "UNIT_LEROBOT": "lerobot", "UNIT_DEGREES": "deg", "UNIT_RADIANS": "rad"}
+
+#: Names of the units in a file.
+UNIT_NAMES = {unit: name for name, unit in UNITS.items()}
+
+#: Policies that scale their pictures themselves, so that any size will do.
+RESIZES = frozenset({"smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
+
+#: Policies that leave out a camera that is not there.
+SPARES_CAMERAS = frozenset({"smolvla", "pi0", "pi05", "pi0_fast"})
+
+#: Policies that are told what to do in plain words.
+READS_TASK = frozenset({"smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
+
+#: Policies whose chunks can continue others: flow policies with LeRobot's own real-time chunking.
+CONTINUES = frozenset({"smolvla", "pi0", "pi05"})
+
+#: Where each policy keeps the number of its denoising steps.
+DENOISING = {
+    "smolvla": "num_steps",
+    "pi0": "num_inference_steps",
+    "pi05": "num_inference_steps",
+    "diffusion": "num_inference_steps",
+    "groot": "num_inference_timesteps",
+    "xvla": "num_denoising_steps",
+}
+
+#: Largest position of a joint in radians: one turn.
+_TURN_RAD = 6.2832
+
+
+class PolicySettings(ModelSettings):
+    """Settings of a policy of LeRobot.
+
+    Attributes:
+        revision: of a checkpoint on the hub, "" for the newest.
+        unit: of the joints in the checkpoint, "" for what its files say.
+        absent_cameras: that the checkpoint knows and the robot does not have.
+        actions_per_chunk: kept of each chunk; 0 for as many as the checkpoint says.
+        denoising_steps, picture_size: in place of the checkpoint's; 0 leaves them.
+        compile: by torch.compile.
+    """
+
+    #: The one type of policy that they are for, "" for any; and the prefix of their fields in the file.
+    kind: ClassVar[str] = ""
+    prefix: ClassVar[str] = ""
+
+    revision: str = ""
+    unit: str = ""
+    absent_cameras: tuple[str, ...] = ()
+    actions_per_chunk: int = 0
+    denoising_steps: int = 0
+    picture_size: int = 0
+    compile: bool = False
+
+    @classmethod
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
+        """See ``BlockSettings``."""
+        own = super().si_values({}, node, context)
+        own["unit"] = UNITS.get(str(values.get("units")), "")
+        own["absent_cameras"] = tuple(_key(name) for name in values.get("absent_cameras") or ())
+        for name in ("revision", "actions_per_chunk", "denoising_steps", "picture_size", "compile"):
+            if values.get(name):
+                own[name] = values[name]
+        return own
+
+    @model_validator(mode="after")
+    def _has_weights(self) -> PolicySettings:
+        if not self.weights:
+            raise FieldError(
+                "",
+                "The model has no weights",
+                remedy=f'Add {WEIGHTS}: "FOLDER" with the folder of a checkpoint, or its id on the hub',
+            )
+        if self.revision and not is_hub_id(self.weights):
+            raise self._error(
+                "revision", "revision has an effect on a checkpoint of the hub only", "Remove it"
+            )
+        return self
+
+    def needs(self) -> ModelNeeds:
+        """See ``ModelSettings``; a checkpoint of the hub that is not downloaded yet leaves it open."""
+        folder = Path(self.weights)
+        on_hub = not folder.exists()
+        if on_hub:  # or missing here, which the check of paths reports
+            found = cached(self.weights, self.revision) if is_hub_id(self.weights) else None
+            if found is None:
+                return self.unknown_needs()
+            folder = found
+        try:
+            return self.needs_of(self.read(folder))
+        except CheckpointError as error:
+            if on_hub:  # what is there may be half of a download; the node fetches the rest and asks again
+                return self.unknown_needs()
+            raise FieldError("", error.message, remedy=error.remedy) from error
+
+    def read(self, folder: Path) -> Checkpoint:
+        """Reads the files of the checkpoint. Raises CheckpointError."""
+        return read_checkpoint(folder)
+
+    def unknown_needs(self) -> ModelNeeds:
+        """What is known without the files of the checkpoint."""
+        return ModelNeeds(
+            reads_state=True,
+            reads_task=self.kind in READS_TASK,
+            supports_rtc=self.kind in CONTINUES or not self.kind,
+        )
+
+    def needs_of(self, checkpoint: Checkpoint) -> ModelNeeds:
+        """What a checkpoint needs. Raises FieldError for settings that do not fit it."""
+        kind, source = checkpoint.type, str(checkpoint.folder / "config.json")
+        if self.kind and kind != self.kind:
+            raise FieldError(
+                "",
+                f"{checkpoint.folder} holds a policy of type {kind!r}, and this model_type runs "
+                f"{self.kind!r}",
+                remedy="Name another checkpoint, or set model_type: MODEL_PLUGIN with plugin_config "
+                "{ [joshua/joshua.LeRobotPolicy] {} }, which runs any policy of LeRobot",
+            )
+        self._check_choices(checkpoint)
+        _check_statistics(checkpoint)
+        unit = self.unit_of(checkpoint)
+        features = []
+        for item in checkpoint.inputs:
+            if item.kind == "VISUAL" and item.key not in self.absent_cameras:
+                sizes = (0, 0) if kind in RESIZES else item.shape[1:]
+                features.append(Feature.picture(item.key, *sizes))
+            elif item.kind == "STATE":
+                features.append(_joints(checkpoint, item.key, item.shape[0], unit))
+            elif item.kind == "ENV":
+                features.append(Feature(item.key, "float32", item.shape))
+        size = checkpoint.size(ACTION)
+        config = checkpoint.config
+        return ModelNeeds(
+            features=tuple(features),
+            action=_joints(checkpoint, ACTION, size, unit) if size else None,
+            reads_state=bool(checkpoint.size(STATE)),
+            reads_task=kind in READS_TASK,
+            supports_rtc=kind in CONTINUES,
+            chunk_steps=int(config.get("chunk_size") or config.get("n_action_steps") or 0),
+            rate_hz=checkpoint.fps,
+            ranges={key: found for key in (STATE, ACTION) if (found := _range(checkpoint, key)) is not None},
+            source=source,
+        )
+
+    def unit_of(self, checkpoint: Checkpoint) -> str:
+        """Unit of the joints in a checkpoint. Raises FieldError where the file says another one.
+
+        What its data set says; else radians where the statistics stay within a turn, else LeRobot's.
+        """
+        said = checkpoint.described(STATE)[1] or checkpoint.described(ACTION)[1]
+        reach = extent(checkpoint)
+        if self.unit and said and said != self.unit:
+            raise self._error(
+                "units",
+                f"{checkpoint.folder} was trained on joints in {UNIT_NAMES.get(said, said)}, and the file "
+                "says "
+                f"{UNIT_NAMES[self.unit]}",
+                "Remove units, or name the checkpoint that was trained in them",
+            )
+        if self.unit == "rad" and reach > _TURN_RAD:
+            raise self._error(
+                "units",
+                f"The joints in the statistics of {checkpoint.folder} reach {reach:.4g}, more than a turn "
+                f"({_TURN_RAD:.4g} rad), and the file says UNIT_RADIANS",
+                "Write units: UNIT_LEROBOT, or the unit of its data set",
+            )
+        return self.unit or said or ("rad" if 0 < reach <= _TURN_RAD else "lerobot")
+
+    def _check_choices(self, checkpoint: Checkpoint) -> None:
+        kind, config = checkpoint.type, checkpoint.config
+        cameras = tuple(item.key for item in checkpoint.cameras)
+        for key in self.absent_cameras:
+            if key not in cameras:
+                known = ", ".join(cameras) or "none"
+                raise self._error(
+                    "absent_cameras",
+                    f"{key} is no camera of {checkpoint.folder}, which knows {known}",
+                    "Correct it",
+                )
+        if self.absent_cameras and kind not in SPARES_CAMERAS:
+            raise self._error(
+                "absent_cameras",
+                f"A policy of type {kind!r} looks at every camera that it was trained with",
+                "Add the camera to the robot",
+            )
+        if self.absent_cameras and set(cameras) == set(self.absent_cameras):
+            raise self._error("absent_cameras", "The policy would see nothing", "Keep one camera at least")
+        if self.denoising_steps and kind not in DENOISING:
+            raise self._error("denoising_steps", f"A policy of type {kind!r} does not denoise", "Remove it")
+        if self.picture_size and "resize_imgs_with_padding" not in config:
+            raise self._error(
+                "picture_size", f"A policy of type {kind!r} takes pictures of one size only", "Remove it"
+            )
+        longest = int(config.get("chunk_size") or config.get("n_action_steps") or 0)
+        if longest and self.actions_per_chunk > longest:
+            raise self._error(
+                "actions_per_chunk",
+                f"A chunk of {checkpoint.folder} has {longest} actions",
+                f"Write at most {longest}",
+            )
+
+    def _error(self, field: str, message: str, remedy: str) -> FieldError:
+        return FieldError(f"{self.prefix}{field}", message, remedy=remedy)
+
+
+def _key(name: str) -> str:
+    return name if "." in name else f"{IMAGES}{name}"
+
+
+def _joints(checkpoint: Checkpoint, key: str, size: int, unit: str) -> Feature:
+    names, _ = checkpoint.described(key)
+    return Feature(key, "float32", (size,), names if len(names) == size else (), unit)
+
+
+def _range(checkpoint: Checkpoint, key: str) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Least and greatest positions in training, where the statistics say them."""
+    values = checkpoint.statistics.get(key, {})
+    low, high = values.get("min") or values.get("q01"), values.get("max") or values.get("q99")
+    return (low, high) if low and high and len(low) == len(high) == checkpoint.size(key) else None
+
+
+def _check_statistics(checkpoint: Checkpoint) -> None:
+    """Raises FieldError for statistics that do not fit the features."""
+    for item in (*checkpoint.inputs, *checkpoint.outputs):
+        values = checkpoint.statistics.get(item.key, {})
+        for name in NORMALISED_BY.get(checkpoint.norms.get(item.key, ""), ()):
+            found = values.get(name)
+            if found is not None and item.kind in ("STATE", "ACTION") and len(found) != item.shape[0]:
+                raise FieldError(
+                    "",
+                    f"{checkpoint.folder}: {item.key} has {item.shape[0]} numbers, and its statistics "
+                    f"{name!r} "
+                    f"{len(found)}: they are those of another robot",
+                    remedy="Save the checkpoint with the statistics of the data set that it was trained on",
+                )
+
+
+def without_statistics(checkpoint: Checkpoint) -> list[str]:
+    """Features that the policy normalises and has no statistics of: what it sees or does is then off."""
+    return [
+        item.key
+        for item in (*checkpoint.inputs, *checkpoint.outputs)
+        if any(
+            name not in checkpoint.statistics.get(item.key, {})
+            for name in NORMALISED_BY.get(checkpoint.norms.get(item.key, ""), ())
+        )
+    ]
+
+
+class LeRobotSettings(PolicySettings):
+    """Settings of a policy of any type, from the block joshua.LeRobotPolicy."""

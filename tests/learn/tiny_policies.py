@@ -1,0 +1,202 @@
+"""Makes checkpoints of tiny policies with random weights, as LeRobot saves them; nothing is downloaded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import lerobot_here  # noqa: F401 - before the first import of torchvision
+import numpy as np
+import torch
+from lerobot.configs.types import FeatureType, PolicyFeature
+
+JOINTS = 6
+
+
+def features(cameras: tuple[str, ...], height: int, width: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Inputs and outputs of a policy of an arm."""
+    seen = {"observation.state": PolicyFeature(FeatureType.STATE, (JOINTS,))}
+    for name in cameras:
+        seen[f"observation.images.{name}"] = PolicyFeature(FeatureType.VISUAL, (3, height, width))
+    return seen, {"action": PolicyFeature(FeatureType.ACTION, (JOINTS,))}
+
+
+def statistics(described: dict[str, Any], *, radians: bool = False) -> dict[str, dict[str, Any]]:
+    """Statistics of a data set in LeRobot's units, or in radians."""
+    draw, scale = np.random.default_rng(0), 0.02 if radians else 1.0
+    found = {}
+    for key, feature in described.items():
+        if feature.type is FeatureType.VISUAL:
+            values = {"mean": np.full((3, 1, 1), 0.5), "std": np.full((3, 1, 1), 0.25)}
+            values |= {"min": np.zeros((3, 1, 1)), "max": np.ones((3, 1, 1))}
+        else:
+            mean = scale * draw.uniform(-20, 20, feature.shape)
+            values = {"mean": mean, "std": np.full(feature.shape, 30.0 * scale)}
+            values |= {"min": mean - 60 * scale, "max": mean + 60 * scale}
+        found[key] = {name: torch.tensor(value, dtype=torch.float32) for name, value in values.items()}
+    return found
+
+
+def save(folder: Path, policy: Any, before: Any, after: Any) -> None:
+    """Writes a checkpoint."""
+    for part in (policy, before, after):
+        part.save_pretrained(folder)
+
+
+def make_act(
+    folder: Path,
+    cameras: tuple[str, ...] = ("top", "wrist"),
+    *,
+    height: int = 96,
+    width: int = 96,
+    chunk: int = 20,
+    radians: bool = False,
+) -> tuple[Any, Any, Any]:
+    """A tiny ACT, saved into a folder: policy, pre- and post-processor."""
+    from lerobot.policies.act.configuration_act import ACTConfig
+    from lerobot.policies.act.modeling_act import ACTPolicy
+    from lerobot.policies.act.processor_act import make_act_pre_post_processors
+
+    torch.manual_seed(0)
+    seen, done = features(cameras, height, width)
+    config = ACTConfig(
+        input_features=seen,
+        output_features=done,
+        chunk_size=chunk,
+        n_action_steps=chunk,
+        dim_model=64,
+        n_heads=4,
+        dim_feedforward=128,
+        n_encoder_layers=2,
+        latent_dim=8,
+        n_vae_encoder_layers=1,
+        pretrained_backbone_weights=None,
+        device="cpu",
+        push_to_hub=False,
+    )
+    policy = ACTPolicy(config)
+    policy.eval()
+    before, after = make_act_pre_post_processors(
+        config, dataset_stats=statistics({**seen, **done}, radians=radians)
+    )
+    save(folder, policy, before, after)
+    return policy, before, after
+
+
+def make_language_model(folder: Path, side: int = 64) -> None:
+    """Writes the description and the tokenizer of a tiny SmolVLM."""
+    from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
+    from transformers import (
+        PreTrainedTokenizerFast,
+        SmolVLMConfig,
+        SmolVLMImageProcessor,
+        SmolVLMProcessor,
+        SmolVLMVideoProcessor,
+    )
+
+    special = [
+        "<|endoftext|>",
+        "<|im_start|>",
+        "<|im_end|>",
+        "<image>",
+        "<fake_token_around_image>",
+        "<global-img>",
+        "<end_of_utterance>",
+    ]
+    tokens = Tokenizer(models.BPE())
+    tokens.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    tokens.decoder = decoders.ByteLevel()
+    trainer = trainers.BpeTrainer(
+        vocab_size=512,
+        special_tokens=special,
+        initial_alphabet=pre_tokenizers.ByteLevel.alphabet(),
+        show_progress=False,
+    )
+    tokens.train_from_iterator(["put the red cube into the box\n", "reach the cube\n"] * 20, trainer)
+    tokenizer = PreTrainedTokenizerFast(
+        tokenizer_object=tokens,
+        bos_token="<|im_start|>",
+        eos_token="<end_of_utterance>",
+        unk_token="<|endoftext|>",
+        pad_token="<|im_end|>",
+        additional_special_tokens=["<fake_token_around_image>", "<image>", "<global-img>"],
+        model_max_length=2048,
+        extra_special_tokens={
+            "image_token": "<image>",
+            "fake_image_token": "<fake_token_around_image>",
+            "global_image_token": "<global-img>",
+            "end_of_utterance_token": "<end_of_utterance>",
+        },
+    )
+    sizes = {
+        "size": {"longest_edge": side},
+        "max_image_size": {"longest_edge": side},
+        "do_image_splitting": False,
+    }
+    video = {"max_frames": 4, "fps": 1, "video_size": {"longest_edge": side}}
+    SmolVLMProcessor(
+        SmolVLMImageProcessor(**sizes),
+        tokenizer,
+        SmolVLMVideoProcessor(**sizes, video_sampling=video),
+        image_seq_len=(side // 16) ** 2 // 16,
+        chat_template="{% for m in messages %}{{m['role']}}: {{m['content']}}\n{% endfor %}",
+    ).save_pretrained(folder)
+    common = {"hidden_size": 64, "intermediate_size": 128, "num_hidden_layers": 2, "num_attention_heads": 4}
+    config = SmolVLMConfig(
+        image_token_id=tokenizer.convert_tokens_to_ids("<image>"),
+        scale_factor=4,
+        tie_word_embeddings=False,
+        pad_token_id=tokenizer.pad_token_id,
+        vision_config={**common, "image_size": side, "patch_size": 16},
+        text_config={
+            **common,
+            "model_type": "llama",
+            "vocab_size": len(tokenizer),
+            "num_key_value_heads": 2,
+            "head_dim": 16,
+            "max_position_embeddings": 2048,
+            "rms_norm_eps": 1e-5,
+            "pad_token_id": tokenizer.pad_token_id,
+            "bos_token_id": tokenizer.bos_token_id,
+            "eos_token_id": tokenizer.eos_token_id,
+        },
+    )
+    config.architectures = ["SmolVLMForConditionalGeneration"]
+    config.save_pretrained(folder)
+
+
+def make_smolvla(
+    folder: Path, cameras: tuple[str, ...] = ("top", "wrist"), *, chunk: int = 10, side: int = 64
+) -> tuple[Any, Any, Any]:
+    """A tiny SmolVLA, saved with its language model in ``vlm``: policy, pre- and post-processor."""
+    from lerobot.policies.smolvla.configuration_smolvla import SmolVLAConfig
+    from lerobot.policies.smolvla.modeling_smolvla import SmolVLAPolicy
+    from lerobot.policies.smolvla.processor_smolvla import make_smolvla_pre_post_processors
+
+    torch.manual_seed(0)
+    make_language_model(folder / "vlm", side)
+    seen, done = features(cameras, 96, 96)
+    config = SmolVLAConfig(
+        input_features=seen,
+        output_features=done,
+        chunk_size=chunk,
+        n_action_steps=chunk,
+        vlm_model_name=str(folder / "vlm"),
+        load_vlm_weights=False,
+        resize_imgs_with_padding=(side, side),
+        num_vlm_layers=2,
+        max_state_dim=8,
+        max_action_dim=8,
+        num_steps=4,
+        device="cpu",
+        push_to_hub=False,
+        expert_width_multiplier=0.5,
+    )
+    policy = SmolVLAPolicy(config)
+    policy.eval()
+    before, after = make_smolvla_pre_post_processors(config, dataset_stats=statistics({**seen, **done}))
+    save(folder, policy, before, after)
+    written = json.loads((folder / "config.json").read_text())
+    (folder / "config.json").write_text(json.dumps(written | {"vlm_model_name": "vlm"}, indent=4))
+    return policy, before, after
