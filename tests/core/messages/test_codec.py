@@ -10,10 +10,13 @@ from hypothesis.extra import numpy as hnp
 from joshua.messages import MessageError, decode, encode, message_class, preload
 from joshua.messages.typestore import typestore
 from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
+
+PEER = get_typestore(Stores.ROS2_JAZZY)
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 stamps = st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1))
@@ -66,15 +69,15 @@ def plain(message):
 @settings(max_examples=200, deadline=None)
 @given(st.one_of(joint_states(), images(), compressed_images()))
 def test_writing_equals_rosbags(message):
-    assert bytes(encode(message)) == bytes(typestore().serialize_cdr(message, message.__msgtype__))
+    assert bytes(encode(message)) == bytes(PEER.serialize_cdr(message, message.__msgtype__))
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.one_of(joint_states(), images(), compressed_images()), st.booleans())
 def test_reading_equals_rosbags_in_both_byte_orders(message, little_endian):
     name = message.__msgtype__
-    cdr = typestore().serialize_cdr(message, name, little_endian=little_endian)
-    ours, theirs = decode(name, cdr), typestore().deserialize_cdr(cdr, name)
+    cdr = PEER.serialize_cdr(message, name, little_endian=little_endian)
+    ours, theirs = decode(name, cdr), PEER.deserialize_cdr(cdr, name)
     assert type(ours) is type(theirs)
     assert plain(ours) == plain(theirs)
 
@@ -99,7 +102,7 @@ def test_damaged_payloads_are_read_as_rosbags_reads_them_or_refused(message, dat
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     try:
-        theirs = plain(typestore().deserialize_cdr(bytes(damaged), name))
+        theirs = plain(PEER.deserialize_cdr(bytes(damaged), name))
     except (SerdeError, IndexError):
         with pytest.raises(MessageError, match=name):
             decode(name, bytes(damaged))
@@ -112,7 +115,7 @@ def test_images_take_pixels_of_any_shape(shape):
     pixels = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape)
     message = message_class(IMAGE)(header((1, 2), "cam"), 4, 5, "rgb8", 0, 15, pixels)
     flat = message_class(IMAGE)(header((1, 2), "cam"), 4, 5, "rgb8", 0, 15, pixels.reshape(-1))
-    assert bytes(encode(message)) == bytes(typestore().serialize_cdr(flat, IMAGE))
+    assert bytes(encode(message)) == bytes(PEER.serialize_cdr(flat, IMAGE))
 
 
 def test_crops_of_an_image_are_written_row_by_row():

@@ -73,9 +73,11 @@ def select_distro(name: str) -> None:
 def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
     """Load definitions in which the fields of the types ``octets`` are uint8."""
     # rosbags and numpy cost about 0.1 s, so that nothing imports them before a message is needed
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys.stores import ros2_humble, ros2_jazzy
 
-    store = get_typestore(Stores.ROS2_HUMBLE if humble else Stores.ROS2_JAZZY)
+    from joshua.messages.cdr_store import CdrStore
+
+    store = CdrStore(ros2_humble if humble else ros2_jazzy)
 
     def renamed(described: Any) -> Any:
         kind, rest = described

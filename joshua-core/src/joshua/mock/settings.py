@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from google.protobuf.message import Message
 from pydantic import model_validator
 
 from joshua.devices.units import ticks_to_rad
 from joshua.plan.joints import JointRange
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import ActuatorSettings, BlockSettings, FieldError, FromField
-from joshua.schema.calibration_pb2 import MotorCalibration
+
+if TYPE_CHECKING:  # children, which the settings reach as plain values, need no protobuf
+    from google.protobuf.message import Message
+
+    from joshua.schema.calibration_pb2 import MotorCalibration
 
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
 

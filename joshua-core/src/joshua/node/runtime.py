@@ -120,8 +120,8 @@ class NodeRuntime:
     def _ask(self, verb: str, payload: dict[str, Any]) -> CallReply:
         """Call a verb for a ROS 2 node elsewhere."""
         assert self._behaviour is not None
-        providers, active = self._behaviour.verb_providers(), not self.context.stop_requested
-        caller = Caller("network")
+        providers, caller = self._behaviour.verb_providers(), Caller("network")
+        active = self._serves_calls and not self.context.stop_requested
         return self._calls.ask(verb, payload, SERVICE_TIMEOUT_S, providers, active=active, caller=caller)
 
     def wake(self) -> None:
@@ -162,14 +162,14 @@ class NodeRuntime:
         self._enter("configure")
         self._behaviour.configure()
         self._services.send(Step(node=self._spec.full_name, step="configured"))
+        if self._services.transport().carries_services:  # while other nodes are configured
+            verbs = verbs_of(self._behaviour.verb_providers()).values()
+            offer_services(handle, self._spec, verbs, self._ask)
         if not self._activation_came():
             return
         self._enter("activate")
         self._behaviour.activate()
         self._serves_calls = True  # from the moment on in which the supervisor may pass one on
-        if self._services.transport().carries_services:
-            verbs = verbs_of(self._behaviour.verb_providers()).values()
-            offer_services(handle, self._spec, verbs, self._ask)
         set_timer_slack(TIMER_SLACK_NS)
         if self._controls_a_device():
             text = f"{prefer_this_process() or 'normal'}, {'memory locked' if lock_memory() else ''}"
