@@ -138,13 +138,14 @@ def mjx(session: nox.Session) -> None:
 
 @nox.session
 def learn(session: nox.Session) -> None:
-    """Data sets and policies with the real LeRobot, whose requirements fit no other session.
+    """Real LeRobot, Gymnasium's own environments: requirements that fit no other session.
 
     ``-- bench`` prints how fast data sets are written and read, ours and LeRobot's in the same run.
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
-    session.install("--no-deps", *editable(CORE, f"{PLUGIN}/dataset", f"{PLUGIN}/smolvla"))
+    plugins = [f"{PLUGIN}/{name}" for name in ("dataset", "mujoco-sim", "smolvla")]
+    session.install("--no-deps", *editable(CORE, *plugins))
     environment = {"PYTHONPATH": "tests/learn", "HF_HUB_OFFLINE": "1"}
     if session.posargs == ["bench"]:
         session.run("python", "tests/learn/bench_datasets.py", env=environment)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from joshua.features import ACTION, STATE
 from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
+from joshua_mujoco_sim.envs.experts import EXPERTS
 from joshua_mujoco_sim.envs.tasks import reach
 from joshua_mujoco_sim.envs.terms import ResetTerm
 from joshua_mujoco_sim.opengl import RenderingError, choose_gl
+from joshua_mujoco_sim.plugin import ENVIRONMENTS
 
 IDS = sorted(TASKS)
 
@@ -73,7 +76,8 @@ def test_the_arm_is_observed_as_data_sets_record_it() -> None:
     state = environment.features[STATE]
     assert (state.names[0], state.names[-1], state.unit) == ("shoulder_pan", "gripper", "rad")
     observation, _ = environment.reset(seed=0)
-    assert observation[:6] == pytest.approx(environment.state.qpos[0, :6])
+    assert np.abs(observation[:6]).max() <= 1.0
+    assert environment.physical(observation)[:6] == pytest.approx(environment.state.qpos[0, :6], abs=1e-6)
 
 
 def test_seed_decides_every_bit(environment) -> None:
@@ -130,8 +134,9 @@ def test_ended_episodes_start_anew_with_the_next_step() -> None:
         assert truncated.tolist() == [step == 75] * 2, step
         assert not ended.any()
     before = many.state.qpos.copy()
-    observations, rewards, _, truncated, _ = many.step(np.zeros((2, 6)))
+    observations, rewards, _, truncated, info = many.step(np.zeros((2, 6)))
     assert rewards.tolist() == [0.0, 0.0]
+    assert all(not values.any() for values in info["reward_terms"].values())
     assert not truncated.any()
     assert not np.array_equal(many.state.qpos, before)
     assert many.state.elapsed_steps.tolist() == [0, 0]
@@ -157,36 +162,12 @@ def test_many_run_on_any_number_of_cores_alike() -> None:
     assert np.array_equal(*results)
 
 
-def test_reach_can_be_solved() -> None:
-    """A controller that follows the Jacobian of the grip reaches the goal, so the task is possible."""
-    environment: Any = gymnasium.make("joshua/SoArm100Reach-v0").unwrapped
-    state = environment.state
-    site = state.model.site("gripper").id
-    successes = 0
-    for seed in range(5):
-        environment.reset(seed=seed)
-        for _ in range(75):
-            jacobian = np.zeros((3, state.model.nv))
-            mujoco.mj_jacSite(state.model, state.data, jacobian, None, site)
-            error = (state.site("goal") - state.site("gripper"))[0]
-            rows = jacobian[:, :5]
-            change = rows.T @ np.linalg.solve(rows @ rows.T + 1e-4 * np.eye(3), error)
-            ahead = state.ctrl[0, :5] - state.qpos[0, :5]
-            action = np.append((change - ahead) / 0.1, 0.0)
-            _, _, terminated, _, info = environment.step(action)
-            if terminated:
-                successes += info["is_success"]
-                assert info["ended_by"] == ["reached"]
-                break
-    assert successes >= 4
-
-
 def test_weights_change_and_take_out_terms() -> None:
-    environment = make_environment("joshua/SoArm100Reach-v0", weights={"closeness": 3.0, "joint_speed": 0})
+    environment = make_environment("joshua/SoArm100Reach-v0", weights={"approach": 3.0, "joint_speed": 0})
     environment.reset(seed=0)
     info = environment.step(np.zeros(6))[4]
-    assert list(info["reward_terms"]) == ["closeness", "fine_closeness", "action_change"]
-    with pytest.raises(KeyError, match=r"no reward term near.*the task has closeness"):
+    assert list(info["reward_terms"]) == ["approach", "fine_approach", "reached", "time", "action_change"]
+    with pytest.raises(KeyError, match=r"no reward term near.*the task has approach"):
         reach().with_weights({"near": 1.0})
 
 
@@ -250,10 +231,258 @@ def test_picture_has_the_size_that_was_asked() -> None:
     environment.close()
 
 
-def test_bad_actions_and_modes_are_refused() -> None:
-    environment = gymnasium.make("joshua/Ant-v0", disable_env_checker=True).unwrapped
-    environment.reset(seed=0)
-    with pytest.raises(ValueError, match="is not finite"):
-        environment.step(np.full(8, np.nan))
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_bad_action_leaves_no_trace(bad: float) -> None:
+    """The rewards after a refused action are those of an environment that never saw it."""
+    name = "joshua/SoArm100Reach-v0"
+    one, other = (make_environment(name, disable_env_checker=True).unwrapped for _ in range(2))
+    many = TermVectorEnv(TASKS[name], 2)
+    for environment in (one, other, many):
+        environment.reset(seed=0)
+    with pytest.raises(ValueError, match="environment 0 is not finite"):
+        one.step(np.full(6, bad))
+    with pytest.raises(ValueError, match="environment 1 is not finite"):
+        many.step(np.stack([np.zeros(6), np.full(6, bad)]))
+    with pytest.raises(ValueError, match=r"shape \(5,\), not \(6,\)"):
+        one.step(np.zeros(5))
+    action = np.full(6, 0.3)
+    expected = other.step(action)
+    assert one.step(action)[1] == expected[1]
+    assert many.step(np.stack([action, action]))[1][0] == expected[1]
+
+
+def test_unknown_modes_are_refused() -> None:
     with pytest.raises(ValueError, match="render_mode 'human' is unknown"):
         TermEnv(TASKS["joshua/Ant-v0"], render_mode="human")
+    with pytest.raises(ValueError, match=r"ant.xml has no action mode 'delta': choose torque"):
+        TermEnv(TASKS["joshua/Ant-v0"], action_mode="delta")
+    with pytest.raises(ValueError, match="observation_mode 'picture' is unknown: choose state, pixels, both"):
+        TermEnv(reach, observation_mode="picture")
+    with pytest.raises(ValueError, match="has no camera 'back': choose top, front, wrist"):
+        TermEnv(reach, observation_mode="pixels", cameras=["back"])
+    with pytest.raises(ValueError, match="cameras have no effect with observation_mode 'state'"):
+        TermEnv(reach, cameras=["front"])
+    with pytest.raises(ValueError, match="DISABLED is not offered: choose NEXT_STEP or SAME_STEP"):
+        TermVectorEnv(reach, 2, autoreset_mode="Disabled")
+
+
+def test_goals_of_a_data_set_move_the_arm_as_it_was_recorded() -> None:
+    """What ``delta`` commanded, given to ``absolute`` as goals in rad, makes the same episode."""
+    name = "joshua/SoArm100PickPlace-v0"
+    recorded = make_environment(name, disable_env_checker=True).unwrapped
+    replayed = make_environment(name, action_mode="absolute", disable_env_checker=True).unwrapped
+    recorded.reset(seed=3)
+    replayed.reset(seed=3)
+    assert replayed.features[ACTION].unit == "rad"
+    low, high = replayed.state.model.actuator_ctrlrange.T
+    assert (replayed.action_space.low >= low).all()
+    assert (replayed.action_space.high <= high).all()
+    chance = np.random.default_rng(0)
+    for _ in range(30):
+        recorded.step(chance.uniform(-1, 1, 6))
+        replayed.step(recorded.state.ctrl[0].copy())
+        assert np.array_equal(recorded.state.qpos, replayed.state.qpos)
+    replayed.step(np.full(6, 10.0))
+    assert replayed.state.ctrl[0] == pytest.approx(high)
+
+
+def test_commands_are_observed() -> None:
+    environment = TermEnv(reach)
+    environment.reset(seed=0)
+    observation = environment.step(np.full(6, 0.7))[0]
+    keys = list(environment.features)
+    widths = [environment.features[key].shape[0] for key in keys]
+    start = sum(widths[: keys.index("observation.lead")])
+    state = environment.state
+    assert environment.physical(observation)[start : start + 6] == pytest.approx(
+        state.ctrl[0] - state.qpos[0, :6], abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("name", ["joshua/SoArm100Reach-v0", "joshua/SoArm100PickPlace-v0"])
+def test_observations_are_about_one(name: str) -> None:
+    many = TermVectorEnv(TASKS[name], 16)
+    seen = [many.reset(seed=0)[0]]
+    chance = np.random.default_rng(0)
+    seen += [many.step(chance.uniform(-1, 1, (16, 6)))[0] for _ in range(70)]
+    everything = np.concatenate(seen)
+    assert np.abs(everything).max() < 6.0
+    assert np.median(np.abs(everything), axis=0).max() < 2.5
+
+
+def play(name: str, reward: str, choose: Callable[[Any, Any], Any]) -> tuple[float, float, bool]:
+    """Returns of an episode, without and with a discount of 0.99, and whether it succeeded."""
+    environment = make_environment(name, reward).unwrapped
+    total = discounted = 0.0
+    expert: Any = EXPERTS[name](environment)
+    environment.reset(seed=1)
+    expert.reset()
+    for step in range(environment.task.max_steps):
+        action = choose(environment, expert)
+        _, value, terminated, _, info = environment.step(action)
+        total += value
+        discounted += value * 0.99**step
+        if terminated:
+            break
+    return total, discounted, info["is_success"]
+
+
+def finish(environment: Any, expert: Any) -> Any:
+    return expert.act()
+
+
+class Beside:
+    """The state as an expert sees it that takes a place before the goal for the goal."""
+
+    def __init__(self, state: Any, shift_m: float) -> None:
+        way = np.array([0.0, -0.25, 0.1]) - state.site("goal")[0]
+        self._state, self._shift_m = state, shift_m * way / np.linalg.norm(way)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._state, name)
+
+    def site(self, name: str) -> Any:
+        return self._state.site(name) + (self._shift_m if name == "goal" else 0.0)
+
+
+def stay_beside(environment: Any, expert: Any, more_m: float = 0.0) -> Any:
+    """Stays near without success until the time is over; puts the cube down there, again and again."""
+    expert._state = Beside(environment.state, (0.05 if "cube" in environment.task.objects else 0.03) + more_m)
+    return expert.act()
+
+
+def hold(environment: Any, expert: Any) -> Any:
+    """Holds the cube above the goal until the time is over; for reaching, stays where it starts."""
+    state, memory = environment.state, environment.state.memory
+    if "cube" not in environment.task.objects:
+        return np.zeros(6)
+    way = (state.site("cube") - state.site("goal"))[0]
+    if np.hypot(*way[:2]) < 0.015 and way[2] > 0.01 and np.abs(state.qvel[0, 6:9]).max() < 0.05:
+        memory["there"] = np.ones(1)
+    return np.zeros(6) if "there" in memory else expert.act()
+
+
+def wander(environment: Any, expert: Any) -> Any:
+    """Goes there and back, again and again, as what counts every approach would pay best."""
+    back = environment.state.elapsed_steps[0] // 6 % 2 == 0
+    return stay_beside(environment, expert, 0.06 if back else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "reward"),
+    [(offer.id, reward) for offer in ENVIRONMENTS if offer.id in EXPERTS for reward in offer.rewards],
+)
+def test_finishing_pays_more_than_lingering(name: str, reward: str) -> None:
+    total, discounted, success = play(name, reward, finish)
+    assert success
+    for other in (stay_beside, hold, wander):
+        paid, paid_discounted, success = play(name, reward, other)
+        assert not success
+        assert total > paid + 0.5
+        assert discounted > paid_discounted + 0.25
+
+
+def test_every_task_that_can_succeed_has_been_played() -> None:
+    """A task with a success needs an expert, or the comparison above says nothing of it."""
+    for name, task in TASKS.items():
+        assert (name in EXPERTS) == any(term.success for term in task().terminations)
+
+
+def test_losing_the_cube_never_pays() -> None:
+    environment = make_environment("joshua/SoArm100PickPlace-v0").unwrapped
+    environment.reset(seed=0)
+    environment.state.qpos[0, 6:9] = (0.0, -0.3, -0.2)
+    _, reward, terminated, _, info = environment.step(np.zeros(6))
+    assert terminated
+    assert info["ended_by"] == ["dropped"]
+    assert reward < -10
+
+
+def test_objects_are_in_info() -> None:
+    name = "joshua/SoArm100PickPlace-v0"
+    one = make_environment(name).unwrapped
+    many = TermVectorEnv(TASKS[name], 2)
+    info, infos = one.reset(seed=4)[1], many.reset(seed=4)[1]
+    for _ in range(2):
+        assert info["objects"]["cube"][:3] == pytest.approx(one.state.site("cube")[0], abs=1e-4)
+        assert info["objects"]["goal"].shape == (3,)
+        for key, value in info["objects"].items():
+            assert np.array_equal(infos["objects"][key][0], value)
+        info, infos = one.step(np.zeros(6))[-1], many.step(np.zeros((2, 6)))[-1]
+
+
+def test_reset_mask_starts_some_episodes() -> None:
+    many = TermVectorEnv(TASKS["joshua/SoArm100Reach-v0"], 3)
+    many.reset(seed=0)
+    for _ in range(4):
+        many.step(np.full((3, 6), 0.5))
+    before = many.state.qpos.copy()
+    mask = np.array([False, True, False])
+    observations, _ = many.reset(seed=20, options={"reset_mask": mask})
+    assert many.state.elapsed_steps.tolist() == [4, 0, 4]
+    assert np.array_equal(many.state.qpos[~mask], before[~mask])
+    single = make_environment("joshua/SoArm100Reach-v0").unwrapped
+    assert np.array_equal(observations[1], single.reset(seed=21)[0])
+    rewards = many.step(np.full((3, 6), 0.5))[1]
+    assert rewards[1] == single.step(np.full(6, 0.5))[1]
+    for wrong in (np.ones(2, bool), np.ones(3)):
+        with pytest.raises(ValueError, match="give 3 booleans"):
+            many.reset(options={"reset_mask": wrong})
+    with pytest.raises(ValueError, match="marks no environment"):
+        many.reset(options={"reset_mask": np.zeros(3, bool)})
+
+
+def test_episodes_can_start_anew_with_the_step_that_ended_them() -> None:
+    name = "joshua/SoArm100Reach-v0"
+    many = TermVectorEnv(TASKS[name], 2, autoreset_mode="SameStep", max_episode_steps=5)
+    other = TermVectorEnv(TASKS[name], 2, max_episode_steps=5)
+    many.reset(seed=0)
+    other.reset(seed=0)
+    actions = np.full((2, 6), 0.4)
+    for _ in range(5):
+        observations, rewards, _, truncated, info = many.step(actions)
+        last = other.step(actions)
+    assert truncated.all()
+    assert np.array_equal(np.stack(info["final_obs"]), last[0])
+    assert np.array_equal(rewards, last[1])
+    fresh = other.step(actions)[0]  # there the start of the next episode takes a step of its own
+    assert np.array_equal(observations, fresh)
+    assert np.array_equal(many.step(actions)[1], other.step(actions)[1])
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_randomised_physics_acts_on_each_task(name: str) -> None:
+    plain, varied = TermVectorEnv(TASKS[name], 4), TermVectorEnv(TASKS[name], 4, randomise=True)
+    for many in (plain, varied):
+        many.reset(seed=0)
+        for _ in range(20):
+            many.step(np.full(many.action_space.shape, 0.4))
+    assert (np.abs(plain.state.qpos - varied.state.qpos).max(axis=1) > 1e-5).all()
+
+
+def test_randomising_a_task_that_cannot_be_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"randomise=True has no effect: the task on so_arm100/reach\.xml"):
+        TermEnv(lambda: replace(reach(), randomisation=()), randomise=True)
+
+
+@pytest.mark.skipif(not has_gl(), reason="no OpenGL library: sudo apt install libegl1 libgl1-mesa-dri")
+def test_observations_are_pictures_where_asked() -> None:
+    options: dict[str, Any] = {"observation_mode": "both", "width": 64, "height": 48}
+    cameras = ("wrist", "top")
+    one = TermEnv(TASKS["joshua/SoArm100PickPlace-v0"], cameras=cameras, **options)
+    many = TermVectorEnv(TASKS["joshua/SoArm100PickPlace-v0"], 2, cameras=cameras, **options)
+    plain = TermEnv(TASKS["joshua/SoArm100PickPlace-v0"])
+    shown, pictures = one.reset(seed=1)[0], many.reset(seed=1)[0]
+    assert sorted(shown) == ["state", "top", "wrist"]
+    assert one.observation_space.contains(shown)
+    assert many.observation_space.contains(pictures)
+    assert np.array_equal(shown["state"], plain.reset(seed=1)[0])
+    for _ in range(2):
+        for camera in cameras:
+            assert np.array_equal(shown[camera], pictures[camera][0])
+            assert shown[camera].std() > 10
+        shown, pictures = one.step(np.full(6, 0.5))[0], many.step(np.full((2, 6), 0.5))[0]
+    only = TermEnv(reach, observation_mode="pixels", width=32, height=24)
+    assert list(only.reset(seed=0)[0]) == ["front"]
+    for made in (one, many, only):
+        made.close()

@@ -1,51 +1,56 @@
-"""Terms of the ant, by the published figures of the benchmark (healthy 1, forward 1, control 0.5)."""
+"""Terms of the ant, equal to those of Gymnasium's ``Ant-v5``."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from joshua_mujoco_sim.envs.state import FloatArray, IntArray, State
+from joshua_mujoco_sim.envs.state import IntArray, State
 from joshua_mujoco_sim.envs.terms import Generators
 
 HEALTHY_M = (0.2, 1.0)
 
 
-def motors(state: State) -> None:
+def motors(state: State) -> Any:
     """The action is the torque of each motor, from -1 to 1."""
-    state.ctrl[:] = state.action
+    return state.action
 
 
-def posture(state: State) -> FloatArray:
+def posture(state: State) -> Any:
     """Height, attitude and joints; not where it is on the floor."""
     return state.qpos[:, 2:]
 
 
-def prepare(state: State) -> None:
-    """Keeps where the torso was before the step."""
-    state.memory["x_m"] = np.zeros(state.count)
+def contact_forces(state: State) -> Any:
+    """What presses on each body but the world, cut off at ±1, shape (N, 6 · bodies)."""
+    return state.xp.clip(state.contact_forces[:, 1:], -1.0, 1.0).reshape(state.count, -1)
 
 
-def forward_speed(state: State, *, step_s: float) -> FloatArray:
-    """Mean speed of the torso along x in this step, m/s."""
-    x = state.qpos[:, 0]
-    speed: FloatArray = (x - state.memory["x_m"]) / step_s
-    state.memory["x_m"][:] = x
-    return speed
+def contact_size(state: State) -> Any:
+    """Sum of the squared contact forces, each cut off at ±1."""
+    forces = state.xp.clip(state.contact_forces, -1.0, 1.0)
+    return (forces * forces).sum(axis=(1, 2))
+
+
+def torso(state: State) -> Any:
+    """Position and attitude of the torso, shape (N, 7)."""
+    return state.qpos[:, :7]
+
+
+def travelled(state: State, *, step_s: float) -> Any:
+    """Where the torso is along x, by the duration of a step: its change in a step is the speed in m/s."""
+    return state.body("torso")[:, 0] / step_s
 
 
 def unhealthy(state: State) -> Any:
     """The torso is too low or too high, or the state is not finite."""
     height = state.qpos[:, 2]
-    finite = np.isfinite(np.add.reduce(state.qvel, axis=1))
+    finite = state.xp.isfinite(state.qpos.sum(axis=1) + state.qvel.sum(axis=1))
     return ~(finite & (height >= HEALTHY_M[0]) & (height <= HEALTHY_M[1]))
 
 
-def healthy(state: State) -> FloatArray:
+def healthy(state: State) -> Any:
     """1 while the ant is healthy."""
-    result: FloatArray = 1.0 - unhealthy(state)
-    return result
+    return 1.0 - unhealthy(state)
 
 
 def start(state: State, ids: IntArray, generators: Generators, *, scale: float) -> None:
@@ -53,4 +58,3 @@ def start(state: State, ids: IntArray, generators: Generators, *, scale: float) 
     for index, generator in zip(ids, generators, strict=True):
         state.qpos[index] += generator.uniform(-scale, scale, state.qpos.shape[1])
         state.qvel[index] += scale * generator.standard_normal(state.qvel.shape[1])
-        state.memory["x_m"][index] = state.qpos[index, 0]

@@ -20,46 +20,81 @@ LEAD_RAD = 0.4
 
 HALF_CUBE_M = 0.0125
 
+#: Distance of the grip from its goal, and of the cube from its own, at which the task is done.
+REACHED_M, PLACED_M = 0.01, 0.02
+
 #: Distance of grip and cube from which on the jaw has let go.
 LET_GO_M = 0.03
 
 
-def move_goals(state: State) -> None:
+def move_goals(state: State) -> Any:
     """The action moves the servos' goals, at most ``STEP_RAD`` a step, inside the joints' ranges."""
-    arm, limits = state.qpos[:, :6], _limits(state)
-    goal = state.ctrl + STEP_RAD * state.action
-    np.minimum(goal, arm + LEAD_RAD, out=goal)
-    np.maximum(goal, arm - LEAD_RAD, out=goal)
-    np.minimum(goal, limits[1], out=goal)
-    np.maximum(goal, limits[0], out=state.ctrl)
+    xp, arm = state.xp, state.qpos[:, :6]
+    low, high = goal_ranges(state.model)
+    goal = xp.clip(state.ctrl + STEP_RAD * state.action, arm - LEAD_RAD, arm + LEAD_RAD)
+    return xp.clip(goal, low, high)
 
 
-def _limits(state: State) -> FloatArray:
-    """Lowest and highest goals, shape (2, A)."""
-    found = state.memory.get("goal limits")
-    if found is None:
-        found = state.memory["goal limits"] = np.ascontiguousarray(state.model.actuator_ctrlrange.T)
-    return found
+def take_goals(state: State) -> Any:
+    """The action is the servos' goals in rad, as data sets hold them, inside the joints' ranges."""
+    low, high = goal_ranges(state.model)
+    return state.xp.clip(state.action, low, high)
 
 
-def distance(state: State, *, first: str, second: str) -> FloatArray:
+def goal_ranges(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest goals, rad."""
+    return model.actuator_ctrlrange[:, 0], model.actuator_ctrlrange[:, 1]
+
+
+def lowest_goals(model: mujoco.MjModel) -> FloatArray:
+    """Lowest goals, rad."""
+    return goal_ranges(model)[0]
+
+
+def highest_goals(model: mujoco.MjModel) -> FloatArray:
+    """Highest goals, rad."""
+    return goal_ranges(model)[1]
+
+
+def present_goals(state: State) -> Any:
+    """The goals as they are, rad, shape (N, 6)."""
+    return state.ctrl
+
+
+def workspace(model: mujoco.MjModel) -> FloatArray:
+    """A place in the middle of what the arm reaches, m."""
+    del model
+    return np.array([0.0, -0.25, 0.12])
+
+
+def middles(model: mujoco.MjModel) -> FloatArray:
+    """The middle of each joint's range, rad."""
+    return np.asarray(model.jnt_range[:6].mean(axis=1))
+
+
+def half_ranges(model: mujoco.MjModel) -> FloatArray:
+    """Half of each joint's range, rad."""
+    return np.asarray((model.jnt_range[:6, 1] - model.jnt_range[:6, 0]) / 2)
+
+
+def distance(state: State, *, first: str, second: str) -> Any:
     """Distance between two sites, m, shape (N,)."""
     key = (first, second)
     found = state.step_cache.get(key)
     if found is None:
         way = state.site(first) - state.site(second)
-        found = state.step_cache[key] = np.sqrt(square_sum(way))
+        found = state.step_cache[key] = state.xp.sqrt(square_sum(way))
     return found
 
 
-def offset(state: State, *, first: str, second: str) -> FloatArray:
+def offset(state: State, *, first: str, second: str) -> Any:
     """From one site to another, m, shape (N, 3)."""
     return state.site(second) - state.site(first)
 
 
-def closeness(state: State, *, first: str, second: str, scale_m: float) -> FloatArray:
+def closeness(state: State, *, first: str, second: str, scale_m: float) -> Any:
     """1 where two sites meet, falling with the distance as 1 − tanh(d / scale)."""
-    return 1 - np.tanh(distance(state, first=first, second=second) / scale_m)
+    return 1.0 - state.xp.tanh(distance(state, first=first, second=second) / scale_m)
 
 
 def within(state: State, *, first: str, second: str, radius_m: float) -> Any:
@@ -67,45 +102,54 @@ def within(state: State, *, first: str, second: str, radius_m: float) -> Any:
     return distance(state, first=first, second=second) < radius_m
 
 
-def within_reward(state: State, *, first: str, second: str, radius_m: float) -> FloatArray:
+def within_reward(state: State, *, first: str, second: str, radius_m: float) -> Any:
     """1 where two sites are nearer than a radius, as a reward."""
-    near: FloatArray = within(state, first=first, second=second, radius_m=radius_m).astype(np.float64)
-    return near
+    return 1.0 * within(state, first=first, second=second, radius_m=radius_m)
 
 
-def lifted(state: State, *, height_m: float) -> FloatArray:
-    """How far the cube is off the table, from 0 to 1 at ``height_m``."""
-    height: FloatArray = (state.site("cube")[:, 2] - HALF_CUBE_M) / height_m
-    return np.minimum(np.maximum(height, 0.0, out=height), 1.0, out=height)
+def cube_pose(state: State) -> Any:
+    """Position (m) and attitude (w, x, y, z) of the cube, shape (N, 7)."""
+    return state.qpos[:, 6:13]
 
 
-def carried_closeness(state: State, *, height_m: float, scale_m: float) -> FloatArray:
-    """Closeness of the cube to the goal while it is lifted."""
-    return lifted(state, height_m=height_m) * closeness(state, first="cube", second="goal", scale_m=scale_m)
+def goal_position(state: State) -> Any:
+    """Where the goal is, m, shape (N, 3)."""
+    return state.mocap_pos[:, 0]
+
+
+def lifted(state: State, *, height_m: float) -> Any:
+    """How far the cube is off the table, from 0 to 1 at ``height_m``; 1 above the goal at any height."""
+    xp = state.xp
+    height = xp.clip((state.site("cube")[:, 2] - HALF_CUBE_M) / height_m, 0.0, 1.0)
+    return xp.where(_beside(state, PLACED_M), 1.0, height)
 
 
 def placed(state: State, *, radius_m: float) -> Any:
     """The cube rests on the goal, and the grip has let go of it."""
-    found = state.step_cache.get("placed")
-    if found is None:
-        cube = state.site("cube")
-        way = cube - state.site("goal")
-        beside = square_sum(way[:, :2]) < radius_m**2
-        down = np.abs(cube[:, 2] - HALF_CUBE_M) < 0.004
-        away = distance(state, first="gripper", second="cube") > LET_GO_M
-        found = state.step_cache["placed"] = beside & down & away
-    return found
+    down = state.xp.abs(state.site("cube")[:, 2] - HALF_CUBE_M) < 0.004
+    away = distance(state, first="gripper", second="cube") > LET_GO_M
+    return _beside(state, radius_m) & down & away
 
 
-def placed_reward(state: State, *, radius_m: float) -> FloatArray:
+def placed_reward(state: State, *, radius_m: float) -> Any:
     """1 where the cube is placed, as a reward."""
-    result: FloatArray = placed(state, radius_m=radius_m).astype(np.float64)
-    return result
+    return 1.0 * placed(state, radius_m=radius_m)
 
 
 def dropped(state: State) -> Any:
     """The cube has fallen off the table."""
     return state.site("cube")[:, 2] < -0.05
+
+
+def dropped_reward(state: State) -> Any:
+    """1 where the cube has fallen off the table, as a reward, whose weight is negative."""
+    return 1.0 * dropped(state)
+
+
+def _beside(state: State, radius_m: float) -> Any:
+    """The cube is above or on the goal."""
+    way = offset(state, first="cube", second="goal")
+    return square_sum(way[:, :2]) < radius_m**2
 
 
 def place_goal(

@@ -6,53 +6,58 @@ from typing import Any
 
 import numpy as np
 
-from joshua_mujoco_sim.envs.state import FloatArray, IntArray, State, square_sum
+from joshua_mujoco_sim.envs.state import IntArray, State, square_sum
 from joshua_mujoco_sim.envs.terms import Generators
 
 
-def columns(state: State, *, qpos: Any = slice(None)) -> FloatArray:
+def columns(state: State, *, qpos: Any = slice(None)) -> Any:
     """Some columns of the positions, shape (N, k)."""
     return state.qpos[:, qpos]
 
 
-def velocities(state: State, *, qvel: Any = slice(None), scale: float = 1.0) -> FloatArray:
-    """Some columns of the speeds, scaled, shape (N, k)."""
-    return scale * state.qvel[:, qvel]
+def velocities(state: State, *, qvel: Any = slice(None)) -> Any:
+    """Some columns of the speeds, shape (N, k)."""
+    return state.qvel[:, qvel]
 
 
-def site_position(state: State, *, site: str) -> FloatArray:
+def lead(state: State, *, qpos: Any = slice(None)) -> Any:
+    """How far each command is ahead of its joint, shape (N, k)."""
+    return state.ctrl - state.qpos[:, qpos]
+
+
+def site_position(state: State, *, site: str) -> Any:
     """Where a site is, m, shape (N, 3)."""
     return state.site(site)
 
 
-def last_action(state: State) -> FloatArray:
+def last_action(state: State) -> Any:
     """What the policy wanted, shape (N, A)."""
     return state.action
 
 
-def alive(state: State) -> FloatArray:
+def alive(state: State) -> Any:
     """1 for each step."""
-    return np.ones(state.count)
+    return state.xp.ones(state.count)
 
 
-def action_size(state: State) -> FloatArray:
+def action_size(state: State) -> Any:
     """Sum of the squared action."""
     return square_sum(state.action)
 
 
-def action_change(state: State) -> FloatArray:
+def action_change(state: State) -> Any:
     """Sum of the squared change of the action."""
     return square_sum(state.action - state.last_action)
 
 
-def joint_speed(state: State, *, qvel: Any = slice(None)) -> FloatArray:
+def joint_speed(state: State, *, qvel: Any = slice(None)) -> Any:
     """Sum of the squared joint speeds, (rad/s)²."""
     return square_sum(state.qvel[:, qvel])
 
 
 def not_finite(state: State) -> Any:
     """The simulation has diverged."""
-    return ~np.isfinite(np.add.reduce(state.qvel, axis=1))
+    return ~state.xp.isfinite(state.qvel.sum(axis=1))
 
 
 def noisy_joints(

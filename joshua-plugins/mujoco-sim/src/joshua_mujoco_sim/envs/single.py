@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
 
+from joshua_mujoco_sim.envs.pixels import Observer, first
 from joshua_mujoco_sim.envs.state import SingleState
-from joshua_mujoco_sim.envs.tasks import ARM_RANDOMISATION
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
 from joshua_mujoco_sim.model_file import load_model
 from joshua_mujoco_sim.rendering import CameraRenderer
@@ -18,18 +18,22 @@ _ONLY = np.zeros(1, np.int64)
 
 
 class TermEnv(gymnasium.Env[Any, Any]):
-    """An environment that a task describes. Actions are in [-1, 1]; observations float32.
+    """An environment that a task describes. Actions are float32, and so are the numbers of observations.
 
-    ``features`` names the parts of an observation, which stand side by side in it, and of an action.
-    ``info`` carries each reward term (``reward_terms``), each reason to end that holds (``ended_by``), and
-    ``is_success``.
+    ``features`` names the parts of an observation, which stand side by side in it, and of an action, in their
+    own units. The numbers of an observation are scaled by constants of the task; ``physical`` undoes that.
+    ``info`` carries each reward term (``reward_terms``), the poses of objects (``objects``), each reason to
+    end that holds (``ended_by``), and ``is_success``.
 
     Args:
         task: makes the task, given the name of a reward function.
         reward_function: one of the task's; "" for its default.
         weights: other weights of some reward terms.
-        randomise: randomised physics of the arm from episode to episode.
-        render_mode: ``rgb_array`` or None; width, height: of the picture in pixels.
+        randomise: randomised physics from episode to episode.
+        action_mode: one of the task's, such as ``delta`` or ``absolute`` of an arm; "" for its default.
+        observation_mode: ``state``, ``pixels`` or ``both``; cameras: that are shown then, () for the task's.
+        shadows: draw them.
+        render_mode: ``rgb_array`` or None; width, height: of pictures in pixels.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012 - Gymnasium's own form
@@ -41,6 +45,10 @@ class TermEnv(gymnasium.Env[Any, Any]):
         reward_function: str = "",
         weights: Mapping[str, float] | None = None,
         randomise: bool = False,
+        action_mode: str = "",
+        observation_mode: str = "state",
+        cameras: Sequence[str] = (),
+        shadows: bool = False,
         render_mode: str | None = None,
         width: int = 320,
         height: int = 240,
@@ -54,43 +62,45 @@ class TermEnv(gymnasium.Env[Any, Any]):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode {render_mode!r} is unknown: choose 'rgb_array' or None")
         self.render_mode = render_mode
-        self._size = (width, height)
+        self._size, self._shadows = (width, height), shadows
         self._renderer: CameraRenderer | None = None
-        self._state = SingleState(model, self.task.action_size)
+        self._state = SingleState(model, self.task.action_size, self.task.forces)
         self.task.prepare(self._state)
-        self._evaluator = Evaluator(self.task, self._state)
-        self._keyframe = model.key("home").id if model.nkey else -1
+        self._evaluator = Evaluator(self.task, self._state, action_mode)
+        shown = shown_cameras(self.task, observation_mode, cameras)
+        self._observer = Observer(
+            self._evaluator, self._state, observation_mode, shown, width, height, shadows
+        )
         self.features = self._evaluator.features
         self.action_space = self._evaluator.action_space
-        self.observation_space = self._evaluator.observation_space
+        self.observation_space = self._observer.space
 
     @property
     def state(self) -> SingleState:
         """The simulation, for tests and for own terms."""
         return self._state
 
+    @property
+    def observation_scaling(self) -> tuple[Any, Any]:
+        """Offset and scale of the numbers: an observation shows ``(value - offset) / scale``."""
+        return self._evaluator.offset, self._evaluator.scale
+
+    def physical(self, observation: Any) -> Any:
+        """The numbers of an observation in the units that ``features`` names."""
+        return np.asarray(observation) * self._evaluator.scale + self._evaluator.offset
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Starts an episode; the same seed starts the same one."""
         super().reset(seed=seed)
-        state = self._state
-        state.reset(_ONLY, self._keyframe)
-        state.action[:] = state.last_action[:] = 0.0
-        state.elapsed_steps[:] = 0
         self._evaluator.reset(_ONLY, (self.np_random,))
-        state.forward(_ONLY)
-        return self._evaluator.observation()[0], {}
+        return first(self._observer.all()), {"objects": first(self._evaluator.objects())}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Does one action. Raises ValueError for one that has another shape or is not finite."""
         state, evaluator = self._state, self._evaluator
-        state.last_action[:] = state.action
-        np.minimum(action, 1.0, out=state.action[0])
-        np.maximum(state.action, -1.0, out=state.action)
-        if np.isnan(np.add.reduce(state.action[0])):
-            raise ValueError(f"the action {action} is not finite")
-        self.task.action(state)
+        evaluator.act(np.asarray(action)[None])
         state.step(self.task.frame_skip)
         state.elapsed_steps += 1
         reward, terms = evaluator.reward()
@@ -99,7 +109,8 @@ class TermEnv(gymnasium.Env[Any, Any]):
         if ended[0]:
             info["ended_by"] = [name for name, reason in reasons.items() if reason[0]]
         info["is_success"] = bool(success[0])
-        return evaluator.observation()[0], float(reward[0]), bool(ended[0]), False, info
+        info["objects"] = first(evaluator.objects())
+        return first(self._observer.all()), float(reward[0]), bool(ended[0]), False, info
 
     def render(self) -> Any:
         """Draws the task's camera: shape (H, W, 3), RGB; None without a render mode."""
@@ -107,12 +118,15 @@ class TermEnv(gymnasium.Env[Any, Any]):
             gymnasium.logger.warn("render was called, and the environment was made without render_mode")
             return None
         if self._renderer is None:
-            self._renderer = CameraRenderer(self._state.model, self.task.camera, *self._size, shadows=False)
+            self._renderer = CameraRenderer(
+                self._state.model, self.task.camera, *self._size, shadows=self._shadows
+            )
         self._renderer.look(self._state.data)
         return self._renderer.draw()
 
     def close(self) -> None:
-        """Frees the picture; a second call does nothing."""
+        """Frees the pictures; a second call does nothing."""
+        self._observer.close()
         renderer, self._renderer = self._renderer, None
         if renderer is not None:
             renderer.close()
@@ -124,10 +138,23 @@ def make_task(
     weights: Mapping[str, float] | None,
     randomise: bool,
 ) -> Task:
-    """Makes a task with what the caller changes of it."""
+    """Makes a task with what the caller changes of it.
+
+    Raises:
+        ValueError: the task has nothing that ``randomise`` could vary.
+    """
     made = task(reward_function) if reward_function else task()
     if weights:
         made = made.with_weights(weights)
-    if randomise:
-        made = made.with_resets(*ARM_RANDOMISATION) if "so_arm100" in made.model_path else made
-    return made
+    if not randomise:
+        return made
+    if not made.randomisation:
+        raise ValueError(
+            f"randomise=True has no effect: the task on {made.model_path} has no terms in randomisation"
+        )
+    return made.with_resets(*made.randomisation)
+
+
+def shown_cameras(task: Task, observation_mode: str, cameras: Sequence[str]) -> Sequence[str]:
+    """The cameras that observations show: those that were asked for, else the task's own."""
+    return cameras or (() if observation_mode == "state" else (task.camera,))

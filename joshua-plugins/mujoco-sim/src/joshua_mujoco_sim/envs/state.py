@@ -19,21 +19,28 @@ IntArray = npt.NDArray[np.int64]
 class State(Protocol):
     """What terms read and resets write; all arrays are live.
 
+    Terms of observations, rewards and terminations are pure: they compute with ``xp`` and write nothing but
+    ``step_cache``, so that one function serves NumPy and JAX.
+
     Attributes:
+        xp: the module that computes with the arrays: ``numpy``, or ``jax.numpy`` for a state made of JAX's.
         model: the compiled model, with its nominal parameters.
         qpos, qvel, ctrl: shapes (N, nq), (N, nv), (N, nu).
         mocap_pos: shape (N, nmocap, 3), m.
-        action, last_action: what the policy wants now and wanted before, shape (N, A), in [-1, 1].
+        contact_forces: on each body, torque and force, shape (N, nbody, 6); zero rows unless the task asks.
+        action, last_action: what the policy wants and wanted before, shape (N, A), in its action space.
         elapsed_steps: steps of the present episodes, shape (N,).
         memory: arrays that a task keeps between steps, by name, each (N, …).
         step_cache: what terms have computed from the present state; emptied whenever it changes.
     """
 
+    xp: Any
     model: mujoco.MjModel
     qpos: FloatArray
     qvel: FloatArray
     ctrl: FloatArray
     mocap_pos: FloatArray
+    contact_forces: FloatArray
     action: FloatArray
     last_action: FloatArray
     elapsed_steps: IntArray
@@ -54,10 +61,22 @@ class State(Protocol):
         """A field of the model with a value for each simulation, (N, …), to be written by resets."""
 
 
-def square_sum(values: FloatArray) -> FloatArray:
+class Simulations(State, Protocol):
+    """A state that can be stepped and reset."""
+
+    def step(self, substeps: int) -> None:
+        """Steps the physics of all simulations."""
+
+    def reset(self, ids: IntArray, keyframe: int) -> None:
+        """Puts simulations to a keyframe; -1 for the model's default."""
+
+    def forward(self, ids: IntArray) -> None:
+        """Makes sites, bodies and contacts current after a reset."""
+
+
+def square_sum(values: Any) -> Any:
     """Sum of the squares of each row, shape (N,)."""
-    result: FloatArray = np.add.reduce(values * values, axis=1)
-    return result
+    return (values * values).sum(axis=1)
 
 
 class Columns:
@@ -80,19 +99,24 @@ class SingleState:
     Args:
         model: the compiled model, not shared with anybody.
         action_size: A.
+        forces: compute ``contact_forces`` after each step.
     """
 
-    def __init__(self, model: mujoco.MjModel, action_size: int) -> None:
+    xp: Any = np
+
+    def __init__(self, model: mujoco.MjModel, action_size: int, forces: bool = False) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
         self.qpos, self.qvel = self.data.qpos[None], self.data.qvel[None]
         self.ctrl = self.data.ctrl[None]
         self.mocap_pos = self.data.mocap_pos[None]
+        self.contact_forces = self.data.cfrc_ext[None]
         self.action = np.zeros((1, action_size))
         self.last_action = np.zeros((1, action_size))
         self.elapsed_steps = np.zeros(1, np.int64)
         self.memory: dict[str, FloatArray] = {}
         self.step_cache: dict[Any, Any] = {}
+        self._forces = forces
         self._sites: dict[str, FloatArray] = {
             model.site(i).name: self.data.site_xpos[None, i] for i in range(model.nsite)
         }
@@ -120,6 +144,8 @@ class SingleState:
     def step(self, substeps: int) -> None:
         """Steps the physics."""
         mujoco.mj_step(self.model, self.data, substeps)
+        if self._forces:
+            mujoco.mj_rnePostConstraint(self.model, self.data)
         self.step_cache.clear()
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
@@ -145,16 +171,24 @@ class BatchState:
         count: N.
         action_size: A.
         threads: cores to use; 0 for all.
+        forces: compute ``contact_forces`` after each step.
     """
 
-    def __init__(self, model: mujoco.MjModel, count: int, action_size: int, threads: int = 0) -> None:
+    xp: Any = np
+
+    def __init__(
+        self, model: mujoco.MjModel, count: int, action_size: int, threads: int = 0, forces: bool = False
+    ) -> None:
         from mujoco.batch import Batch
 
         self.model = model
-        self.batch: Any = Batch(model, count, threads)
+        # contact forces are computed from the data of a whole step, which only a persistent batch keeps
+        self.batch: Any = Batch(model, count, threads, persistent=forces)
+        self._data = mujoco.MjData(model) if forces else None
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self.ctrl = self.batch.bind("ctrl")
         self.mocap_pos = self.batch.bind("mocap_pos") if model.nmocap else np.zeros((count, 0, 3), np.float64)
+        self.contact_forces = np.zeros((count, model.nbody, 6))
         self.action = np.zeros((count, action_size))
         self.last_action = np.zeros((count, action_size))
         self.elapsed_steps = np.zeros(count, np.int64)
@@ -184,6 +218,11 @@ class BatchState:
     def step(self, substeps: int) -> None:
         """Steps the physics of all simulations."""
         self.batch.step(nstep=substeps)
+        if self._data is not None:
+            for index in range(self.count):
+                self.batch.get_data(index, self._data)
+                mujoco.mj_rnePostConstraint(self.model, self._data)
+                self.contact_forces[index] = self._data.cfrc_ext
         self.step_cache.clear()
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
@@ -193,4 +232,5 @@ class BatchState:
     def forward(self, ids: IntArray) -> None:
         """Makes sites, bodies and contacts current after a reset."""
         self.batch.forward(ids)
+        self.contact_forces[ids] = 0.0
         self.step_cache.clear()

@@ -7,17 +7,32 @@ from collections.abc import Callable, Mapping
 from joshua_mujoco_sim.envs import ant_terms as ant
 from joshua_mujoco_sim.envs import arm_terms as arm
 from joshua_mujoco_sim.envs import common_terms as common
-from joshua_mujoco_sim.envs.terms import ObservationTerm, ResetTerm, RewardTerm, Task, TerminationTerm
+from joshua_mujoco_sim.envs.terms import (
+    ActionMode,
+    ObservationTerm,
+    ResetTerm,
+    RewardTerm,
+    Task,
+    TerminationTerm,
+)
 
 #: The arm's joints come first in every model that has one.
 _ARM = slice(0, 6)
 
+_SERVOS = {"offset": arm.middles, "scale": arm.half_ranges}
 _ARM_OBSERVATIONS = (
-    ObservationTerm("state", common.columns, {"qpos": _ARM}, "rad", _ARM),
-    ObservationTerm("velocity", common.velocities, {"qvel": _ARM, "scale": 0.1}, "10 rad/s", _ARM),
-    ObservationTerm("grip", common.site_position, {"site": "gripper"}, "m"),
+    ObservationTerm("state", common.columns, {"qpos": _ARM}, "rad", _ARM, **_SERVOS),
+    ObservationTerm("velocity", common.velocities, {"qvel": _ARM}, "rad/s", _ARM, scale=2.5),
+    ObservationTerm("lead", common.lead, {"qpos": _ARM}, "rad", _ARM, scale=arm.STEP_RAD),
+    ObservationTerm("grip", common.site_position, {"site": "gripper"}, "m", offset=arm.workspace, scale=0.15),
     ObservationTerm("last_action", common.last_action),
 )
+
+#: What an action of the arm can mean: a change of the goals, or the goals themselves as data sets hold them.
+_ARM_ACTIONS = {
+    "delta": ActionMode(arm.move_goals),
+    "absolute": ActionMode(arm.take_goals, arm.lowest_goals, arm.highest_goals, arm.present_goals, "rad"),
+}
 
 _SMOOTH = (
     RewardTerm("action_change", common.action_change, -0.01),
@@ -26,7 +41,7 @@ _SMOOTH = (
 
 _DIVERGED = TerminationTerm("diverged", common.not_finite)
 
-#: Randomised physics, to be added to a task by ``with_resets`` or ``randomise=True``.
+#: Randomised physics of the arm, which ``randomise=True`` adds.
 ARM_RANDOMISATION = (
     ResetTerm("servo_gain", common.randomise_servos, {"low": 0.8, "high": 1.2}),
     ResetTerm("damping", common.randomise, {"field": "dof_damping", "rows": _ARM, "low": 0.7, "high": 1.3}),
@@ -43,28 +58,42 @@ ARM_RANDOMISATION = (
 )
 
 
+#: Randomised physics of the ant, which ``randomise=True`` adds.
+ANT_RANDOMISATION = (
+    ResetTerm(
+        "motor_gain", common.randomise, {"field": "actuator_gainprm", "columns": 0, "low": 0.8, "high": 1.2}
+    ),
+    ResetTerm("damping", common.randomise, {"field": "dof_damping", "low": 0.7, "high": 1.3}),
+    ResetTerm(
+        "contact_friction",
+        common.randomise,
+        {"field": "geom_friction", "columns": 0, "low": 0.6, "high": 1.4},
+    ),
+)
+
+
 def reach(reward: str = "reach") -> Task:
     """The grip goes to a place in front of the arm. Rewards: ``reach``, ``reach_sparse``."""
     sites = {"first": "gripper", "second": "goal"}
+    done = {**sites, "radius_m": arm.REACHED_M}
     rewards = {
         "reach": (
-            RewardTerm("closeness", arm.closeness, 1.0, {**sites, "scale_m": 0.1}),
-            RewardTerm("fine_closeness", arm.closeness, 1.0, {**sites, "scale_m": 0.02}),
+            RewardTerm("approach", arm.closeness, 2.0, {**sites, "scale_m": 0.1}, potential=True),
+            RewardTerm("fine_approach", arm.closeness, 2.0, {**sites, "scale_m": 0.02}, potential=True),
+            RewardTerm("reached", arm.within_reward, 10.0, done),
+            RewardTerm("time", common.alive, -0.02),
             *_SMOOTH,
         ),
-        "reach_sparse": (RewardTerm("reached", arm.within_reward, 1.0, {**sites, "radius_m": 0.02}),),
+        "reach_sparse": (RewardTerm("reached", arm.within_reward, 1.0, done),),
     }
     return Task(
         model_path="so_arm100/reach.xml",
         frame_skip=20,
-        action=arm.move_goals,
+        actions=_ARM_ACTIONS,
         action_size=6,
-        observations=(*_ARM_OBSERVATIONS, ObservationTerm("to_goal", arm.offset, sites, "m")),
+        observations=(*_ARM_OBSERVATIONS, ObservationTerm("to_goal", arm.offset, sites, "m", scale=0.1)),
         rewards=_choose("reach", rewards, reward),
-        terminations=(
-            TerminationTerm("reached", arm.within, {**sites, "radius_m": 0.01}, success=True),
-            _DIVERGED,
-        ),
+        terminations=(TerminationTerm("reached", arm.within, done, success=True), _DIVERGED),
         resets=(
             ResetTerm("joints", common.noisy_joints, {"qpos": _ARM, "qvel": _ARM, "position_rad": 0.1}),
             ResetTerm(
@@ -75,39 +104,43 @@ def reach(reward: str = "reach") -> Task:
         ),
         max_steps=75,
         camera="front",
+        randomisation=ARM_RANDOMISATION,
+        objects={"goal": arm.goal_position},
     )
 
 
 def pick_place(reward: str = "pick_place") -> Task:
     """The cube goes onto the goal, and the jaw lets go. Rewards: ``pick_place``, ``pick_place_sparse``."""
     to_cube = {"first": "gripper", "second": "cube"}
+    to_goal = {"first": "cube", "second": "goal"}
+    done = {"radius_m": arm.PLACED_M}
     rewards = {
         "pick_place": (
-            RewardTerm(
-                "near_cube", arm.closeness, 1.0, {"first": "gripper", "second": "cube", "scale_m": 0.1}
-            ),
-            RewardTerm("lifted", arm.lifted, 2.0, {"height_m": 0.05}),
-            RewardTerm("near_goal", arm.carried_closeness, 4.0, {"height_m": 0.05, "scale_m": 0.15}),
-            RewardTerm("placed", arm.placed_reward, 50.0, {"radius_m": 0.02}),
+            RewardTerm("near_cube", arm.closeness, 2.0, {**to_cube, "scale_m": 0.1}, potential=True),
+            RewardTerm("lifted", arm.lifted, 4.0, {"height_m": 0.05}, potential=True),
+            RewardTerm("near_goal", arm.closeness, 8.0, {**to_goal, "scale_m": 0.1}, potential=True),
+            RewardTerm("placed", arm.placed_reward, 50.0, done),
+            RewardTerm("dropped", arm.dropped_reward, -20.0),
+            RewardTerm("time", common.alive, -0.02),
             *_SMOOTH,
         ),
-        "pick_place_sparse": (RewardTerm("placed", arm.placed_reward, 1.0, {"radius_m": 0.02}),),
+        "pick_place_sparse": (RewardTerm("placed", arm.placed_reward, 1.0, done),),
     }
     sector = {"radius_m": (0.19, 0.27), "angle_rad": 0.8}
     return Task(
         model_path="so_arm100/pick_place.xml",
         frame_skip=20,
-        action=arm.move_goals,
+        actions=_ARM_ACTIONS,
         action_size=6,
         observations=(
             *_ARM_OBSERVATIONS,
-            ObservationTerm("to_cube", arm.offset, to_cube, "m"),
-            ObservationTerm("cube_to_goal", arm.offset, {"first": "cube", "second": "goal"}, "m"),
+            ObservationTerm("to_cube", arm.offset, to_cube, "m", scale=0.1),
+            ObservationTerm("cube_to_goal", arm.offset, to_goal, "m", scale=0.1),
             ObservationTerm("cube_attitude", common.columns, {"qpos": slice(9, 13)}),
         ),
         rewards=_choose("pick_place", rewards, reward),
         terminations=(
-            TerminationTerm("placed", arm.placed, {"radius_m": 0.02}, success=True),
+            TerminationTerm("placed", arm.placed, done, success=True),
             TerminationTerm("dropped", arm.dropped),
             _DIVERGED,
         ),
@@ -118,33 +151,41 @@ def pick_place(reward: str = "pick_place") -> Task:
         ),
         max_steps=200,
         camera="front",
+        randomisation=ARM_RANDOMISATION,
+        objects={"cube": arm.cube_pose, "goal": arm.goal_position},
     )
 
 
 def ant_forward(reward: str = "forward") -> Task:
-    """The ant runs along x. Reward: ``forward``."""
+    """The ant runs along x, by the physics and rewards of Gymnasium's ``Ant-v5``. Reward: ``forward``."""
     rewards = {
         "forward": (
-            RewardTerm("forward", ant.forward_speed, 1.0, {"step_s": 0.05}),
+            RewardTerm("forward", ant.travelled, 1.0, {"step_s": 0.05}, potential=True),
             RewardTerm("healthy", ant.healthy, 1.0),
             RewardTerm("control", common.action_size, -0.5),
+            RewardTerm("contact", ant.contact_size, -5e-4),
         ),
     }
     return Task(
         model_path="ant/ant.xml",
         frame_skip=5,
-        action=ant.motors,
+        actions={"torque": ActionMode(ant.motors)},
         action_size=8,
+        # not scaled: the numbers are those of Ant-v5
         observations=(
             ObservationTerm("posture", ant.posture),
             ObservationTerm("velocity", common.velocities),
+            ObservationTerm("contact_forces", ant.contact_forces),
         ),
         rewards=_choose("ant", rewards, reward),
         terminations=(TerminationTerm("unhealthy", ant.unhealthy),),
         resets=(ResetTerm("noise", ant.start, {"scale": 0.1}),),
         max_steps=1000,
         camera="track",
-        prepare=ant.prepare,
+        keyframe="",
+        randomisation=ANT_RANDOMISATION,
+        objects={"torso": ant.torso},
+        forces=True,
     )
 
 

@@ -10,13 +10,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import mujoco
 import numpy as np
 from gymnasium import spaces
 from joshua.features import ACTION, Feature, FeatureSet
 
-from joshua_mujoco_sim.envs.state import FloatArray, IntArray, State
+from joshua_mujoco_sim.envs.state import FloatArray, IntArray, Simulations, State
 
 Generators = Sequence[np.random.Generator]
+
+#: A constant, or one that the model gives.
+Constant = float | Callable[[mujoco.MjModel], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -26,23 +30,34 @@ class ObservationTerm:
     Attributes:
         name: of the feature, such as ``state`` for ``observation.state``.
         unit: of its numbers; joints: those that it shows, if it has a number for each.
+        offset, scale: constants that bring its numbers to about ±1: an environment shows
+            ``(value - offset) / scale``.
     """
 
     name: str
-    function: Callable[..., FloatArray]
+    function: Callable[..., Any]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     unit: str = ""
     joints: slice | None = None
+    offset: Constant = 0.0
+    scale: Constant = 1.0
 
 
 @dataclass(frozen=True)
 class RewardTerm:
-    """One part of the reward: ``weight`` times ``function(state, **parameters)``, shape (N,)."""
+    """One part of the reward: ``weight`` times ``function(state, **parameters)``, shape (N,).
+
+    Attributes:
+        potential: the reward of a step is the change of the function in it. The sum over an episode is then
+            that of its end less that of its start, however long the episode lasts and whatever way it takes
+            (shaping by a potential, Ng et al. 1999, for a return without discount).
+    """
 
     name: str
-    function: Callable[..., FloatArray]
+    function: Callable[..., Any]
     weight: float = 1.0
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    potential: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,20 +88,40 @@ class ResetTerm:
 
 
 @dataclass(frozen=True)
+class ActionMode:
+    """What an action means: ``function(state)`` gives the controls, shape (N, nu).
+
+    Attributes:
+        low, high: of the action space; start: the action that stands for doing nothing at a start, from the
+            state, None for zeros; unit: of an action.
+    """
+
+    function: Callable[[State], Any]
+    low: Constant = -1.0
+    high: Constant = 1.0
+    start: Callable[[State], Any] | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
 class Task:
     """An environment as data.
 
     Attributes:
         model_path: packaged name or path of the model; frame_skip: physics steps of one action.
-        action: turns ``state.action`` into controls, ``function(state)``; action_size: its length.
-        prepare: called once with the state, to allocate what the terms keep in ``state.memory``.
+        actions: what an action can mean, by name, the default first; action_size: its length.
         max_steps: length after which an episode is cut off.
         camera: that ``render`` shows.
+        keyframe: that an episode starts from; "" for the model's own default.
+        randomisation: resets that ``randomise=True`` adds; () where the task has none.
+        objects: what ``info["objects"]`` shows, by name, ``function(state)`` giving shape (N, k).
+        forces: terms read ``state.contact_forces``, which costs time.
+        prepare: called once with the state, to allocate what own terms keep in ``state.memory``.
     """
 
     model_path: str
     frame_skip: int
-    action: Callable[[State], None]
+    actions: Mapping[str, ActionMode]
     action_size: int
     observations: tuple[ObservationTerm, ...]
     rewards: tuple[RewardTerm, ...]
@@ -94,6 +129,10 @@ class Task:
     resets: tuple[ResetTerm, ...]
     max_steps: int
     camera: str
+    keyframe: str = "home"
+    randomisation: tuple[ResetTerm, ...] = ()
+    objects: Mapping[str, Callable[[State], Any]] = field(default_factory=dict)
+    forces: bool = False
     prepare: Callable[[State], None] = lambda state: None
 
     def with_weights(self, weights: Mapping[str, float]) -> Task:
@@ -115,44 +154,86 @@ class Task:
 
 
 class Evaluator:
-    """Computes the terms of a task on a state.
+    """Computes the terms of a task on a state, and what an action does to it.
 
     Args:
-        task: the terms; state: what they look at.
+        task: the terms; state: what they look at, and what resets write.
+        action_mode: one of the task's; "" for its default.
+
+    Raises:
+        ValueError: the task has no such action mode; lists those that it has.
 
     Attributes:
-        features: of the observation, whose values stand side by side in it, and ``action``, in [-1, 1].
+        features: of the observation, whose values stand side by side in it, and of ``action``, with units.
+        offset, scale: of the numbers of an observation, which shows ``(value - offset) / scale``.
         observation_space, action_space: of one environment.
     """
 
-    def __init__(self, task: Task, state: State) -> None:
+    def __init__(self, task: Task, state: Simulations, action_mode: str = "") -> None:
         self._task = task
         self._state = state
+        name = action_mode or next(iter(task.actions))
+        if name not in task.actions:
+            raise ValueError(
+                f"{task.model_path} has no action mode {name!r}: choose {' or '.join(task.actions)}"
+            )
+        self._mode = task.actions[name]
         self._observe: list[Any] = []
         width = 0
-        features = []
-        joints = [state.model.joint(i).name for i in range(state.model.njnt)]
+        features, offsets, scales = [], [], []
+        model = state.model
+        joints = [model.joint(i).name for i in range(model.njnt)]
         for term in task.observations:
             size = term.function(state, **term.parameters).shape[1]
             self._observe.append((slice(width, width + size), term.function, dict(term.parameters)))
             width += size
             names = tuple(joints[term.joints]) if term.joints is not None else ()
             features.append(Feature(f"observation.{term.name}", "float32", (size,), names, term.unit))
+            offsets.append(_resolved(term.offset, model, size))
+            scales.append(_resolved(term.scale, model, size))
         state.step_cache.clear()
-        driven = tuple(state.model.actuator(i).name for i in range(state.model.nu))
-        self.features = FeatureSet([*features, Feature(ACTION, "float32", (task.action_size,), driven)])
+        driven = tuple(model.actuator(i).name for i in range(model.nu))
+        action = Feature(ACTION, "float32", (task.action_size,), driven, self._mode.unit)
+        self.features = FeatureSet([*features, action])
+        self.offset, self.scale = np.concatenate(offsets), np.concatenate(scales)
         self.observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (task.action_size,), np.float32)
+        low, high = (_resolved(end, model, task.action_size) for end in (self._mode.low, self._mode.high))
+        # rounded inwards, so that no action of the space leaves the range
+        self.action_space = spaces.Box(_inwards(low, 1), _inwards(high, -1), dtype=np.float32)
+        self._low, self._high = low, high
         self._reward = [(t.name, t.weight, t.function, dict(t.parameters)) for t in task.rewards]
+        self._potentials = {
+            term.name: np.zeros(state.count) for term in task.rewards if term.potential and term.weight
+        }
         self._end = [(t.name, t.success, t.function, dict(t.parameters)) for t in task.terminations]
 
-    def observation(self) -> Any:
-        """All observation terms side by side, shape (N, K), float32."""
+    def act(self, actions: Any) -> None:
+        """Takes the actions of a step, shape (N, A), and writes the controls.
+
+        Raises:
+            ValueError: they have another shape or are not finite; nothing is stored then.
+        """
         state = self._state
-        values = np.empty((state.count, *self.observation_space.shape), np.float32)
+        wanted = np.asarray(actions, np.float64)
+        if wanted.shape != state.action.shape:
+            one = self.action_space.shape
+            raise ValueError(f"actions have the shape {wanted.shape[1:]}, not {one}")
+        if not np.isfinite(wanted).all():
+            bad = np.flatnonzero(~np.isfinite(wanted).all(axis=1))
+            raise ValueError(f"the action {wanted[bad[0]]} of environment {bad[0]} is not finite")
+        state.last_action[:] = state.action
+        np.clip(wanted, self._low, self._high, out=state.action)
+        state.ctrl[:] = self._mode.function(state)
+
+    def observation(self) -> Any:
+        """All observation terms side by side, scaled, shape (N, K), float32."""
+        state = self._state
+        values = np.empty((state.count, *self.observation_space.shape))
         for columns, function, parameters in self._observe:
             values[:, columns] = function(state, **parameters)
-        return values
+        values -= self.offset
+        values /= self.scale
+        return values.astype(np.float32)
 
     def reward(self) -> tuple[FloatArray, dict[str, FloatArray]]:
         """The weighted sum, shape (N,), and each weighted term by name."""
@@ -160,7 +241,12 @@ class Evaluator:
         total = np.zeros(state.count)
         terms = {}
         for name, weight, function, parameters in self._reward:
-            terms[name] = value = weight * function(state, **parameters)
+            value = function(state, **parameters)
+            before = self._potentials.get(name)
+            if before is not None:
+                self._potentials[name] = np.array(value)
+                value = value - before
+            terms[name] = value = weight * value
             total += value
         return total, terms
 
@@ -177,7 +263,32 @@ class Evaluator:
                 success |= reason
         return ended, success, reasons
 
+    def objects(self) -> dict[str, Any]:
+        """The state of each object, by name, shape (N, k)."""
+        return {name: np.array(function(self._state)) for name, function in self._task.objects.items()}
+
     def reset(self, ids: IntArray, generators: Generators) -> None:
-        """Writes the start of some episodes."""
-        for term in self._task.resets:
-            term.function(self._state, ids, generators, **term.parameters)
+        """Starts some episodes."""
+        state, task = self._state, self._task
+        state.reset(ids, state.model.key(task.keyframe).id if task.keyframe else -1)
+        state.elapsed_steps[ids] = 0
+        for term in task.resets:
+            term.function(state, ids, generators, **term.parameters)
+        start = self._mode.start(state)[ids] if self._mode.start else 0.0
+        state.action[ids] = state.last_action[ids] = start
+        state.forward(ids)
+        for name, _, function, parameters in self._reward:
+            if name in self._potentials:
+                self._potentials[name][ids] = function(state, **parameters)[ids]
+
+
+def _resolved(constant: Constant, model: mujoco.MjModel, size: int) -> FloatArray:
+    value = constant(model) if callable(constant) else constant
+    return np.array(np.broadcast_to(np.asarray(value, np.float64), (size,)))
+
+
+def _inwards(ends: FloatArray, direction: int) -> Any:
+    """The nearest float32 that is not outside."""
+    near = ends.astype(np.float32)
+    outside = near < ends if direction > 0 else near > ends
+    return np.where(outside, np.nextafter(near, np.float32(direction * np.inf)), near)

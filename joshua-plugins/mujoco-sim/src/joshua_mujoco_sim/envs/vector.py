@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from joshua_mujoco_sim.envs.single import make_task
+from joshua_mujoco_sim.envs.pixels import Observer
+from joshua_mujoco_sim.envs.single import make_task, shown_cameras
 from joshua_mujoco_sim.envs.state import BatchState, IntArray
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
 from joshua_mujoco_sim.model_file import load_model
 
 
+@dataclass
+class Outcome:
+    """What one step of all environments gave, as arrays of shape (N, …).
+
+    Attributes:
+        observations: those that the next action answers, of fresh episodes where one has ended.
+        final: of the episodes that have ended, by the index of their environment; empty where none did.
+    """
+
+    observations: Any
+    rewards: Any
+    terminated: Any
+    truncated: Any
+    success: Any
+    final: dict[int, Any]
+    reward_terms: dict[str, Any]
+    objects: dict[str, Any]
+
+
 class TermVectorEnv(VectorEnv[Any, Any, Any]):
-    """N environments of one task. Episodes that ended start anew with the next step, whose reward is 0.
+    """N environments of one task.
 
     Each environment has a random generator of its own: with the seed s the k-th one runs the episodes of a
     single environment with the seed s + k.
@@ -24,7 +45,11 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
     Args:
         task: makes the task; num_envs: N; threads: cores to use, 0 for all.
         max_episode_steps: length after which an episode is cut off; None for the task's.
-        reward_function, weights, randomise: as for a single environment.
+        autoreset_mode: when an episode that ended starts anew: with the next step (``NEXT_STEP``), whose
+            action has no effect and whose reward is 0, or with the step that ended it (``SAME_STEP``), whose
+            last observation is in ``info["final_obs"]``.
+        reward_function, weights, randomise, action_mode, observation_mode, cameras, width, height, shadows:
+            as for a single environment.
     """
 
     def __init__(
@@ -34,26 +59,40 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         *,
         max_episode_steps: int | None = None,
         threads: int = 0,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         reward_function: str = "",
         weights: Mapping[str, float] | None = None,
         randomise: bool = False,
+        action_mode: str = "",
+        observation_mode: str = "state",
+        cameras: Sequence[str] = (),
+        width: int = 320,
+        height: int = 240,
+        shadows: bool = False,
     ) -> None:
         self.task = make_task(task, reward_function, weights, randomise)
         self._max_steps = max_episode_steps or self.task.max_steps
         model = load_model(self.task.model_path)
         self.num_envs = num_envs
-        self.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
+        mode = AutoresetMode(autoreset_mode)
+        if mode is AutoresetMode.DISABLED:
+            raise ValueError("autoreset_mode DISABLED is not offered: choose NEXT_STEP or SAME_STEP")
+        self._same_step = mode is AutoresetMode.SAME_STEP
+        self.metadata = {"autoreset_mode": mode, "render_modes": []}
         self.render_mode = None
-        self._state = BatchState(model, num_envs, self.task.action_size, threads)
+        self._state = BatchState(model, num_envs, self.task.action_size, threads, self.task.forces)
         self.task.prepare(self._state)
-        self._evaluator = Evaluator(self.task, self._state)
-        self._keyframe = model.key("home").id if model.nkey else -1
+        self._evaluator = Evaluator(self.task, self._state, action_mode)
+        shown = shown_cameras(self.task, observation_mode, cameras)
+        self._observer = Observer(
+            self._evaluator, self._state, observation_mode, shown, width, height, shadows
+        )
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         self._ended = np.zeros(num_envs, bool)
         self._reset(np.arange(num_envs))
         self.features = self._evaluator.features
         self.single_action_space = self._evaluator.action_space
-        self.single_observation_space = self._evaluator.observation_space
+        self.single_observation_space = self._observer.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
@@ -62,49 +101,102 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         """The simulations, for tests and for own terms."""
         return self._state
 
+    @property
+    def observation_scaling(self) -> tuple[Any, Any]:
+        """Offset and scale of the numbers: an observation shows ``(value - offset) / scale``."""
+        return self._evaluator.offset, self._evaluator.scale
+
+    def physical(self, observation: Any) -> Any:
+        """The numbers of observations in the units that ``features`` names."""
+        return np.asarray(observation) * self._evaluator.scale + self._evaluator.offset
+
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Starts all episodes."""
+        """Starts all episodes, or those that ``options["reset_mask"]`` marks, a boolean for each.
+
+        Raises:
+            ValueError: the mask has another type or shape, or marks nothing.
+        """
+        ids = _masked((options or {}).get("reset_mask"), self.num_envs)
         if seed is not None:
             seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed
-            for index, value in enumerate(seeds):
+            for index in ids:
+                value = seeds[index]
                 if value is not None:
                     self._generators[index] = np.random.Generator(np.random.PCG64(value))
-        self._reset(np.arange(self.num_envs))
-        self._ended[:] = False
-        return self._evaluator.observation(), {}
+        self._reset(ids)
+        self._ended[ids] = False
+        return self._observer.all(), {"objects": self._evaluator.objects()}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Does one action in each environment, shape (N, A)."""
+        done = self.advance(actions)
+        info: dict[str, Any] = {
+            "reward_terms": done.reward_terms,
+            "is_success": done.success,
+            "objects": done.objects,
+        }
+        if done.final:
+            final = np.full(self.num_envs, None, dtype=object)
+            for index, observation in done.final.items():
+                final[index] = observation
+            info["final_obs"] = final
+            info["_final_obs"] = np.array([item is not None for item in final])
+        return done.observations, done.rewards, done.terminated, done.truncated, info
+
+    def advance(self, actions: Any) -> Outcome:
+        """Does one action in each environment, without a dictionary for each. As ``step`` else."""
         state, evaluator = self._state, self._evaluator
-        state.last_action[:] = state.action
-        np.clip(actions, -1.0, 1.0, out=state.action)
-        if not np.isfinite(state.action).all():
-            raise ValueError("an action is not finite")
-        self.task.action(state)
+        evaluator.act(actions)
         state.step(self.task.frame_skip)
         state.elapsed_steps += 1
         reward, terms = evaluator.reward()
         ended, success, _ = evaluator.terminated()
-        fresh = self._ended
-        if fresh.any():
-            ids = np.flatnonzero(fresh)
-            self._reset(ids)
-            reward[ids] = 0.0
-            ended[ids] = success[ids] = False
+        if not self._same_step and self._ended.any():
+            fresh = np.flatnonzero(self._ended)
+            self._reset(fresh)
+            for values in (reward, *terms.values()):
+                values[fresh] = 0.0
+            ended[fresh] = success[fresh] = False
         truncated = (state.elapsed_steps >= self._max_steps) & ~ended
-        self._ended = ended | truncated
-        info = {"reward_terms": terms, "is_success": success}
-        return evaluator.observation(), reward, ended, truncated, info
+        objects = evaluator.objects()
+        observations = self._observer.all()
+        final: dict[int, Any] = {}
+        over = ended | truncated
+        if self._same_step:
+            if over.any():
+                ids = np.flatnonzero(over)
+                final = {int(index): _row(observations, int(index)) for index in ids}
+                self._reset(ids)
+                observations = self._observer.all()
+        else:
+            self._ended = over
+        return Outcome(observations, reward, ended, truncated, success, final, terms, objects)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Nothing is left open."""
+        """Frees the pictures."""
+        self._observer.close()
 
     def _reset(self, ids: IntArray) -> None:
-        state = self._state
-        state.reset(ids, self._keyframe)
-        state.action[ids] = state.last_action[ids] = 0.0
-        state.elapsed_steps[ids] = 0
         self._evaluator.reset(ids, [self._generators[index] for index in ids])
-        state.forward(ids)
+
+
+def _masked(mask: Any, count: int) -> IntArray:
+    """The environments that a mask marks; all of them without one."""
+    if mask is None:
+        return np.arange(count)
+    given = np.asarray(mask)
+    if given.shape != (count,) or given.dtype != np.bool_:
+        raise ValueError(
+            f"reset_mask is an array of {given.dtype} of shape {given.shape}: give {count} booleans"
+        )
+    if not given.any():
+        raise ValueError("reset_mask marks no environment: mark at least one")
+    return np.flatnonzero(given)
+
+
+def _row(observations: Any, index: int) -> Any:
+    if isinstance(observations, dict):
+        return {name: value[index].copy() for name, value in observations.items()}
+    return observations[index].copy()

@@ -1,0 +1,224 @@
+"""Scripted demonstrators: they do a task by inverse kinematics, knowing where everything is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from joshua_mujoco_sim.envs import arm_terms as arm
+from joshua_mujoco_sim.envs.single import TermEnv
+from joshua_mujoco_sim.envs.state import FloatArray
+
+#: Joints that place the grip; the sixth is the gripper.
+_REACHING = 5
+
+#: Where the gripper's goal stands, rad: open for the cube, closed on it (its servo presses), let go.
+OPEN_RAD, CLOSED_RAD, RELEASED_RAD = 0.9, -0.1, 0.7
+
+#: Largest way of the grip in one step: 0.25 m/s.
+STEP_M = 0.008
+
+#: Height of the grip above the cube before and after it is held.
+HOVER_M, CARRY_M = 0.042, 0.028
+
+#: Height of the grip above the middle of the cube that it takes: the moving jaw swings clear of the table.
+GRASP_M = 0.006
+
+
+class Expert(Protocol):
+    """What does a task in one environment, episode by episode."""
+
+    def reset(self) -> None:
+        """Begin an episode; after ``environment.reset``."""
+
+    def act(self) -> Any:
+        """Return the action of this step."""
+
+
+class Kinematics:
+    """Inverse kinematics of the SO-ARM100 on data of its own.
+
+    Args:
+        model: that holds the arm, whose joints come first.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._site, self._jaw = model.site("gripper").id, model.body("Fixed_Jaw").id
+        self._low, self._high = model.jnt_range[:_REACHING].T
+        self._jacobians = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+
+    def solve(
+        self, joints: FloatArray, target_m: FloatArray, yaw_rad: float | None = None, rounds: int = 12
+    ) -> FloatArray:
+        """Joint angles (rad) near ``joints`` that bring the grip to a place.
+
+        Args:
+            joints: where the search starts, rad, five.
+            target_m: of the grip. With ``yaw_rad`` it points down as far as the arm reaches, the jaws closing
+                along a horizontal line at that angle about z, either way round.
+        """
+        model, data, (translation, rotation) = self._model, self._data, self._jacobians
+        found = np.array(joints)
+        for _ in range(rounds):
+            data.qpos[:_REACHING] = found
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_jacSite(model, data, translation, rotation, self._site)
+            rows = [translation[:, :_REACHING]]
+            errors = [target_m - data.site_xpos[self._site]]
+            if yaw_rad is not None:
+                frame = data.xmat[self._jaw].reshape(3, 3)
+                turn = 0.03 * self._turn(frame, yaw_rad)
+                rows.append(0.03 * rotation[:, :_REACHING])
+                errors.append(turn)
+            matrix, error = np.concatenate(rows), np.concatenate(errors)
+            normal = matrix.T @ matrix + 3e-4 * np.eye(_REACHING)
+            change = np.linalg.solve(normal, matrix.T @ error)
+            found = np.clip(found + np.clip(change, -0.3, 0.3), self._low, self._high)
+        return found
+
+    @staticmethod
+    def _turn(frame: FloatArray, yaw_rad: float) -> FloatArray:
+        """The rotation vector (world) that is missing: the fingers (-y) down, x along the line."""
+        down = np.cross(-frame[:, 1], (0.0, 0.0, -1.0))
+        line = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+        line = line if line @ frame[:, 0] >= 0 else -line
+        about_z = np.cross(frame[:, 0], line)[2]
+        turn: FloatArray = down + np.array([0.0, 0.0, about_z])
+        return turn
+
+
+class _ArmExpert:
+    """Moves the grip along straight lines; a task is a generator of targets.
+
+    Args:
+        environment: a single environment of the task; its actions may be ``delta`` or ``absolute``.
+        noise_rad: of the goals, normal, so that demonstrations differ; seed: of the noise.
+    """
+
+    def __init__(self, environment: TermEnv, *, noise_rad: float = 0.0, seed: int | None = None) -> None:
+        self._state = environment.state
+        self._absolute = environment.features["action"].unit == "rad"
+        self._kinematics = Kinematics(environment.state.model)
+        self._noise_rad, self._chance = noise_rad, np.random.default_rng(seed)
+        self._limits = arm.goal_ranges(environment.state.model)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self._goal = np.array(self._state.ctrl[0])
+        self._at = np.array(self._state.site("gripper")[0])
+        self._plan = self._steps()
+
+    def act(self) -> Any:
+        """Return the action of this step, float32."""
+        goal = next(self._plan, self._goal)
+        state = self._state
+        wanted = goal + self._noise_rad * self._chance.standard_normal(6)
+        wanted = np.clip(wanted, *self._limits)
+        step = np.clip((wanted - state.ctrl[0]) / arm.STEP_RAD, -1.0, 1.0)
+        self._goal = goal
+        if self._absolute:
+            return (state.ctrl[0] + arm.STEP_RAD * step).astype(np.float32)
+        return step.astype(np.float32)
+
+    def _steps(self) -> Iterator[FloatArray]:
+        raise NotImplementedError
+
+    def _move(
+        self,
+        target: FloatArray | Callable[[], FloatArray],
+        gripper: float,
+        yaw: float | None = None,
+        settle: int = 0,
+    ) -> Iterator[FloatArray]:
+        """Goals on the way to a target, which may move, and some more while the arm settles there."""
+        present = target if callable(target) else lambda: target
+        while True:
+            way = present() - self._at
+            length = float(np.linalg.norm(way))
+            self._at = self._at + way * min(1.0, STEP_M / max(length, 1e-9))
+            yield self._goals(self._at, gripper, yaw)
+            if length <= STEP_M:
+                break
+        for _ in range(settle):
+            yield self._goals(present(), gripper, yaw)
+
+    def _goals(self, target: FloatArray, gripper: float, yaw: float | None) -> FloatArray:
+        return np.append(self._kinematics.solve(self._goal[:_REACHING], target, yaw), gripper)
+
+
+class ReachExpert(_ArmExpert):
+    """Brings the grip to the goal, correcting for what the servos sag."""
+
+    def _steps(self) -> Iterator[FloatArray]:
+        gripper = float(self._goal[5])
+        sag = np.zeros(3)
+        while True:
+            goal, at = self._state.site("goal")[0], self._state.site("gripper")[0]
+            yield from self._move(goal + sag, gripper)
+            sag = np.clip(sag + 0.5 * (goal - at), -0.03, 0.03)
+
+
+class PickPlaceExpert(_ArmExpert):
+    """Grasps the cube from above, carries it over the goal, puts it down and lets go."""
+
+    def _steps(self) -> Iterator[FloatArray]:
+        def cube() -> FloatArray:
+            return np.array(self._state.site("cube")[0])
+
+        def goal() -> FloatArray:
+            return np.array(self._state.site("goal")[0])
+
+        up = np.array([0.0, 0.0, 1.0])
+
+        def held() -> bool:
+            return float(np.linalg.norm(cube() - self._state.site("gripper")[0])) < arm.LET_GO_M
+
+        while True:
+            yaw = self._grasp_angle()
+            yield from self._move(lambda: cube() + HOVER_M * up, OPEN_RAD, yaw, settle=2)
+            yield from self._move(lambda: cube() + GRASP_M * up, OPEN_RAD, yaw, settle=2)
+            place = cube() + GRASP_M * up
+            for _ in range(13):
+                yield self._goals(place, CLOSED_RAD, yaw)
+            lifted = place + CARRY_M * up
+            yield from self._move(lifted, CLOSED_RAD, yaw, settle=1)
+            if not held():
+                continue
+            # the cube is where the jaws hold it, not where the grip is
+            over = goal() + (self._at - cube()) * (1.0, 1.0, 0.0) + (CARRY_M + GRASP_M) * up
+            yield from self._move(over, CLOSED_RAD, yaw, settle=2)
+            over = over + (goal() - cube()) * (1.0, 1.0, 0.0)
+            if not held():
+                continue
+            down = over - (CARRY_M - 0.001) * up
+            yield from self._move(down, CLOSED_RAD, yaw, settle=2)
+            if not held():
+                continue
+            for _ in range(6):
+                yield self._goals(down, RELEASED_RAD, yaw)
+            yield from self._move(over, RELEASED_RAD, yaw, settle=5)
+
+    def _grasp_angle(self) -> float:
+        """Angle about z of the line along which the jaws close: across two faces of the cube.
+
+        Of the four, the one that turns the wrist least from where it stands.
+        """
+        w, x, y, z = self._state.qpos[0, 9:13]
+        yaw = float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+        jaw = self._state.model.body("Fixed_Jaw").id
+        line = self._state.data.xmat[jaw].reshape(3, 3)[:, 0]
+        present = float(np.arctan2(line[1], line[0]))
+        return present + (yaw - present + np.pi / 4) % (np.pi / 2) - np.pi / 4
+
+
+#: The expert of each environment that has one.
+EXPERTS: dict[str, Callable[..., Expert]] = {
+    "joshua/SoArm100Reach-v0": ReachExpert,
+    "joshua/SoArm100PickPlace-v0": PickPlaceExpert,
+}

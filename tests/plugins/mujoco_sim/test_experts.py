@@ -1,0 +1,66 @@
+"""The scripted demonstrators: they do their tasks from random starts, by either kind of action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from joshua_mujoco_sim.envs import make_environment
+from joshua_mujoco_sim.envs.experts import EXPERTS, Kinematics
+from joshua_mujoco_sim.model_file import load_model
+
+
+def successes(name: str, seeds: range, **options: Any) -> int:
+    environment = make_environment(name, disable_env_checker=True, **options).unwrapped
+    expert: Any = EXPERTS[name](environment)
+    done = 0
+    for seed in seeds:
+        environment.reset(seed=seed)
+        expert.reset()
+        for _ in range(environment.task.max_steps):
+            action = expert.act()
+            assert environment.action_space.contains(action)
+            _, _, terminated, _, info = environment.step(action)
+            if terminated:
+                done += info["is_success"]
+                break
+    return done
+
+
+@pytest.mark.parametrize("mode", ["delta", "absolute"])
+@pytest.mark.parametrize("randomise", [False, True])
+def test_reach(mode: str, randomise: bool) -> None:
+    assert successes("joshua/SoArm100Reach-v0", range(50), action_mode=mode, randomise=randomise) == 50
+
+
+@pytest.mark.parametrize(("mode", "randomise"), [("delta", False), ("absolute", True)])
+def test_pick_and_place(mode: str, randomise: bool) -> None:
+    """100 starts of each kind are in the session `learn`."""
+    name = "joshua/SoArm100PickPlace-v0"
+    assert successes(name, range(20), action_mode=mode, randomise=randomise) >= 19
+
+
+def test_noise_makes_other_demonstrations_that_succeed() -> None:
+    name = "joshua/SoArm100PickPlace-v0"
+    environment = make_environment(name, disable_env_checker=True).unwrapped
+    environment.reset(seed=0)
+    actions = [EXPERTS[name](environment, noise_rad=0.005, seed=seed).act() for seed in (1, 1, 2)]
+    assert np.array_equal(actions[0], actions[1])
+    assert not np.array_equal(actions[0], actions[2])
+
+
+def test_inverse_kinematics_reaches_a_place_with_the_jaws_along_a_line() -> None:
+    import mujoco
+
+    model = load_model("so_arm100/pick_place.xml")
+    start = model.key("home").qpos[:5]
+    target = np.array([0.08, -0.25, 0.03])
+    joints = Kinematics(model).solve(start, target, yaw_rad=0.4, rounds=60)
+    data = mujoco.MjData(model)
+    data.qpos[:5] = joints
+    mujoco.mj_kinematics(model, data)
+    assert data.site("gripper").xpos == pytest.approx(target, abs=1e-3)
+    frame = data.body("Fixed_Jaw").xmat.reshape(3, 3)
+    assert -frame[:, 1] == pytest.approx([0, 0, -1], abs=0.02)
+    assert abs(frame[:, 0] @ [np.cos(0.4), np.sin(0.4), 0]) > 0.999
