@@ -16,7 +16,8 @@ from joshua.testing.program import JoshuaProgram
 FILES = {
     "toy_patrol/__init__.py": "",
     "toy_patrol/plugin.py": """
-from joshua.api import ModeOffer, hookimpl
+from joshua.api import hookimpl
+from joshua.api.specs import ModeOffer
 
 
 @hookimpl
@@ -112,7 +113,8 @@ def run(arguments):
 POST = {
     "toy_post/__init__.py": "",
     "toy_post/plugin.py": """
-from joshua.api import TransportSpec, hookimpl
+from joshua.api import hookimpl
+from joshua.api.specs import TransportSpec
 
 
 @hookimpl

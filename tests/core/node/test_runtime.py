@@ -48,7 +48,7 @@ def test_a_device_is_closed_also_where_the_results_of_a_test_cannot_be_had(
     monkeypatch.setitem(sys.modules, module.__name__, module)
     endpoint = types.SimpleNamespace(publish=lambda cdr: None, close=lambda: None)
     node = types.SimpleNamespace(create_publisher=lambda *_, **__: endpoint, close=lambda: None)
-    transport = types.SimpleNamespace(create_node=lambda *_: node)
+    transport = types.SimpleNamespace(carries_services=False, create_node=lambda *_: node)
     sent: list[Any] = []
     activation = threading.Event()
     activation.set()

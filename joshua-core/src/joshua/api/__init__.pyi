@@ -12,10 +12,8 @@ from joshua.guardian.safe_stop import SafeStopResult as SafeStopResult
 from joshua.guardian.safe_stop import TorqueState as TorqueState
 from joshua.devices.sensor import Sensor as Sensor
 from joshua.devices.sensor import Reading as Reading
-from joshua.devices.sensor_node import SensorNode as SensorNode
 from joshua.plan import JointRange as JointRange
 from joshua.devices.diagnostics import DiagnosticStatus as DiagnosticStatus
-from joshua.devices.stamps import StampClock as StampClock
 
 # Errors of devices
 from joshua.devices.errors import DeviceError as DeviceError
@@ -54,10 +52,7 @@ from joshua.plugins.specs import ActuatorSpec as ActuatorSpec
 from joshua.plugins.specs import SensorSpec as SensorSpec
 from joshua.plugins.specs import ModelSpec as ModelSpec
 from joshua.plugins.specs import StoreSpec as StoreSpec
-from joshua.plugins.specs import EpisodeWriterSpec as EpisodeWriterSpec
 from joshua.plugins.specs import TrainerSpec as TrainerSpec
 from joshua.plugins.specs import SimulatorSpec as SimulatorSpec
-from joshua.plugins.specs import ModeOffer as ModeOffer
-from joshua.plugins.specs import TransportSpec as TransportSpec
 
 SECTIONS: dict[str, dict[str, tuple[str, ...]]]

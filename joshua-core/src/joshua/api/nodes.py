@@ -1,6 +1,7 @@
-"""What a plugin that writes a whole node uses: its publishers and the facts of the plan."""
+"""What a plugin that writes a whole node uses: base nodes, its publishers and the facts of the plan."""
 
 from joshua.devices.diagnostics import DiagnosticsPublisher as DiagnosticsPublisher
+from joshua.devices.sensor_node import SensorNode as SensorNode
 from joshua.node.behaviour import NodeBehaviour as NodeBehaviour
 from joshua.node.endpoints import MessagePublisher as MessagePublisher
 from joshua.node.implementation import load_implementation as load_implementation

@@ -1,5 +1,8 @@
-"""What fewer plugins provide: emulators and training environments."""
+"""What fewer plugins provide: emulators, environments, episode writers, modes and transports."""
 
 from joshua.plugins.specs import EmulatorSpec as EmulatorSpec
 from joshua.plugins.specs import Environment as Environment
 from joshua.plugins.specs import EnvironmentSpec as EnvironmentSpec
+from joshua.plugins.specs import EpisodeWriterSpec as EpisodeWriterSpec
+from joshua.plugins.specs import ModeOffer as ModeOffer
+from joshua.plugins.specs import TransportSpec as TransportSpec

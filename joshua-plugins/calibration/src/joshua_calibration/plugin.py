@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.api import ModeOffer, hookimpl
+from joshua.api import hookimpl
+from joshua.api.specs import ModeOffer
 
 
 @hookimpl

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from joshua.api import Cancelled, DeviceDisconnected, DeviceError, StampClock
-from joshua.api.clocks import AwakeClock, ros_time
+from joshua.api import Cancelled, DeviceDisconnected, DeviceError
+from joshua.api.clocks import AwakeClock, StampClock, ros_time
 
 from joshua_camera.backlog import Backlog
 from joshua_camera.capture import Capture, Grab

@@ -7,8 +7,9 @@ import re
 import time
 from pathlib import Path
 
-from joshua.api import NodeContext, Reading, SensorNode
+from joshua.api import NodeContext, Reading
 from joshua.api.clocks import witness
+from joshua.api.nodes import SensorNode
 from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
 

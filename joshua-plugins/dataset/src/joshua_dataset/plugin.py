@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.api import EpisodeWriterSpec, PluginSpec, StoreSpec, hookimpl
+from joshua.api import PluginSpec, StoreSpec, hookimpl
+from joshua.api.specs import EpisodeWriterSpec
 
 
 @hookimpl

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from joshua.api import PluginSpec, TransportSpec, hookimpl
+from joshua.api import PluginSpec, hookimpl
+from joshua.api.specs import TransportSpec
 
 
 @hookimpl

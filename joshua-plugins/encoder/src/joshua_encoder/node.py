@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.api import SensorNode
+from joshua.api.nodes import SensorNode
 
 from joshua_encoder.encoder import DAMAGED_SHARE, SerialEncoder
 

@@ -6,8 +6,8 @@ import time
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from joshua.api import DeviceDisconnected, DeviceError, StampClock
-from joshua.api.clocks import AwakeClock, witness
+from joshua.api import DeviceDisconnected, DeviceError
+from joshua.api.clocks import AwakeClock, StampClock, witness
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 

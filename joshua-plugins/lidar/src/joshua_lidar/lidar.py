@@ -9,16 +9,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from joshua.api import (
-    DeviceDisconnected,
-    DeviceError,
-    DiagnosticStatus,
-    Reading,
-    Sensor,
-    SensorContext,
-    StampClock,
-)
-from joshua.api.clocks import AwakeClock
+from joshua.api import DeviceDisconnected, DeviceError, DiagnosticStatus, Reading, Sensor, SensorContext
+from joshua.api.clocks import AwakeClock, StampClock
 from joshua.messages import message_class
 from joshua.messages.make import header
 from joshua_serial.port import BITS_PER_BYTE, SerialPort

@@ -6,7 +6,8 @@ import os
 import re
 import time
 
-from joshua.api import NodeContext, Reading, SensorNode
+from joshua.api import NodeContext, Reading
+from joshua.api.nodes import SensorNode
 from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
 

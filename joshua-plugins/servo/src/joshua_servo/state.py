@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from joshua.api import StampClock
+from joshua.api.clocks import StampClock
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import NoReply

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from joshua.api import StampClock
+from joshua.api.clocks import StampClock
 
 from joshua_spike.errors import LinkLost, MotorCheckFailed, ProgramFailed
 from joshua_spike.hub.program import HubProgram

@@ -6,7 +6,8 @@ import time
 from collections import deque
 from typing import Any, Protocol
 
-from joshua.api import Reading, Sensor, SensorContext, StampClock
+from joshua.api import Reading, Sensor, SensorContext
+from joshua.api.clocks import StampClock
 from joshua.messages import message_class
 from joshua.messages.make import header
 from joshua.tools import nearest_first
