@@ -110,11 +110,12 @@ def coverage(session: nox.Session) -> None:
 
 @nox.session
 def soak(session: nox.Session) -> None:
-    """Ten minutes of teleoperation on bad lines and on a busy machine, five of a held object."""
+    """Teleoperation on bad lines and a busy machine, a held object, 200 killed recordings; 30 minutes."""
     install(session, *group("test"), *editable(f"{CORE}[dds]", *PLUGINS))
     session.run("python", "tests/soak/teleoperation.py", *session.posargs)
     session.run("python", "tests/soak/busy_machine.py", *session.posargs)
     session.run("python", "tests/soak/grip.py", *session.posargs)
+    session.run("python", "tests/soak/killed_recording.py")
 
 
 @nox.session

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
@@ -27,12 +28,11 @@ def layout(folder: Path) -> DatasetLayout:
     return DatasetLayout(folder, "arm", FPS, FEATURES, resume=True)
 
 
-def main() -> None:
-    folder, length = Path(sys.argv[1]), int(sys.argv[2])
+def record(folder: Path, length: int, say: Callable[[str], object]) -> NoReturn:
     writer = LeRobotWriter(layout(folder))
     writer.task = "wave"
     writer.open()
-    sys.stdout.write("open\n")
+    say("open")
     began, number = time.monotonic(), 0
     while True:
         picture = np.full((64, 64, 3), number % 250, np.uint8)
@@ -46,9 +46,16 @@ def main() -> None:
         number += 1
         if writer.open_frames == length:
             writer.end_episode("wave")
-        sys.stdout.write(f"{writer.episodes} {writer.open_frames}\n")
-        sys.stdout.flush()
+        say(f"{writer.episodes} {writer.open_frames}")
         time.sleep(max(0.0, began + number / FPS - time.monotonic()))
+
+
+def main() -> None:
+    def say(text: str) -> None:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
+    record(Path(sys.argv[1]), int(sys.argv[2]), say)
 
 
 if __name__ == "__main__":

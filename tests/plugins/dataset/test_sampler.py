@@ -101,6 +101,29 @@ def test_a_host_whose_clock_is_off_is_named() -> None:
     assert "s behind this machine. Synchronise the clocks of the hosts" in cell.sampler.over
 
 
+@pytest.mark.parametrize(
+    ("offsets_ms", "worst_ms"), [((20,), 1), ((20, 30), 5.5), ((2, 48), 2.5), ((45, 5, 25), 25.5)]
+)
+def test_frames_stand_where_the_pictures_are(offsets_ms: tuple[int, ...], worst_ms: float) -> None:
+    cameras = [
+        Feature.picture(f"observation.images.{n}", 2, 2, topic=f"/{n}") for n in range(len(offsets_ms))
+    ]
+    streams = [Stream(camera) for camera in cameras]
+    for stream, offset_ms in zip(streams, offsets_ms, strict=True):
+        for number in range(-30, 0):
+            stream.take(joint_state((), ()), T0 + number * PERIOD)  # no picture: only its time counts
+            stream._stamps[-1] = T0 + number * PERIOD + offset_ms * 1_000_000
+    sampler = Sampler(streams, StoreSettings(folder="/data", fps=20), T0)
+    frames: list[Frame] = []
+    for number in range(60):
+        for stream, offset_ms in zip(streams, offsets_ms, strict=True):
+            sampler.push(stream.feature.key, T0 + number * PERIOD + offset_ms * 1_000_000, np.zeros(1))
+        frames += sampler.poll(T0 + number * PERIOD)
+    assert len(frames) > 30
+    worst_ns = max(abs(frame.offset_ns(key)) for frame in frames for key in frame.values)
+    assert worst_ns / 1e6 <= worst_ms
+
+
 def test_what_holds_until_it_changes_is_a_column_of_its_own() -> None:
     flag = Feature("intervention", "bool", (1,), ("intervention",), topic="/follower/intervention")
     cell = Cell("observation.state", extra=(flag,))

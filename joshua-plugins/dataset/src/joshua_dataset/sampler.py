@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Any
@@ -56,7 +58,9 @@ class Sampler:
         self._wait_ns = longest_ns + round(LATENCY_S * NS_PER_S)
         self._aligner = TimeAligner(alignments, settings.fps, wait_ns=self._wait_ns)
         # so that the first frame has samples on both sides
-        self._aligner.start(now_ns + longest_ns)
+        begin_ns = now_ns + longest_ns
+        period_ns = NS_PER_S // settings.fps
+        self._aligner.start(begin_ns + (_phase_ns(streams, period_ns) - begin_ns) % period_ns)
 
     def push(self, key: str, stamp_ns: int, value: Any) -> None:
         """Take a value; pictures as their message."""
@@ -131,3 +135,23 @@ class Sampler:
                 )
             self.over = f"{key} is lost: {why}"
             return
+
+
+def _phase_ns(streams: Collection[Stream], period_ns: int) -> int:
+    """Phase of the frames at which pictures lie nearest to them, for cameras at the rate of the frames."""
+    turn = math.tau / period_ns
+    phases = []
+    for stream in streams:
+        if stream.feature.is_picture and abs(stream.period_s * NS_PER_S / period_ns - 1) < 0.05:
+            mean = sum(cmath.exp(1j * turn * (stamp_ns % period_ns)) for stamp_ns in stream.stamps)
+            phases.append(round(cmath.phase(mean) / turn) % period_ns)
+    # the middle of the shortest arc that holds them all
+    phases.sort()
+    gaps = [
+        (after - before) % period_ns for before, after in zip(phases, phases[1:] + phases[:1], strict=True)
+    ]
+    if len(phases) < 2:
+        return phases[0] if phases else 0
+    widest = gaps.index(max(gaps))
+    first = phases[(widest + 1) % len(phases)]
+    return first + (period_ns - gaps[widest]) // 2

@@ -99,6 +99,11 @@ class Stream:
         return time.monotonic() - self.seen_s
 
     @property
+    def stamps(self) -> tuple[int, ...]:
+        """Acquisition of its newest messages."""
+        return tuple(self._stamps)
+
+    @property
     def period_s(self) -> float:
         """Mean distance of its messages; 0 while it is unknown."""
         span = self._stamps[-1] - self._stamps[0] if len(self._stamps) > 1 else 0
