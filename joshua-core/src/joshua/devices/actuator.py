@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -207,8 +208,9 @@ class Actuator(Device):
                 f"{type(self).__name__}.write: the goal has shape {goal.shape}; "
                 f"{len(names)} joints ({', '.join(names)}) need ({len(names)},)"
             )
-        if not np.isfinite(goal).all():
-            index = int(np.flatnonzero(~np.isfinite(goal))[0])
+        values = goal.tolist()  # faster than array operations for a few joints
+        if not all(map(math.isfinite, values)):
+            index = next(i for i, value in enumerate(values) if not math.isfinite(value))
             raise ValueError(
                 f"{type(self).__name__}.write: the goal of {names[index]} is {goal[index]}; "
                 "a position in radians is a finite number"

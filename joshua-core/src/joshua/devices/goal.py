@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from enum import Enum
 
@@ -62,7 +63,9 @@ class GoalGenerator:
         self.limits = limits
         self._period_s = period_s
         self._stale_after_ns = round(stale_after_s * NS_PER_S)
-        self._ramp_speed = np.minimum(ramp_speed_rad_s, limits.velocity_max_rad_s)
+        low, high, speed = limits.position_min_rad, limits.position_max_rad, limits.velocity_max_rad_s
+        columns = (low, high, speed, np.minimum(ramp_speed_rad_s, speed))
+        self._bounds = list(zip(*(column.tolist() for column in columns), strict=True))
         count = len(limits.position_min_rad)
         self._lock = threading.Lock()
         self._goal = np.zeros(count)
@@ -157,14 +160,17 @@ class GoalGenerator:
         return min(max(elapsed_s, 0.0), 2 * self._period_s)
 
     def _move(self, elapsed_s: float) -> None:
-        limits = self.limits
-        commanded = np.isfinite(self._target)
-        target = np.where(commanded, self._target, self._goal)
-        way = np.where(commanded, limits.clip(target) - self._goal, 0.0)
-        ramp_step = self._ramp_speed * elapsed_s
-        self._ramping &= ~(commanded & (np.abs(way) <= ramp_step))
-        largest = np.where(self._ramping, ramp_step, limits.velocity_max_rad_s * elapsed_s)
-        self._goal = self._goal + np.clip(way, -largest, largest)
+        """In plain Python: faster for a few joints than arrays are."""
+        goal, ramping = self._goal.tolist(), self._ramping.tolist()
+        for index, target in enumerate(self._target.tolist()):
+            if not math.isfinite(target):
+                continue
+            low, high, speed, ramp_speed = self._bounds[index]
+            way = min(max(target, low), high) - goal[index]
+            ramping[index] = ramping[index] and abs(way) > ramp_speed * elapsed_s
+            largest = (ramp_speed if ramping[index] else speed) * elapsed_s
+            goal[index] += min(max(way, -largest), largest)
+        self._goal, self._ramping[:] = np.array(goal), ramping
 
     def _forget(self) -> None:
         self._target[:] = np.nan

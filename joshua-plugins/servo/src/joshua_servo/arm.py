@@ -34,7 +34,7 @@ from joshua_servo.feedback import Feedback
 from joshua_servo.grip import Grips
 from joshua_servo.handover import open_unguarded
 from joshua_servo.inspection import ServoSetup
-from joshua_servo.joint_map import JointMap, TickArray
+from joshua_servo.joint_map import JointMap
 from joshua_servo.safe_stop import ServoStopRequest
 from joshua_servo.settings import ServoSettings
 from joshua_servo.state import StateReader
@@ -90,8 +90,9 @@ class ServoArm(Actuator):
         self._relaxed: dict[int, str] = {}  # index of the joint, and why it has no torque
         self._under_voltage: set[int] = set()
         self._grippers = [i for i, joint in enumerate(settings.joint_settings) if joint.gripper]
-        self._goal = np.zeros(len(self._ids))  # rad, not rounded: slow motions are less than a tick a cycle
-        self._goal_ticks, self._written_s = np.zeros(len(self._ids), np.int64), 0.0
+        # rad, not rounded: slow motions are less than a tick a cycle
+        self._goal: list[float] = [0.0] * len(self._ids)
+        self._goal_ticks, self._written_s = [0] * len(self._ids), 0.0
         self._readings: list[Feedback] = []
         self._setups: list[ServoSetup] = []
         self._lost_reported = self._lost_checked = 0
@@ -216,13 +217,8 @@ class ServoArm(Actuator):
             self._report_voltage(readings)
             if self._enabled:
                 self._trip_where_needed(readings)
-                self._grips.look(readings, self._goal_ticks.tolist(), time.monotonic())
-        return JointReading(
-            stamp_ns,
-            self._map.radians([reading.position for reading in readings]),
-            self._map.radians_per_second([reading.speed for reading in readings]),
-            self._map.directed([reading.load for reading in readings]),
-        )
+                self._grips.look(readings, self._goal_ticks, time.monotonic())
+        return JointReading(stamp_ns, *self._map.motion(readings))
 
     def prepare(self) -> None:
         """Clears latched faults, writes the settings of single servos, and finds the turns they count in.
@@ -267,14 +263,14 @@ class ServoArm(Actuator):
                 raise SafetyTripped(
                     f"{self._port}: torque stays off: {reason}. Put it right, then enable again."
                 )
-            present = np.array([reading.position for reading in readings], dtype=np.int64)
-            self.check_start(present.tolist())
+            present = [reading.position for reading in readings]
+            self.check_start(present)
             if not self._dry_run:
-                self._torque.switch_on(present.tolist(), self.move_values())
+                self._torque.switch_on(present, self.move_values())
             self._enabled = True
             self._tripped = ""
             self._relaxed = {}
-            self._remember(self._map.radians(present), present)
+            self._remember(self._map.radians(present).tolist(), present)
 
     @property
     def relaxed(self) -> Mapping[str, str]:
@@ -300,7 +296,7 @@ class ServoArm(Actuator):
             self._torque.switch_on(present, self.move_values(), ids)
             for index in self._relaxed:
                 self._goal_ticks[index] = present[index]
-                self._goal[index] = self._map.radians(present)[index]
+                self._goal[index] = float(self._map.radians(present)[index])
             self._relaxed = {}
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
@@ -312,7 +308,7 @@ class ServoArm(Actuator):
             DeviceDisconnected: the port is gone.
         """
         self.require_connected("write")
-        goal = self.checked_goal(goal_rad)
+        wanted = self.checked_goal(goal_rad).tolist()
         with self._lock:
             if self._tripped:
                 raise SafetyTripped(
@@ -321,12 +317,11 @@ class ServoArm(Actuator):
             if not self._enabled:
                 raise NotEnabled(f"{self._port}: the joints have no torque: call enable first")
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
-            step = self._map.speed_rad_s * elapsed_s
-            goal = np.clip(goal, self._goal - step, self._goal + step)
+            goal = self._map.limited(wanted, self._goal, elapsed_s)
             ticks = self._map.ticks(goal, self._goal_ticks)
             if not self._dry_run:
                 self._grips.write_limits(time.monotonic())
-            written = np.array(self._grips.goals(ticks.tolist()), dtype=np.int64)
+            written = self._grips.goals(ticks)
             self._send_goals(written)
             self._remember(goal, ticks)
             return self._map.radians(written)
@@ -341,11 +336,11 @@ class ServoArm(Actuator):
             if not self._enabled:
                 return
             found = self._state.found_positions(HOLD_S)
-            last = self._goal_ticks.tolist()
+            last = self._goal_ticks
             present = [found.get(servo_id, last[index]) for index, servo_id in enumerate(self._ids)]
-            held = np.array(self._grips.held(present, last), dtype=np.int64)
+            held = self._grips.held(present, last)
             self._send_goals(held, found)
-            self._remember(self._map.radians(held), held)
+            self._remember(self._map.radians(held).tolist(), held)
             self._state.require_all(found)
 
     def release(self) -> None:
@@ -393,10 +388,7 @@ class ServoArm(Actuator):
             self._lost_reported = self._lost
             if not self._readings:
                 return [row]
-            motion = (
-                self._map.radians([reading.position for reading in self._readings]),
-                self._map.radians_per_second([reading.speed for reading in self._readings]),
-            )
+            motion = self._map.motion(self._readings)[:2]
             names, ids = self.joint_names, self._ids
             return [*joint_rows(names, ids, self._readings, motion, self._watch, hardware_id), row]
 
@@ -413,7 +405,7 @@ class ServoArm(Actuator):
         park: Mapping[int, int] = {}
         if len(park_pose_rad):
             ticks = self._map.ticks(self.checked_goal(np.array(park_pose_rad)))
-            park = dict(zip(self._ids, ticks.tolist(), strict=True))
+            park = dict(zip(self._ids, ticks, strict=True))
         endpoint = self._port.endpoint
         return self.stop_request(
             action=action,
@@ -513,20 +505,20 @@ class ServoArm(Actuator):
     def _lost(self) -> int:
         return sum(self._bus.counters.lost.values())
 
-    def _send_goals(self, ticks: TickArray, only: Collection[int] | None = None) -> None:
+    def _send_goals(self, ticks: Sequence[int], only: Collection[int] | None = None) -> None:
         """Writes goals in joint order; relaxed joints, and ids that are not among ``only``, get none."""
         if self._dry_run:
             return
         goal = self.family.goal_position
         rows = {
             servo_id: goal.encode(tick)
-            for index, (servo_id, tick) in enumerate(zip(self._ids, ticks.tolist(), strict=True))
+            for index, (servo_id, tick) in enumerate(zip(self._ids, ticks, strict=True))
             if index not in self._relaxed and (only is None or servo_id in only)
         }
         if not rows:
             return
         self._bus.sync_write(goal.address, goal.width, rows)
 
-    def _remember(self, goal_rad: FloatArray, ticks: TickArray) -> None:
-        self._goal, self._goal_ticks = goal_rad, ticks
+    def _remember(self, goal_rad: list[float], ticks: Sequence[int]) -> None:
+        self._goal, self._goal_ticks = goal_rad, list(ticks)
         self._written_s = time.monotonic()
