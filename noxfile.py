@@ -145,7 +145,7 @@ def learn(session: nox.Session) -> None:
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
-    plugins = [f"{PLUGIN}/{name}" for name in ("dataset", "mujoco-sim", "smolvla")]
+    plugins = [f"{PLUGIN}/{name}" for name in ("dataset", "inference", "mujoco-sim", "smolvla")]
     session.install("--no-deps", *editable(CORE, *plugins))
     environment = {"PYTHONPATH": "tests/learn", "HF_HUB_OFFLINE": "1"}
     if session.posargs == ["bench"]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,6 +12,11 @@ from joshua_inference.strategies import STRATEGIES, Chunk, Ensemble, Output, Rea
 ARRIVALS = st.lists(
     st.tuples(st.integers(0, 60), st.integers(1, 20), st.integers(0, 25)), min_size=1, max_size=12
 )
+
+
+def number(action: npt.NDArray[np.float64] | None) -> float:
+    assert action is not None
+    return float(action[0])
 
 
 def counted(first: int, length: int, joints: int = 1) -> Chunk:
@@ -53,10 +59,10 @@ def test_the_weights_of_an_ensemble_are_those_of_the_paper(coefficient: float, r
     # Zhao et al. 2023, section 4.2: w_i = exp(-m * i), w_0 that of the oldest action
     ensemble = Ensemble(Execution(ensemble_coefficient=coefficient))
     step = len(rows)
-    for number, value in enumerate(rows):
-        ensemble.add(Chunk(number, np.full((step + 1, 1), value)), number)
+    for first, value in enumerate(rows):
+        ensemble.add(Chunk(first, np.full((step + 1, 1), value)), first)
     weights = np.exp(-coefficient * np.arange(len(rows)))
-    assert ensemble.due(step)[0] == pytest.approx((weights * rows).sum() / weights.sum())
+    assert number(ensemble.due(step)) == pytest.approx((weights * rows).sum() / weights.sum())
 
 
 def test_a_chunk_in_real_time_continues_what_is_planned():
@@ -101,11 +107,11 @@ def test_a_missing_action_ends_in_a_hold_by_a_ramp():
     output = Output(0.1, Execution(ramp_s=0.5))
     for value in (0.0, 0.1, 0.2):
         output.next(np.array([value]))
-    path = [float(output.next(None)[0]) for _ in range(8)]
+    path = [number(output.next(None)) for _ in range(8)]
     steps = np.diff([0.2, *path])
     assert steps[:5] == pytest.approx([0.064, 0.036, 0.016, 0.004, 0.0]), "(1 - t)^2 of the speed before"
     assert path[-1] == path[4], "a hold"
-    back = [float(output.next(np.array([1.0]))[0]) for _ in range(7)]
+    back = [number(output.next(np.array([1.0]))) for _ in range(7)]
     assert np.all(np.diff([path[-1], *back]) >= 0)
     assert max(np.diff([path[-1], *back])) < 0.3
     assert back[5] == 1.0, "over at most the length of the ramp"
@@ -124,4 +130,4 @@ def test_the_speed_into_a_ramp_is_not_that_of_a_border():
     output.next(np.array([0.0]))
     output.next(np.array([0.01]))
     output.next(np.array([1.0]), border=True)
-    assert float(output.next(None)[0]) == pytest.approx(1.0 + 0.01 * 0.64)
+    assert number(output.next(None)) == pytest.approx(1.0 + 0.01 * 0.64)
