@@ -145,9 +145,10 @@ def learn(session: nox.Session) -> None:
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
-    plugins = [f"{PLUGIN}/{name}" for name in ("dataset", "inference", "mujoco-sim", "smolvla")]
+    plugins = [f"{PLUGIN}/{name}" for name in ("dataset", "emulator", "mujoco-sim", "smolvla", "sts3215")]
     session.install("--no-deps", *editable(CORE, *plugins))
-    environment = {"PYTHONPATH": "tests/learn", "HF_HUB_OFFLINE": "1"}
+    folders = (str(ROOT / "tests" / name) for name in ("learn", "support"))
+    environment = {"PYTHONPATH": os.pathsep.join(folders), "HF_HUB_OFFLINE": "1"}
     if session.posargs == ["bench"]:
         session.run("python", "tests/learn/bench_datasets.py", env=environment)
         return

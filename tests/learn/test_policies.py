@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +12,8 @@ import numpy as np
 import pytest
 import tiny_policies
 import torch
-from joshua.api import JointRange, JointSpace, Observation
-from joshua.api.models import Compute
+from joshua.api import JointRange, JointSpace, ModelError, Observation
+from joshua.api.models import ChunkRequest, Compute
 from joshua.features import JointUnits, Unit
 from joshua_lerobot.policy import LeRobotModel
 from joshua_lerobot.settings import LeRobotSettings
@@ -91,3 +94,142 @@ def test_smolvla_acts_as_with_lerobot(smolvla: Any) -> None:
     np.testing.assert_array_equal(model.act(seen), actions)  # the seed draws the same noise
     assert np.abs(model.act(observation(task="reach the cube")) - actions).max() > 1e-6
     model.close()
+
+
+def test_rtc_continues_the_chunk_before(smolvla: Any) -> None:
+    """The fixed steps of a continued chunk stay near those that were planned; a free chunk does not."""
+    folder = smolvla[0]
+    model = model_of(SmolVla, SmolVlaSettings, folder, compute=Compute(seed=3))
+    seen = observation(task="reach the cube")
+    before = model.act(seen)
+    planned = np.clip(before[3:] + 0.3, ENDS[:, 0], ENDS[:, 1])
+    request = ChunkRequest(planned, delay=2, overlap=7, max_guidance_weight=10.0)
+    model.reset()
+    continued = model.continue_chunk(observation(2, "reach the cube"), request)
+    model.reset()
+    free = model.act(observation(2, "reach the cube"))
+    assert continued.shape == free.shape == (10, 6)
+    assert np.abs(continued[:2] - planned[:2]).max() < 0.2 * np.abs(free[:2] - planned[:2]).max()
+    model.reset()
+    np.testing.assert_array_equal(model.act(observation(2, "reach the cube")), free)  # nothing stays behind
+    assert model.needs().supports_rtc
+    model.close()
+
+
+def test_half_precision_differs_a_little(act: Any, smolvla: Any) -> None:
+    for kind, settings, folder, task in (
+        (LeRobotModel, LeRobotSettings, act[0], ""),
+        (SmolVla, SmolVlaSettings, smolvla[0], "reach the cube"),
+    ):
+        exact = model_of(kind, settings, folder, compute=Compute(seed=3))
+        half = model_of(kind, settings, folder, compute=Compute(seed=3, precision="bfloat16"))
+        assert next(half._loaded.policy.parameters()).dtype is torch.bfloat16
+        actions = []
+        for model in (exact, half):
+            model.reset()  # seeds the one generator of torch
+            actions.append(model.act(observation(task=task)))
+        assert 0 < np.abs(actions[0] - actions[1]).max() < 0.05
+        exact.close()
+        half.close()
+
+
+def test_fewer_steps_and_smaller_pictures_reach_the_policy(smolvla: Any) -> None:
+    model = model_of(
+        SmolVla, SmolVlaSettings, smolvla[0], denoising_steps=2, picture_size=64, actions_per_chunk=4
+    )
+    config = model._loaded.policy.config
+    assert (config.num_steps, list(config.resize_imgs_with_padding)) == (2, [64, 64])
+    assert model.act(observation(task="reach the cube")).shape == (4, 6)
+    model.close()
+
+
+def test_a_camera_that_is_absent_is_left_out(smolvla: Any) -> None:
+    model = model_of(SmolVla, SmolVlaSettings, smolvla[0], absent_cameras=("observation.images.wrist",))
+    seen = observation(task="reach the cube")
+    values = {key: value for key, value in seen.values.items() if "wrist" not in key}
+    assert model.act(Observation(1, values, {}, task=seen.task)).shape == (10, 6)
+    model.close()
+
+
+def test_policies_that_look_back_or_plan_run_too(tmp_path: Path) -> None:
+    for kind, make in (("diffusion", tiny_policies.make_diffusion), ("tdmpc", tiny_policies.make_tdmpc)):
+        parts = make(tmp_path / kind)
+        model = model_of(LeRobotModel, LeRobotSettings, tmp_path / kind, compute=Compute(seed=3))
+        seen = observation()
+        seen = replace(seen, values={**seen.values, "observation.image": seen["observation.images.top"]})
+        actions = model.act(seen)
+        np.testing.assert_allclose(actions, by_lerobot(parts, seen, len(actions)), atol=1e-5, rtol=0)
+        model.close()
+
+
+def refusal(folder: Path, **chosen: Any) -> str:
+    with pytest.raises(ModelError) as error:
+        model_of(LeRobotModel, LeRobotSettings, folder, **chosen)
+    return str(error.value)
+
+
+@pytest.fixture
+def copy(act: Any, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(act[0], tmp_path / "copy"))
+
+
+def changed(folder: Path, **values: Any) -> Path:
+    path = folder / "config.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+    return folder
+
+
+def test_a_device_that_is_not_there_says_what_is(act: Any) -> None:
+    assert 'device: "cuda" is not there; PyTorch' in refusal(act[0], compute=Compute(device="cuda"))
+    assert 'compute { device: "auto" }' in refusal(act[0], compute=Compute(device="cuda"))
+
+
+def test_weights_of_another_policy_are_refused(copy: Path) -> None:
+    said = refusal(changed(copy, dim_model=128))
+    assert "model.safetensors does not fit config.json beside it" in said
+    assert "size mismatch" in said
+    said = refusal(changed(copy, dim_model=64, n_encoder_layers=3))
+    assert "weights of the policy, such as model.encoder.layers.2." in said
+    assert "which would be random" in said
+
+
+def test_a_type_or_a_field_that_this_lerobot_does_not_know_is_named(copy: Path) -> None:
+    assert "holds a policy of type 'future', which this LeRobot does not have; it has act," in refusal(
+        changed(copy, type="future")
+    )
+    said = refusal(changed(copy, type="act", warp=1))
+    assert "config.json does not fit this LeRobot" in said
+    assert "warp" in said
+    assert "is an adapter (PEFT) and no whole policy" in refusal(changed(copy, type="act", use_peft=True))
+
+
+def test_a_processor_that_this_lerobot_does_not_know_is_named(copy: Path) -> None:
+    path = copy / "policy_preprocessor.json"
+    content = json.loads(path.read_text())
+    content["steps"][0]["registry_name"] = "future_processor"
+    path.write_text(json.dumps(content))
+    assert "The processors of" in refusal(copy)
+    assert "future_processor" in refusal(copy)
+
+
+def test_a_language_model_that_cannot_be_had_is_named(smolvla: Any, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(smolvla[0], tmp_path / "copy"))
+    changed(folder, vlm_model_name="acme/none")
+    with pytest.raises(ModelError) as error:
+        model_of(SmolVla, SmolVlaSettings, folder)
+    assert "stands on acme/none, whose description and tokenizer cannot be had" in str(error.value)
+
+
+def test_without_memory_the_message_names_what_takes_less(act: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = model_of(LeRobotModel, LeRobotSettings, act[0])
+
+    def full(*_: Any) -> None:
+        raise torch.OutOfMemoryError
+
+    monkeypatch.setattr(model._loaded.policy, "predict_action_chunk", full)
+    with pytest.raises(ModelError, match='precision: "bfloat16"'):
+        model.act(observation())
+    model.close()
+    model.close()
+    with pytest.raises(ModelError, match="the policy is not loaded"):
+        model.act(observation())

@@ -84,7 +84,7 @@ def make_act(
     return policy, before, after
 
 
-def make_language_model(folder: Path, side: int = 64) -> None:
+def make_language_model(folder: Path, side: int) -> None:
     """Writes the description and the tokenizer of a tiny SmolVLM."""
     from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
     from transformers import (
@@ -167,7 +167,7 @@ def make_language_model(folder: Path, side: int = 64) -> None:
 
 
 def make_smolvla(
-    folder: Path, cameras: tuple[str, ...] = ("top", "wrist"), *, chunk: int = 10, side: int = 64
+    folder: Path, cameras: tuple[str, ...] = ("top", "wrist"), *, chunk: int = 10, side: int = 128
 ) -> tuple[Any, Any, Any]:
     """A tiny SmolVLA, saved with its language model in ``vlm``: policy, pre- and post-processor."""
     from lerobot.policies.smolvla.configuration_smolvla import SmolVLAConfig
@@ -200,3 +200,62 @@ def make_smolvla(
     written = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps(written | {"vlm_model_name": "vlm"}, indent=4))
     return policy, before, after
+
+
+def make_diffusion(folder: Path) -> tuple[Any, Any, Any]:
+    """A tiny Diffusion policy, which looks back one step, saved into a folder."""
+    from lerobot.policies.diffusion.configuration_diffusion import DiffusionConfig
+    from lerobot.policies.diffusion.modeling_diffusion import DiffusionPolicy
+    from lerobot.policies.diffusion.processor_diffusion import make_diffusion_pre_post_processors
+
+    torch.manual_seed(0)
+    seen, done = features(("top", "wrist"), 96, 96)
+    config = DiffusionConfig(
+        input_features=seen,
+        output_features=done,
+        pretrained_backbone_weights=None,
+        crop_shape=None,
+        down_dims=(32, 64),
+        diffusion_step_embed_dim=32,
+        n_groups=8,
+        horizon=8,
+        n_action_steps=4,
+        num_inference_steps=2,
+        device="cpu",
+        push_to_hub=False,
+    )
+    policy = DiffusionPolicy(config)
+    policy.eval()
+    parts = make_diffusion_pre_post_processors(config, dataset_stats=statistics({**seen, **done}))
+    save(folder, policy, *parts)
+    return policy, *parts
+
+
+def make_tdmpc(folder: Path) -> tuple[Any, Any, Any]:
+    """A tiny TD-MPC, which knows its one camera as observation.image, saved into a folder."""
+    from lerobot.policies.tdmpc.configuration_tdmpc import TDMPCConfig
+    from lerobot.policies.tdmpc.modeling_tdmpc import TDMPCPolicy
+    from lerobot.policies.tdmpc.processor_tdmpc import make_tdmpc_pre_post_processors
+
+    torch.manual_seed(0)
+    seen, done = features((), 0, 0)
+    seen["observation.image"] = PolicyFeature(FeatureType.VISUAL, (3, 96, 96))
+    config = TDMPCConfig(
+        input_features=seen,
+        output_features=done,
+        latent_dim=16,
+        image_encoder_hidden_dim=8,
+        state_encoder_hidden_dim=32,
+        mlp_dim=32,
+        cem_iterations=2,
+        n_gaussian_samples=32,
+        n_pi_samples=8,
+        n_elites=8,
+        device="cpu",
+        push_to_hub=False,
+    )
+    policy = TDMPCPolicy(config)
+    policy.eval()
+    parts = make_tdmpc_pre_post_processors(config, dataset_stats=statistics({**seen, **done}))
+    save(folder, policy, *parts)
+    return policy, *parts

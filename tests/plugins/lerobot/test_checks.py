@@ -204,6 +204,17 @@ def test_smolvla_refuses_another_policy_and_runs_without_a_block(tmp_path: Path,
     assert [item.code for item in result.diagnostics] == ["task-missing"]
 
 
+def test_a_size_of_pictures_that_the_model_cannot_cut_names_the_nearest(tmp_path: Path, weights: Path):
+    write_checkpoint(weights, kind="smolvla", resize_imgs_with_padding=[512, 512])
+    block = "smolvla_config { picture_size: 250 }"
+    ((message, field, remedy),) = findings(
+        write_robot(tmp_path / "robot.pbtxt", "act", model_type="SMOLVLA", block=block)
+    )
+    assert "in squares of 64 pixels, and 250 is no multiple" in message
+    assert field == "ai.models[0].smolvla_config.picture_size"
+    assert remedy == "Write picture_size: 256."
+
+
 def test_smolvla_leaves_out_a_camera_that_the_robot_does_not_have(tmp_path: Path, weights: Path):
     write_checkpoint(weights, kind="smolvla", cameras={"top": (64, 48), "wrist": (64, 48)}, num_steps=10)
     robot = tmp_path / "robot.pbtxt"

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from joshua.features.feature_set import FeatureSet
 from joshua.features.frame import Frame
+from joshua.node.errors import NodeError
 from joshua.plan.model_needs import ModelNeeds
 from joshua.plugins.settings import ModelSettings
 
@@ -109,5 +110,5 @@ class Model(ABC):
         """Frees the model; a second call does nothing."""
 
 
-class ModelError(Exception):
+class ModelError(NodeError):
     """A model cannot be loaded or run; the message names the model and the remedy."""

@@ -34,7 +34,7 @@ PRELOADED = (
     "joshua.devices.sensor_node",
     "joshua.mock.actuator",
     "joshua.mock.sensors",
-    "joshua_inference.node",
+    "joshua.models.inference_node",
 )
 
 #: Message types whose codecs are compiled. The frequent types have fast paths.

@@ -195,7 +195,8 @@ class Supervisor:
     def _end_start(self) -> None:
         """Ends a start that takes longer than the run should: fails the nodes that the others wait for."""
         for process in self._processes if self._phase is Phase.STARTING else ():
-            if not (process.ready if self._activated else process.configured):
+            patient = any(spec.facts.ready_timeout_s for spec in process.specs)  # its plugin says how long
+            if not (patient or (process.ready if self._activated else process.configured)):
                 process.fail_start(max(self._options.duration_s or 0.0, LEAST_START_S))
 
     def _open_router(self, stack: ExitStack) -> bool:

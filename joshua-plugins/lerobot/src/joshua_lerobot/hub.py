@@ -7,6 +7,7 @@ read by the client and never seen here.
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 from joshua.tools import install
@@ -56,12 +57,15 @@ def fetch(name: str, revision: str = "") -> Path:
 def _download(name: str, revision: str, patterns: tuple[str, ...]) -> Path:
     try:
         from huggingface_hub import snapshot_download
+        from huggingface_hub.utils import disable_progress_bars
     except ImportError as error:
         raise CheckpointError(
             f"{name} is on the Hugging Face hub, and huggingface-hub, which downloads from it, is not "
             "installed",
             f"Install LeRobot with it: {install('joshua-lerobot', 'policies')}",
         ) from error
+    if not sys.stderr.isatty():
+        disable_progress_bars()
     try:
         return Path(snapshot_download(name, revision=revision or None, allow_patterns=list(patterns)))
     except Exception as error:  # the client's errors differ between its versions
@@ -84,7 +88,8 @@ def _look_for_pickles(name: str, revision: str) -> None:
     from huggingface_hub import HfApi
 
     try:
-        files = HfApi().list_repo_files(name, revision=revision or None)
+        described = HfApi().model_info(name, revision=revision or None)
+        files = [item.rfilename for item in described.siblings or ()]
     except Exception:  # noqa: BLE001 - the weights are missing either way, and whoever reads the folder says so
         return
     if found := sorted(file for file in files if Path(file).suffix in PICKLES):

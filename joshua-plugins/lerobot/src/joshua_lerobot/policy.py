@@ -146,12 +146,12 @@ class LeRobotModel(Model):
                 continue
             value = observation[item.key]
             if item.kind == "VISUAL":
-                picture = torch.from_numpy(np.ascontiguousarray(value)).to(torch.float32) / 255
+                picture = torch.from_numpy(np.array(value)).to(torch.float32) / 255
                 batch[item.key] = picture.permute(2, 0, 1).contiguous().unsqueeze(0)
             else:
                 if item.kind == "STATE":
                     value = self.units.given(value, self._unit)
-                batch[item.key] = torch.from_numpy(np.asarray(value, np.float32)).unsqueeze(0)
+                batch[item.key] = torch.from_numpy(np.array(value, np.float32)).unsqueeze(0)
         if observation.task:
             batch["task"] = observation.task
         return batch

@@ -43,6 +43,9 @@ DENOISING = {
     "xvla": "num_denoising_steps",
 }
 
+#: Side of what SmolVLM makes one token of: four by four patches of 16 pixels.
+_PICTURE_STEP = 64
+
 #: Largest position of a joint in radians: one turn.
 _TURN_RAD = 6.2832
 
@@ -209,6 +212,14 @@ class PolicySettings(ModelSettings):
         if self.picture_size and "resize_imgs_with_padding" not in config:
             raise self._error(
                 "picture_size", f"A policy of type {kind!r} takes pictures of one size only", "Remove it"
+            )
+        if self.picture_size % _PICTURE_STEP:
+            nearest = max(_PICTURE_STEP, round(self.picture_size / _PICTURE_STEP) * _PICTURE_STEP)
+            raise self._error(
+                "picture_size",
+                f"The policy sees pictures in squares of {_PICTURE_STEP} pixels, and {self.picture_size} is "
+                "no multiple",
+                f"Write picture_size: {nearest}",
             )
         longest = int(config.get("chunk_size") or config.get("n_action_steps") or 0)
         if longest and self.actions_per_chunk > longest:

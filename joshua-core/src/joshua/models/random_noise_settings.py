@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.api import BlockSettings
+from joshua.plugins.settings import BlockSettings
 
 
 class RandomNoiseSettings(BlockSettings):

@@ -1,1 +1,0 @@
-"""The loop that runs models on a robot, and random noise as the simplest of them."""
