@@ -206,6 +206,35 @@ def test_a_camera_that_is_lost_ends_the_episode(joshua: JoshuaProgram, tmp_path:
     assert 0 < episode.counts["dropped"] < 60
 
 
+GAMEPAD = """robot {
+  perceptions {
+  node { node_name: "pad" node_id: 9
+    publishers { data_type: JOY topic_name: "/pad/joy" publish_rate_hz: 30 } }
+  perception_type: PERCEPTION_GAMEPAD
+  gamepad_config { device: "Xbox" }
+}
+"""
+
+
+def test_the_buttons_of_a_gamepad_control_the_episodes(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    path = write(tmp_path, 'record_button: "a" keep_button: "b"')
+    path.write_text(path.read_text().replace("robot {", GAMEPAD, 1))
+    process = joshua.start("--config", str(path), "--emulate")
+    # the emulated hand presses a for a second, then b, after eleven seconds
+    eventually(lambda: (tmp_path / "waves/meta/info.json").exists(), "the episode is kept")
+    _, errors = joshua.stop(process)
+    assert "episode 0 starts: wave" in errors
+    assert "episode 0 is kept: " in errors
+    found = Dataset.read(tmp_path / "waves")
+    assert [key for key in found.features if "pad" in key or "joy" in key] == []  # it controls only
+
+
+def test_a_button_without_a_gamepad_is_refused(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    refused = joshua("--config", str(write(tmp_path, 'record_button: "a"')), "--duration", "20")
+    assert refused.returncode != 0
+    assert "no node publishes its state. Add a publisher of data_type: JOY" in refused.stderr
+
+
 def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram, tmp_path: Path) -> None:
     path = write(tmp_path, mode="MODE_TELEOPERATE", format="FORMAT_CSV")
     process = started(joshua, path)

@@ -12,7 +12,7 @@ from joshua.messages import message_class
 from joshua.messages.make import joint_state
 from joshua_dataset.sampler import Sampler
 from joshua_dataset.settings import StoreSettings
-from joshua_dataset.streams import Stream
+from joshua_dataset.streams import CLOCK_SAMPLES, Stream
 
 T0 = 1_700_000_000_000_000_000
 PERIOD = 50_000_000
@@ -122,6 +122,35 @@ def test_frames_stand_where_the_pictures_are(offsets_ms: tuple[int, ...], worst_
     assert len(frames) > 30
     worst_ns = max(abs(frame.offset_ns(key)) for frame in frames for key in frame.values)
     assert worst_ns / 1e6 <= worst_ms
+
+
+def late(stream: Stream, delay_s: float, count: int = CLOCK_SAMPLES) -> None:
+    for number in range(count):
+        jitter_ns = (number % 7) * 1_000_000
+        message = joint_state(("pan",), [0.0], at_ns=T0 + number * PERIOD)
+        stream.take(message, T0 + number * PERIOD + round(delay_s * 1e9) + jitter_ns)
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "expected"),
+    [
+        (0.002, ""),
+        (0.2, ""),
+        (-0.3, "the stamps of /action are 0.300 s ahead of this machine, the tolerance is 0.050 s."),
+        (0.6, "the stamps of /action are 0.600 s behind this machine"),
+    ],
+)
+def test_the_clock_of_another_host_is_estimated(delay_s: float, expected: str) -> None:
+    stream = Stream(feature("action"))
+    late(stream, delay_s, CLOCK_SAMPLES - 1)
+    assert stream.clock_warning(0.05) == ""  # not known yet
+    late(stream, delay_s)
+    assert stream.delay_s == pytest.approx(delay_s)
+    warning = stream.clock_warning(0.05)
+    assert warning.startswith(expected)
+    assert bool(warning) == bool(expected)
+    assert ("chrony or NTP" in warning) == bool(expected)
+    assert stream.clock_warning(0.05) == ""  # once
 
 
 def test_what_holds_until_it_changes_is_a_column_of_its_own() -> None:

@@ -811,7 +811,7 @@ class SmolVlaConfig(_message.Message):
     def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ...) -> None: ...
 
 class DataStore(_message.Message):
-    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed")
+    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed", "record_button", "keep_button", "discard_button", "spoken_cues")
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     STORAGE_FIELD_NUMBER: _ClassVar[int]
     DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
@@ -835,6 +835,10 @@ class DataStore(_message.Message):
     MORE_TASKS_FIELD_NUMBER: _ClassVar[int]
     AUTO_START_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
+    RECORD_BUTTON_FIELD_NUMBER: _ClassVar[int]
+    KEEP_BUTTON_FIELD_NUMBER: _ClassVar[int]
+    DISCARD_BUTTON_FIELD_NUMBER: _ClassVar[int]
+    SPOKEN_CUES_FIELD_NUMBER: _ClassVar[int]
     format: DataFormat
     storage: StorageBackend
     dataset_name: str
@@ -858,7 +862,11 @@ class DataStore(_message.Message):
     more_tasks: _containers.RepeatedScalarFieldContainer[str]
     auto_start: bool
     speed: float
-    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ...) -> None: ...
+    record_button: str
+    keep_button: str
+    discard_button: str
+    spoken_cues: bool
+    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: _Optional[bool] = ...) -> None: ...
 
 class Training(_message.Message):
     __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id")

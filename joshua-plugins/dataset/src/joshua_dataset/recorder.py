@@ -17,7 +17,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +24,17 @@ import numpy as np
 from joshua.api import NodeContext, RefusedError, verb
 from joshua.api.nodes import ServiceFacts
 from joshua.features import (
-    DatasetLayout,
+    ACTION,
     EpisodeError,
-    Feature,
     FeatureError,
-    FeatureSet,
     Frame,
-    JointUnits,
-    Unit,
 )
 from joshua.messages import MessageError
 from joshua.messages.arrays import acquired_ns, array_of
 
+from joshua_dataset.buttons import JOY, Buttons
+from joshua_dataset.cues import Cues
+from joshua_dataset.described import Description
 from joshua_dataset.formats import writer_of
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.open_episode import read_journal
@@ -46,14 +44,20 @@ from joshua_dataset.repair import repair
 from joshua_dataset.sampler import COUNTERS, Sampler
 from joshua_dataset.session import Phase, Session, Step
 from joshua_dataset.settings import StoreSettings
-from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task, picture
+from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task
 from joshua_dataset.writer import DatasetWriter
-
-#: Column of the acquisition of each value, ns since the epoch, in the order of the features.
-ACQUISITION = "acquisition_ns"
 
 #: How long an automatic start waits for topics until it says so.
 PATIENCE_S = 10.0
+
+#: What is said when a phase begins.
+CUES = {
+    Phase.WARM_UP: "get ready",
+    Phase.RECORDING: "recording episode {}",
+    Phase.REVIEW: "stopped",
+    Phase.RESET: "reset the scene",
+    Phase.DONE: "all episodes are recorded",
+}
 
 #: Space on the disk below which no episode starts, and below which one ends.
 LEAST_FREE_BYTES = 500 << 20
@@ -72,9 +76,14 @@ class Recorder:
     def __init__(self, context: NodeContext, settings: StoreSettings, facts: ServiceFacts) -> None:
         self._context, self._settings, self._facts = context, settings, facts
         self._session = Session(settings)
-        self._streams = {feature.topic: Stream(feature) for feature in facts.features}
-        self._unit = settings.joint_unit(facts.robot_type)
-        self._units = {key: JointUnits.from_ranges(joints) for key, joints in facts.arms.items()}
+        topics = context.spec.subscriptions
+        self._pads = [item for item in topics if item.type_name == JOY] if settings.buttons else []
+        control = {item.name for item in self._pads}
+        self._streams = {item.topic: Stream(item) for item in facts.features if item.topic not in control}
+        self._described = Description(settings, facts, self._streams.values())
+        self._actions = {"record": self._toggle, "keep": self.keep, "discard": self.discard}
+        self._cues = Cues(context, spoken=settings.spoken_cues)
+        self._cued = Phase.IDLE
         self._sampler: Sampler | None = None
         self._writer: DatasetWriter | None = None
         self._work: queue.Queue[Callable[[], None] | None] = queue.Queue()
@@ -86,10 +95,10 @@ class Recorder:
         self._message = ""
         self._busy = (0.0, 0.0)
         self._load = 0.0
-        self._keys: tuple[str, ...] = ()
-        self._features = FeatureSet()
         self._auto = settings.auto_start
         self.on_kept: Callable[[], None] = lambda: None
+        chosen = {name: self._actions[action] for action, name in settings.buttons.items()}
+        self._buttons = Buttons(context, chosen)
         self._began_s = 0.0
         self._raw = settings.format == "mcap"
         self._queued_s: deque[float] = deque()
@@ -101,12 +110,17 @@ class Recorder:
             raise EpisodeError(f"{context.spec.full_name} has nothing to record: no node publishes a topic")
         if not self._settings.folder:
             raise EpisodeError("a recording needs a folder: set local_path")
-        if self._facts.restarted and read_journal(Path(self._settings.folder)) is not None:
-            context.log.warning(repair(Path(self._settings.folder)))
+        if self._facts.restarted:
+            if read_journal(Path(self._settings.folder)) is not None:
+                context.log.warning(repair(Path(self._settings.folder)))
             self._settings = self._settings.model_copy(update={"resume": True})
-        self._features = self._described()
-        writer_of(self._settings.format)(self._layout()).check()
-        if not any(key.startswith("action") for key in self._features):
+        self._made().check()
+        if self._settings.buttons and not self._pads:
+            raise EpisodeError(
+                "a button of a gamepad controls the recording, and no node publishes its state. "
+                "Add a publisher of data_type: JOY to a PERCEPTION_GAMEPAD node"
+            )
+        if not any(key.startswith(ACTION) for key in self._described.features):
             context.warn(
                 "no action is recorded, because no actuator of the file takes commands: "
                 "a policy cannot be trained on this data set"
@@ -114,6 +128,8 @@ class Recorder:
         for topic in context.spec.subscriptions:
             if topic.name in self._streams:
                 context.subscribe(topic, self._taker(self._streams[topic.name]))
+            elif topic in self._pads:
+                context.subscribe(topic, self._buttons.take)
             elif self._raw:
                 context.subscribe(topic, self._takes_messages(topic.name))
 
@@ -121,6 +137,8 @@ class Recorder:
         """Start the threads."""
         self._began_s = time.monotonic()
         self._context.spawn_thread(self._write, name="writer", hang_after_s=60.0)
+        if self._pads:
+            self._context.spawn_thread(self._buttons.run, name="buttons", hang_after_s=60.0)
         self._context.create_timer(1 / min(self._settings.fps, 100), self._tick, name="frames")
         self._context.create_timer(0.5, self._show, name="display")
 
@@ -141,6 +159,7 @@ class Recorder:
     def cleanup(self) -> None:
         """Close the data set; the thread of the writer has ended."""
         self._work.put(None)
+        self._cues.close()
         if self._writer is not None:
             self._writer.close()
             self._writer = None
@@ -160,6 +179,11 @@ class Recorder:
         kept = self._answer(self._do(steps))
         started = f"episode {self._number} starts: {self._session.task_text or 'no task'}"
         return f"{kept}; {started}" if kept else started
+
+    def _toggle(self) -> str:
+        """What the one button does that starts and stops."""
+        recording = self._session.phase in (Phase.RECORDING, Phase.WARM_UP)
+        return self.stop() if recording else self.start()
 
     @verb(moves=False, runs="beside")
     def stop(self) -> str:
@@ -220,6 +244,7 @@ class Recorder:
             frames=self._writer.open_frames if self._writer is not None else 0,
             elapsed_s=now_s - self._phase_began_s,
             remaining_s=max(0.0, session.until_s - now_s) if session.until_s else 0.0,
+            delays_s={item.feature.key: item.delay_s for item in self._streams.values()},
             rates_hz={
                 item.feature.key: round(1 / item.period_s, 1) if item.period_s and not item.is_stale else 0.0
                 for item in self._streams.values()
@@ -310,6 +335,7 @@ class Recorder:
                 if before is Phase.RECORDING:
                     self._end_time()
             self._do(steps, log=True)
+            self._cue()
             if self._session.phase is Phase.RECORDING:
                 behind_s = self._behind_s
                 if behind_s > 2 * QUEUE_S:
@@ -320,6 +346,14 @@ class Recorder:
                     self._end_early("the disk is almost full: free some space")
         if self._session.phase is Phase.DONE and self._work.empty() and self._settings.num_episodes:
             self._context.end_run(f"{self._session.kept} episodes are in {self._settings.folder}")
+
+    def _cue(self) -> None:
+        self._cues.tick()
+        phase = self._session.phase
+        if phase is not self._cued:
+            self._cued = phase
+            text = CUES.get(phase, "")
+            self._cues.say(text.format(self._number) if text else "")
 
     def _flush(self, now_ns: int) -> None:
         sampler = self._sampler
@@ -412,9 +446,7 @@ class Recorder:
         if writer is None or self._lost:
             return
         try:
-            values = {key: self._value(key, value) for key, value in frame.values.items()}
-            values[ACQUISITION] = np.array([frame.stamps_ns[key] for key in self._keys], np.int64)
-            writer.add_frame(replace(frame, values=values))
+            writer.add_frame(self._described.converted(frame))
         except (MessageError, DatasetError, FeatureError) as error:
             self._counts["dropped"] += 1
             self._say(f"a frame is dropped: {error}")
@@ -430,14 +462,6 @@ class Recorder:
             self._writer.add_message(topic, message, received_ns, stamp_ns)
         except EpisodeError as error:
             self._lose(error)
-
-    def _value(self, key: str, value: Any) -> Any:
-        feature = self._features[key]
-        if feature.is_picture:
-            return picture(value, feature)
-        if key in self._units and self._unit != "rad":
-            return self._units[key].from_radians(value, Unit(self._unit))
-        return value
 
     def _lose(self, error: EpisodeError) -> None:
         """An episode that cannot be written is discarded; the robot goes on."""
@@ -471,55 +495,14 @@ class Recorder:
         """Open the data set, when what every topic carries is known. Raises EpisodeError."""
         if self._writer is not None:
             return
-        self._features = self._described()
-        writer = writer_of(self._settings.format)(self._layout())
+        self._described.look()
+        writer = self._made()
         writer.open()
         self._writer = writer
 
-    def _layout(self) -> DatasetLayout:
-        return DatasetLayout(
-            folder=Path(self._settings.folder),
-            robot_type=self._facts.robot_type,
-            fps=self._settings.fps,
-            features=self._features,
-            codec=self._settings.codec,
-            pictures=self._settings.pictures,
-            resume=self._settings.resume,
-            identity=self._identity(),
-            counters=COUNTERS,
-        )
-
-    def _described(self) -> FeatureSet:
-        """The features of the data set, those of unknown shape as their first message shows them."""
-        features = [self._seen(stream) for stream in self._streams.values()]
-        self._keys = tuple(feature.key for feature in features)
-        return FeatureSet([*features, Feature(ACQUISITION, "int64", (len(self._keys),), self._keys, "ns")])
-
-    def _seen(self, stream: Stream) -> Feature:
-        feature = stream.feature
-        if feature.key in self._units and self._unit != "rad":
-            return self._units[feature.key].feature(feature, Unit(self._unit))
-        if 0 not in feature.shape or stream.newest is None:
-            return feature
-        try:
-            value = (
-                picture(stream.newest, feature)
-                if feature.is_picture
-                else array_of(stream.newest, feature.names)
-            )
-        except (MessageError, DatasetError) as error:
-            raise EpisodeError(f"{feature.topic} cannot be recorded: {error}") from error
-        names = feature.names
-        if feature.unit and not names:
-            names = tuple(getattr(stream.newest, "name", ()))
-        return replace(feature, shape=np.shape(value), names=names)
-
-    def _identity(self) -> dict[str, str]:
-        """What an appended episode must share: the calibrated ranges that the units are made of."""
-        return {
-            f"calibration of {key}": " ".join(f"{j.name}:{j.min_rad:.4f}:{j.max_rad:.4f}" for j in joints)
-            for key, joints in self._facts.arms.items()
-        }
+    def _made(self) -> DatasetWriter:
+        layout = self._described.layout(resume=self._settings.resume)
+        return writer_of(self._settings.format)(layout)
 
     def _stale(self) -> list[str]:
         return [
@@ -577,6 +560,10 @@ class Recorder:
         elif stale:
             parts.append(f"waits for {', '.join(stale)}")
         self._context.show(", ".join(parts))
+        for stream in self._streams.values():
+            warning = stream.clock_warning(self._settings.tolerance_s or 1 / self._settings.fps)
+            if warning:
+                self._context.warn(warning)
         self._context.progress("episodes", session.kept, self._settings.num_episodes or None, unit="episodes")
 
 

@@ -11,12 +11,9 @@ from typing import Any
 from joshua.features import Alignment, Frame, TimeAligner
 
 from joshua_dataset.settings import StoreSettings
-from joshua_dataset.streams import NS_PER_S, Stream
+from joshua_dataset.streams import LATENCY_S, NS_PER_S, Stream
 
 COUNTERS = ("dropped", "held", "worst_alignment_ns")
-
-#: How long a frame waits for a value that is still on its way through a camera or a network.
-LATENCY_S = 0.25
 
 #: How long a feature may be missing until the episode ends: its node or cable is lost.
 LOST_S = 1.0

@@ -70,6 +70,7 @@ class StoreSettings(BlockSettings):
         tasks: what the episodes show, in order; fps: frames per second; tolerance_s: 0 for the default.
         episode_duration_s: 0 for episodes that end when they are stopped; num_episodes: 0 for any number.
         episodes: to replay, () for all; speed: of a replay.
+        buttons: of a gamepad, by what they do: ``record``, ``keep`` or ``discard``.
     """
 
     folder: str
@@ -90,6 +91,8 @@ class StoreSettings(BlockSettings):
     auto_start: bool = False
     episodes: tuple[int, ...] = ()
     speed: float = 1.0
+    buttons: dict[str, str] = {}  # noqa: RUF012 (pydantic copies it)
+    spoken_cues: bool = False
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -106,6 +109,7 @@ class StoreSettings(BlockSettings):
                 "num_episodes",
                 "auto_start",
                 "speed",
+                "spoken_cues",
             )
             if values.get(name) is not None
         }
@@ -120,6 +124,11 @@ class StoreSettings(BlockSettings):
             "codec": CODECS.get(str(values.get("video_codec")), "h264"),
             "unit": UNITS.get(str(values.get("units")), "auto"),
             "pictures": PICTURES.get(str(values.get("pictures")), "video"),
+            "buttons": {
+                name: values[f"{name}_button"]
+                for name in ("record", "keep", "discard")
+                if values.get(f"{name}_button")
+            },
             "tasks": (first, *(values.get("more_tasks") or ())),
             "episodes": tuple(values.get("episodes") or ()),
         }
@@ -132,6 +141,13 @@ class StoreSettings(BlockSettings):
                 "LeRobot's layout keeps the pictures of a camera as a video",
                 allowed=("PICTURES_VIDEO",),
                 remedy="Remove pictures, or set format: FORMAT_PARQUET",
+            )
+        twice = [name for name in self.buttons.values() if list(self.buttons.values()).count(name) > 1]
+        if twice:
+            raise FieldError(
+                f"{list(self.buttons)[-1]}_button",
+                f"the button {twice[0]!r} has two meanings",
+                remedy="Name another button",
             )
         return self
 

@@ -23,6 +23,12 @@ STALE_S = 1.0
 #: silent for as long as nothing changes.
 LATCHED = ("intervention",)
 
+#: How many messages an estimate of another host's clock takes.
+CLOCK_SAMPLES = 60
+
+#: How long a frame waits for a value that is still on its way through a camera or a network.
+LATENCY_S = 0.25
+
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 
@@ -33,7 +39,9 @@ class RecorderStatus:
     Attributes:
         phase: of the session; episode: number of the next or open episode; kept: episodes of this run.
         frames: of the open episode; elapsed_s, remaining_s: of the phase, remaining_s 0 where it has no end.
-        rates_hz: of each topic; worst_alignment_s: largest distance of a value from its frame.
+        rates_hz: of each topic; delays_s: shortest time from acquisition to reception, by feature; below 0
+            the clock of the publishing host is ahead of this one.
+        worst_alignment_s: largest distance of a value from its frame.
         dropped, held: frames of this episode that lacked a value; missing: features that lack one just now.
         queue_s: recording that waits to be written; encoder_load: share of a core; free_bytes: of the disk.
     """
@@ -47,6 +55,7 @@ class RecorderStatus:
     elapsed_s: float
     remaining_s: float
     rates_hz: dict[str, float]
+    delays_s: dict[str, float]
     worst_alignment_s: float
     dropped: int
     held: int
@@ -76,12 +85,15 @@ class Stream:
         self._stamps: deque[int] = deque(maxlen=30)
         self.is_latched = feature.key.partition(".")[0] in LATCHED
         self._changes: deque[tuple[int, Any]] = deque(maxlen=1000)
+        self._delays_ns: deque[int] = deque(maxlen=CLOCK_SAMPLES)
+        self._warned = False
 
     def take(self, message: Any, received_ns: int) -> int:
         """Note a message; return its acquisition."""
         self.stamp_ns = acquired_ns(message, received_ns)
         self.newest, self.seen_s = message, time.monotonic()
         self._stamps.append(self.stamp_ns)
+        self._delays_ns.append(received_ns - self.stamp_ns)
         if self.is_latched:
             self._changes.append((self.stamp_ns, array_of(message, self.feature.names)))
         return self.stamp_ns
@@ -92,6 +104,28 @@ class Stream:
             if since_ns <= stamp_ns:
                 return np.asarray(value, self.feature.dtype).reshape(self.feature.shape), since_ns
         return np.zeros(self.feature.shape, self.feature.dtype), stamp_ns
+
+    @property
+    def delay_s(self) -> float:
+        """Shortest time from acquisition to reception, of its newest messages; 0 without any.
+
+        It is the way through the network at its best, less what the clock of the publisher is ahead.
+        """
+        return min(tuple(self._delays_ns), default=0) / NS_PER_S
+
+    def clock_warning(self, tolerance_s: float) -> str:
+        """A warning, once, if the clock of the publisher differs by more than the tolerance; "" else."""
+        if self._warned or len(self._delays_ns) < CLOCK_SAMPLES:
+            return ""
+        delay_s = self.delay_s
+        if -tolerance_s <= delay_s <= tolerance_s + LATENCY_S:
+            return ""
+        self._warned = True
+        what = "ahead of" if delay_s < 0 else "behind"
+        return (
+            f"the stamps of {self.feature.topic} are {abs(delay_s):.3f} s {what} this machine, "
+            f"the tolerance is {tolerance_s:.3f} s. Synchronise the clocks of the hosts with chrony or NTP"
+        )
 
     @property
     def age_s(self) -> float:

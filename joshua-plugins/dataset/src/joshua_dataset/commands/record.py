@@ -108,7 +108,9 @@ def screen(status: dict[str, Any], width: int) -> str:
             if not rate
             else ("   missing in the last frame" if key in status["missing"] else "")
         )
-        lines.append(f"  {key:<32} {rate:6.1f} Hz{note}")
+        delay_s = status.get("delays_s", {}).get(key, 0.0)
+        late = f"   {delay_s * 1000:5.0f} ms old" if rate and abs(delay_s) >= 0.001 else ""
+        lines.append(f"  {key:<32} {rate:6.1f} Hz{late}{note}")
     if status["message"]:
         lines.append(status["message"])
     return "\n".join(line[:width] for line in lines)

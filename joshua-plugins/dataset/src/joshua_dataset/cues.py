@@ -1,0 +1,57 @@
+"""Spoken cues for a person whose hands and eyes are at the robot."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+from joshua.api import NodeContext
+
+#: Programs that speak a text, with what stands before it; the first that is installed is used.
+SPEAKERS = (("spd-say", "--"), ("espeak-ng", "--"), ("espeak", "--"), ("say",))
+
+
+class Cues:
+    """Speaks short texts, one after the other; a newer one replaces those that wait.
+
+    Args:
+        context: of the node; spoken: speak at all.
+    """
+
+    def __init__(self, context: NodeContext, *, spoken: bool) -> None:
+        self._command: tuple[str, ...] = ()
+        self._speaking: subprocess.Popen[bytes] | None = None
+        self._waiting = ""
+        if not spoken:
+            return
+        for program, *before in SPEAKERS:
+            path = shutil.which(program)
+            if path:
+                self._command = (path, *before)
+                return
+        names = ", ".join(program for program, *_ in SPEAKERS)
+        context.warn(f"spoken_cues has no effect: none of {names} is installed. Run `apt install espeak-ng`")
+
+    def say(self, text: str) -> None:
+        """Speak a text; never waits."""
+        self._waiting = text
+        self.tick()
+
+    def close(self) -> None:
+        """End what is being said."""
+        self._waiting = ""
+        if self._speaking is not None:
+            self._speaking.kill()
+            self._speaking.wait()
+
+    def tick(self) -> None:
+        """Go on with what waits; called now and then."""
+        busy = self._speaking is not None and self._speaking.poll() is None
+        if busy or not self._waiting or not self._command:
+            return
+        text, self._waiting = self._waiting, ""
+        quiet = subprocess.DEVNULL
+        try:
+            self._speaking = subprocess.Popen([*self._command, text], stdin=quiet, stdout=quiet, stderr=quiet)
+        except OSError:
+            self._command = ()  # the program has gone
