@@ -1,0 +1,55 @@
+"""The pictures of the documentation: each guide has one, each file is made by a script, and all are small."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import draw_diagrams
+import draw_middle_pose
+import draw_pictures
+import draw_rooms
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+IMAGES = DOCS / "images"
+PAGES = [*sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("guides/*.md"))]
+MADE = {
+    *draw_pictures.PICTURES,
+    *draw_diagrams.DIAGRAMS,
+    draw_rooms.PICTURE.name,
+    *(path.name for path in draw_middle_pose.PICTURES),
+}
+PICTURE = re.compile(r'!\[(.+?)\]\((\S+?)\)|(?:src|srcset)="(\S+?)"', re.DOTALL)
+
+
+def pictures_of(page: Path) -> list[Path]:
+    text = page.read_text(encoding="utf-8")
+    return [(page.parent / (place or source)).resolve() for _, place, source in PICTURE.findall(text)]
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("guides/*.md")), ids=lambda page: page.stem)
+def test_each_guide_has_a_picture(page: Path) -> None:
+    assert pictures_of(page), f"add a scene to tools/draw_pictures.py and show it in {page.name}"
+
+
+def test_each_picture_of_a_page_exists_and_each_file_is_shown() -> None:
+    shown = {picture for page in PAGES for picture in pictures_of(page)}
+    assert shown == set(IMAGES.iterdir())
+
+
+def test_each_file_is_named_by_the_script_that_makes_it() -> None:
+    assert {path.name for path in IMAGES.iterdir()} == MADE
+
+
+@pytest.mark.parametrize("picture", sorted(IMAGES.iterdir()), ids=lambda path: path.name)
+def test_a_picture_is_small_and_says_what_it_shows(picture: Path) -> None:
+    assert picture.stat().st_size < 200_000
+    if picture.suffix == ".svg":
+        assert re.search(r"<title>.{20,}</title>|aria-label=\".{20,}\"", picture.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", draw_diagrams.DIAGRAMS)
+def test_the_diagrams_are_up_to_date(name: str) -> None:
+    drawn = draw_diagrams.DIAGRAMS[name]()
+    assert (IMAGES / name).read_text(encoding="utf-8") == drawn, "run python tools/draw_diagrams.py"
