@@ -27,7 +27,7 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "guardian": ("ipc",),
     "devices": ("node",),
     "mock": ("devices",),
-    "models": ("node", "features"),
+    "models": ("plugins", "features"),
     "modes": ("config", "plugins"),
     "planner": ("modes", "config", "plugins", "features", "transport"),
     "supervisor": ("plan", "transport", "ipc", "guardian", "config"),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from joshua.plugins import ActuatorSpec, ModelSpec, PluginSpec, SensorSpec, TransportSpec, hookimpl
+from joshua.plugins import ActuatorSpec, PluginSpec, SensorSpec, TransportSpec, hookimpl
 
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the mock devices, the random-noise model and the Zenoh transport."""
+    """Names the mock devices and the Zenoh transport."""
     return [
         ActuatorSpec(
             block="mock_motor_config",
@@ -47,13 +47,6 @@ def joshua_specs() -> list[PluginSpec]:
             data_types=("sensor_msgs/msg/LaserScan",),
             summary="laser scanner in a rectangular room",
             virtual=True,
-        ),
-        ModelSpec(
-            block="random_noise_config",
-            enum_values=("RANDOM_NOISE",),
-            implementation="joshua.models.random_noise:RandomNoise",
-            settings="joshua.models.random_noise_settings:RandomNoiseSettings",
-            summary="uniformly random joint positions",
         ),
         TransportSpec(
             enum_values=("TRANSPORT_ZENOH",),

@@ -44,7 +44,6 @@ def test_the_core_is_a_plugin_like_any_other() -> None:
         "mock_camera_config",
         "mock_encoder_config",
         "mock_lidar_config",
-        "random_noise_config",
         "",  # Zenoh, which an enum value names
     }
 

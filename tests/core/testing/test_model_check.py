@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.models.model import JointSpace, Model, ModelError, Observation
-from joshua.models.random_noise import RandomNoise
-from joshua.models.random_noise_settings import RandomNoiseSettings
 from joshua.schema import config_pb2
 from joshua.testing import ConformanceError, check_model
+from joshua_inference.random_noise import RandomNoise
+from joshua_inference.random_noise_settings import RandomNoiseSettings
 
 JOINTS = JointSpace(("a", "b"), np.array([-1.0, -0.1]), np.array([1.0, 0.1]))
 SETTINGS = RandomNoiseSettings.from_block(config_pb2.RandomNoiseConfig())

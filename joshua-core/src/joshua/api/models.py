@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from joshua.plan import Compute as Compute
+from joshua.plan import Execution as Execution
 from joshua.plan import ModelNeeds as ModelNeeds
 from joshua.plan.lazy import lazy_names
 from joshua.plugins.block_context import ModelContext as ModelContext

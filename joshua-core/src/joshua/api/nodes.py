@@ -3,7 +3,11 @@
 from joshua.devices.diagnostics import DiagnosticsPublisher as DiagnosticsPublisher
 from joshua.devices.sensor_node import SensorNode as SensorNode
 from joshua.node.behaviour import NodeBehaviour as NodeBehaviour
+from joshua.node.cadence import DurationHistogram as DurationHistogram
+from joshua.node.cadence import TrafficFigures as TrafficFigures
 from joshua.node.endpoints import MessagePublisher as MessagePublisher
+from joshua.node.endpoints import Outputs as Outputs
+from joshua.node.errors import NodeError as NodeError
 from joshua.node.implementation import load_implementation as load_implementation
 from joshua.plan import ActuatorFacts as ActuatorFacts
 from joshua.plan import ModelFacts as ModelFacts

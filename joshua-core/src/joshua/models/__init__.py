@@ -1,1 +1,1 @@
-"""Models: the base class, the node that runs one, and random noise as the simplest of them."""
+"""Models: what one is, what it observes, and what a chunk continues."""

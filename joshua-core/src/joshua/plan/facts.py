@@ -156,6 +156,8 @@ class ModelFacts(NodeFacts):
         joints: that it commands; features: of its subscriptions, by the model's keys.
         task: instruction in natural language.
         execution, compute: of the file.
+        reads_task: it does nothing without a task.
+        interventions: topics of the actuators that it commands, which say whether a person has taken over.
     """
 
     kind: Literal["model"] = "model"
@@ -164,6 +166,8 @@ class ModelFacts(NodeFacts):
     task: str = ""
     execution: Execution = field(default_factory=Execution)
     compute: Compute = field(default_factory=Compute)
+    reads_task: bool = False
+    interventions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

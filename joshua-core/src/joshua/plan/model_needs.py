@@ -15,7 +15,7 @@ class Execution:
     strategy: str = "REPLACE_ON_ARRIVAL"
     steps_per_chunk: int | None = None
     observation_max_age_s: float = 1.0
-    ramp_s: float = 0.5
+    ramp_s: float = 0.3
     max_velocity_rad_s: float = 0.0
     chunk_timeout_s: float = 10.0
     ensemble_coefficient: float = 0.01

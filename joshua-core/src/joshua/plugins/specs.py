@@ -146,7 +146,7 @@ class ModelSpec(NodePluginSpec):
 
     kind: ClassVar[str] = "model"
     base: ClassVar[str] = "joshua.models.model:Model"
-    standard_behaviour: ClassVar[str] = "joshua.models.inference_node:InferenceNode"
+    standard_behaviour: ClassVar[str] = "joshua_inference.node:InferenceNode"
 
 
 class StoreSpec(PluginSpec):

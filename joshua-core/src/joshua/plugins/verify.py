@@ -36,7 +36,7 @@ MODES_OF_PLUGINS = ("MODE_CALIBRATION", "MODE_PLUGIN")
 
 def _message_fields(message: Any) -> tuple[str, ...]:
     fields = message.DESCRIPTOR.fields
-    hidden = ("plugin_config", "node")
+    hidden = ("plugin_config", "node", "execution", "compute", "rename")
     return tuple(field.name for field in fields if field.message_type and field.name not in hidden)
 
 

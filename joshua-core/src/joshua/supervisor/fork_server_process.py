@@ -34,7 +34,7 @@ PRELOADED = (
     "joshua.devices.sensor_node",
     "joshua.mock.actuator",
     "joshua.mock.sensors",
-    "joshua.models.inference_node",
+    "joshua_inference.node",
 )
 
 #: Message types whose codecs are compiled. The frequent types have fast paths.

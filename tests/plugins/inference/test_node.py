@@ -1,3 +1,8 @@
+"""The node of a model.
+
+Why one file: its tests share a scripted model and a stepped clock.
+"""
+
 from __future__ import annotations
 
 import sys
@@ -13,17 +18,18 @@ from joshua.features import Feature
 from joshua.messages import message_class
 from joshua.messages.arrays import load_decoder
 from joshua.messages.make import joint_state
-from joshua.models.inference_node import InferenceNode
 from joshua.models.model import Model, ModelError, Observation
-from joshua.models.random_noise_settings import RandomNoiseSettings
 from joshua.node.verbs import RefusedError, verbs_of
-from joshua.plan import JointRange, NodeKind, NodeSpec, TopicSpec
+from joshua.plan import JointRange, ModelNeeds, NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from joshua_inference.node import EpisodeEnd, InferenceNode, TaskRequest
+from joshua_inference.random_noise_settings import RandomNoiseSettings
 
 JOINTS = [JointRange("a", -1.0, 1.0), JointRange("b", -0.1, 0.1)]
 ACTION = TopicSpec(name="/action", type_name="sensor_msgs/msg/JointState", rate_hz=50.0)
 SEEN = TopicSpec(name="/seen", type_name="std_msgs/msg/Int64")
+PERIOD_NS = 20_000_000
 COUNTED = [Feature("observation.seen", "int64", (1,), topic="/seen")]
 
 
@@ -89,14 +95,34 @@ def spec(**fields: Any) -> NodeSpec:
     )
 
 
-def configured(node_spec: NodeSpec) -> tuple[RecordingContext, InferenceNode]:
-    context = RecordingContext(node_spec)
+class SteppedContext(RecordingContext):
+    """Its clock moves by one period with each tick of the actions."""
+
+    def __init__(self, node_spec: NodeSpec) -> None:
+        super().__init__(node_spec)
+        self.clock_ns = time.time_ns()
+
+    def now_ns(self) -> int:
+        return self.clock_ns
+
+    def tick(self, name: str, times: int = 1) -> None:
+        for _ in range(times):
+            super().tick(name)
+            self.clock_ns += PERIOD_NS
+
+    def receive(self, topic: str, message: Any, publisher: str = "") -> None:
+        self._received[topic].add()
+        self.subscriptions[topic](message, self.clock_ns)
+
+
+def configured(node_spec: NodeSpec) -> tuple[SteppedContext, InferenceNode]:
+    context = SteppedContext(node_spec)
     node = InferenceNode(context)
     node.configure()
     return context, node
 
 
-def start(node_spec: NodeSpec) -> tuple[RecordingContext, InferenceNode]:
+def start(node_spec: NodeSpec) -> tuple[SteppedContext, InferenceNode]:
     context, node = configured(node_spec)
     node.activate()
     return context, node
@@ -124,19 +150,29 @@ def play_until(context: RecordingContext, count: int, *, seen: int | None = None
         if seen is not None:
             see(context, seen)
         context.tick("actions")
+        time.sleep(0.002)  # for the model's thread
         return len(actions(context)) >= count
 
     wait_until(enough)
 
 
+def play(context: SteppedContext, node: InferenceNode, count: int) -> None:
+    """Lets so many periods pass, each with an observation, and each after the model has answered."""
+    for _ in range(count):
+        see(context, 1)
+        wait_until(lambda: not node._loop._wants())
+        context.tick("actions")
+
+
 def test_observations_become_actions_at_the_publishers_rate(model: Any) -> None:
-    model.chunk = np.array([[0.1, 0.0], [0.2, 0.05]])
+    model.chunk = np.array([[0.1, 0.0], [0.2, 0.05], [0.3, 0.0], [0.4, 0.05]])
     context, node = configured(spec())
     see(context, 1)
     see(context, 2)
     node.activate()
     assert context.timers["actions"][0] == 1 / 50
-    play_until(context, 4)
+    wait_until(lambda: bool(model.seen))
+    play(context, node, 4)
     end(context, node)
     assert actions(context)[:4] == [[0.1, 0.0], [0.2, 0.05], [0.1, 0.0], [0.2, 0.05]]
     observation = model.seen[0]
@@ -146,6 +182,26 @@ def test_observations_become_actions_at_the_publishers_rate(model: Any) -> None:
     message = context.publishers["/action"].messages[0]
     assert message.name == ["a", "b"]
     assert model.calls == ["load", "reset", "close", "close"]
+
+
+def test_steps_whose_time_has_passed_are_skipped(model: Any, caplog: pytest.LogCaptureFixture) -> None:
+    model.chunk = np.array([[0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.4, 0.0]])
+    context, node = configured(spec())
+    see(context, 1)
+    model.gate.clear()
+    node.activate()
+    context.tick("actions", 3)  # the model computes for three periods
+    model.gate.set()
+    wait_until(lambda: bool(node.figures().chunks))
+    context.tick("actions")
+    assert actions(context) == [[0.4, 0.0]]
+    assert node.figures().skipped == 3
+    model.gate.clear()
+    see(context, 1)
+    context.tick("actions", 9)
+    model.gate.set()
+    wait_until(lambda: "every step of a chunk was late" in caplog.text)
+    end(context, node)
 
 
 def test_nothing_is_published_before_everything_was_observed(
@@ -169,6 +225,7 @@ def test_what_was_planned_on_stale_observations_is_dropped(model: Any) -> None:
     )
     play_until(context, 1, seen=1)
     time.sleep(0.35)
+    context.tick("actions", 15)  # the ramp of 0.3 s into a hold
     count = len(actions(context))
     context.tick("actions", 20)
     assert len(actions(context)) == count
@@ -182,7 +239,7 @@ def test_a_slow_model_does_not_stop_the_timer(model: Any) -> None:
     play_until(context, 1)
     model.gate.clear()
     before = time.monotonic()
-    while context.tick("actions") or node._gaps < 5:  # the timer finds nothing to play, and returns
+    while context.tick("actions") or node.figures().gaps < 5:  # the timer finds nothing to play, and returns
         assert time.monotonic() - before < 30
     model.gate.set()
     see(context, 2)
@@ -280,14 +337,16 @@ def test_random_noise_runs_as_a_node() -> None:
     settings = RandomNoiseSettings.from_block(config_pb2.RandomNoiseConfig(seed=5))
     context, node = start(
         spec(
-            implementation="joshua.models.random_noise:RandomNoise",
-            settings_type="joshua.models.random_noise_settings:RandomNoiseSettings",
+            implementation="joshua_inference.random_noise:RandomNoise",
+            settings_type="joshua_inference.random_noise_settings:RandomNoiseSettings",
             settings=settings.model_dump(mode="json"),
             subscriptions=(),
             facts={"joints": JOINTS},
         )
     )
-    play_until(context, 20)
+    for _ in range(20):
+        wait_until(lambda: not node._loop._wants())
+        context.tick("actions")
     end(context, node)
     drawn = np.array(actions(context))
     assert np.abs(drawn).max() <= 0.5
@@ -310,7 +369,7 @@ def test_a_model_is_unloaded_and_loaded_while_the_node_runs(model: Any) -> None:
         node.unload()
     assert node.load() == "/policy: the model is loaded"
     assert context.shown == ""
-    play_until(context, silent + 2, seen=1)
+    play(context, node, 100)
     with pytest.raises(RefusedError, match="/policy has already loaded its model: unload it first"):
         node.load()
     end(context, node)
@@ -371,7 +430,126 @@ def test_its_verbs_say_what_moves(model: Any) -> None:
     context, node = configured(spec())
     verbs = verbs_of(node.verb_providers())
     assert {name: (item.moves, item.runs) for name, item in verbs.items()} == {
+        "begin_episode": (True, "loop"),
+        "end_episode": (False, "loop"),
+        "figures": (False, "loop"),
         "load": (True, "beside"),
+        "pause": (False, "loop"),
+        "resume": (True, "loop"),
+        "step": (True, "loop"),
+        "task": (True, "loop"),
         "unload": (False, "beside"),
     }
+    end(context, node)
+
+
+def test_a_pause_holds_and_a_step_carries_out_one_chunk(model: Any) -> None:
+    model.chunk = np.full((4, 2), 0.05)
+    context, node = start(spec())
+    see(context, 1)
+    wait_until(lambda: bool(node.figures().chunks))
+    play(context, node, 4)
+    assert node.pause() == "/policy is paused; the arm holds"
+    chunks, count = node.figures().chunks, len(actions(context))
+    play(context, node, 30)
+    assert node.figures().chunks == chunks
+    assert len(actions(context)) == count + 30, "the hold is published"
+    assert context.shown == "paused"
+    model.chunk = np.full((25, 2), 0.09)
+    node.step()
+    wait_until(lambda: node.figures().chunks == chunks + 1)
+    play(context, node, 30)
+    assert node.figures().chunks == chunks + 1
+    assert actions(context)[-1] == [0.09, 0.09]
+    assert node.resume() == "/policy acts again"
+    wait_until(lambda: node.figures().chunks > chunks + 1)
+    end(context, node)
+
+
+def test_a_model_that_reads_a_task_waits_for_it(model: Any, caplog: pytest.LogCaptureFixture) -> None:
+    context, node = start(
+        spec(subscriptions=(), facts={"joints": JOINTS, "reads_task": True, "compute": {"warm_up": 0}})
+    )
+    wait_until(lambda: bool(caplog.messages))
+    context.tick("actions", 30)
+    assert (actions(context), model.seen) == ([], [])
+    assert caplog.messages == ['waiting for a task: run `joshua task "…"`']
+    assert context.shown == 'waits for a task: run `joshua task "…"`'
+    with pytest.raises(RefusedError, match="the task is empty"):
+        node.task(TaskRequest(" "))
+    assert node.task(TaskRequest("wave  slowly")) == "/policy: the task is: wave slowly"
+    wait_until(lambda: bool(model.seen))
+    assert model.seen[0].task == "wave slowly"
+    end(context, node)
+
+
+def test_an_episode_begins_with_a_fresh_model_and_ends_with_a_mark(model: Any) -> None:
+    context, node = start(spec())
+    see(context, 1)
+    wait_until(lambda: bool(model.seen))
+    resets = model.calls.count("reset")
+    node.begin_episode()
+    play_until(context, 3, seen=1)
+    wait_until(lambda: model.calls.count("reset") == resets + 1)
+    assert node.end_episode(EpisodeEnd(success=True)) == "/policy: episode 1 succeeded; the arm holds"
+    assert node.end_episode(EpisodeEnd(success=False)) == "/policy: episode 2 failed; the arm holds"
+    figures = node.figures()
+    assert (figures.episodes, figures.successes) == (2, 1)
+    end(context, node)
+
+
+def test_a_person_takes_over_and_the_model_begins_anew_afterwards(model: Any) -> None:
+    model.chunk = np.full((50, 2), 0.05)
+    topic, bool_message = "/arm/intervention", message_class("std_msgs/msg/Bool")
+    facts = {"joints": JOINTS, "features": COUNTED, "interventions": [topic]}
+    context, node = start(spec(facts=facts))
+    see(context, 1)
+    wait_until(lambda: bool(node.figures().chunks))
+    play(context, node, 2)
+    context.receive(topic, bool_message(data=True))
+    count, resets = len(actions(context)), model.calls.count("reset")
+    for _ in range(20):
+        see(context, 1)
+        context.tick("actions")
+    assert len(actions(context)) == count
+    context.receive(topic, bool_message(data=False))
+    wait_until(lambda: model.calls.count("reset") == resets + 1)
+    play_until(context, count + 1, seen=1)
+    end(context, node)
+
+
+def test_a_model_that_does_not_return_fails_the_node(model: Any) -> None:
+    execution = {"chunk_timeout_s": 0.05}
+    context, node = start(spec(facts={"joints": JOINTS, "features": COUNTED, "execution": execution}))
+    model.gate.clear()
+    see(context, 1)
+
+    def failed() -> bool:
+        context.tick("actions")
+        time.sleep(0.002)
+        return bool(context.failures)
+
+    wait_until(failed)
+    assert context.failures[0] == (
+        "/policy: the model has returned no chunk for 0.05 s. Give it a faster device, or raise "
+        "execution.chunk_timeout_s"
+    )
+    model.gate.set()
+    end(context, node)
+
+
+def test_a_checkpoint_that_does_not_fit_is_refused_before_the_node_is_ready(model: Any) -> None:
+    other = Feature.picture("observation.images.top", 0, 0)
+    model.needs = lambda self: ModelNeeds(features=(other,))
+    with pytest.raises(ModelError, match=r"/policy: The model needs observation.images.top; .* Add subscr"):
+        configured(spec())
+    assert model.calls[-1] == "close"
+
+
+def test_a_chunk_model_is_warmed_up_with_empty_observations(model: Any) -> None:
+    model.needs = lambda self: ModelNeeds(features=())
+    facts = {"joints": JOINTS, "features": COUNTED, "compute": {"warm_up": 2}}
+    context, node = configured(spec(facts=facts))
+    assert [observation["observation.seen"].tolist() for observation in model.seen] == [[0], [0]]
+    assert model.calls[-1] == "reset"
     end(context, node)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from joshua.plugins.settings import BlockSettings
+from joshua.api import BlockSettings
 
 
 class RandomNoiseSettings(BlockSettings):

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from joshua.models.model import JointSpace, ModelError, Observation
-from joshua.models.random_noise import RandomNoise
-from joshua.models.random_noise_settings import RandomNoiseSettings
 from joshua.schema import config_pb2
+from joshua_inference.random_noise import RandomNoise
+from joshua_inference.random_noise_settings import RandomNoiseSettings
 
 JOINTS = JointSpace(("a", "b"), np.array([-1.0, 0.0]), np.array([1.0, 0.1]))
 NOTHING = Observation(0)

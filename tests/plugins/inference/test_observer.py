@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from joshua.features import Feature, FeatureSet
 from joshua.messages.make import image, joint_state
-from joshua.models.observer import Observer, UnfitMessageError
+from joshua_inference.observer import Observer, UnfitMessageError
 
 STATE = Feature.joints("observation.state", ("a", "b"), topic="/arm")
 TOP = Feature.picture("observation.images.top", 2, 3, topic="/top")

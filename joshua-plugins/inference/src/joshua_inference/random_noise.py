@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from joshua.api import FloatArray, JointSpace, Model, ModelError, Observation
+from joshua.features import FeatureSet
 
-from joshua.features.feature_set import FeatureSet
-from joshua.models.model import FloatArray, JointSpace, Model, ModelError, Observation
-from joshua.models.random_noise_settings import RandomNoiseSettings
+from joshua_inference.random_noise_settings import RandomNoiseSettings
 
 
 class RandomNoise(Model):

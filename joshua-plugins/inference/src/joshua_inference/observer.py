@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from joshua.features.feature_set import FeatureSet
-from joshua.features.frame import Array, FeatureError, checked
+from joshua.api import Observation
+from joshua.features import FeatureError, FeatureSet, checked
+from joshua.features.frame import Array
+from joshua.messages import MessageError
 from joshua.messages.arrays import acquired_ns, array_of
-from joshua.messages.typestore import MessageError
-from joshua.models.model import Observation
 
 NS_PER_S = 1_000_000_000
 
@@ -33,13 +34,21 @@ class Observer:
     Args:
         features: that must be fresh, each with its topic.
         stale_after_s: largest age of a message.
-        task: instruction in natural language.
+        task: instruction in natural language; it may change.
+        now_ns: the clock of the stamps.
     """
 
-    def __init__(self, features: FeatureSet, stale_after_s: float = 1.0, task: str = "") -> None:
+    def __init__(
+        self,
+        features: FeatureSet,
+        stale_after_s: float = 1.0,
+        task: str = "",
+        now_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
         self._features = tuple(features.values())
         self._stale_after_ns = round(stale_after_s * NS_PER_S)
-        self._task = task
+        self.task = task
+        self._now_ns = now_ns
         self._lock = threading.Lock()
         self._newest: dict[str, _Newest] = {}
         self._arrays: dict[str, tuple[Any, Array]] = {}
@@ -81,8 +90,9 @@ class Observer:
                 self._arrays[feature.key] = known
             values[feature.key] = known[1]
             stamps_ns[feature.key] = acquired_ns(message, received_ns)
-        stamp_ns = max(stamps_ns.values(), default=0) or time.time_ns()
-        return Observation(stamp_ns, values, stamps_ns, task=self._task)
+        now_ns = self._now_ns()  # the clock of another machine may be ahead
+        stamp_ns = min(max(stamps_ns.values(), default=0) or now_ns, now_ns)
+        return Observation(stamp_ns, values, stamps_ns, task=self.task)
 
     def _drop(self, topic: str, message: Any) -> None:
         with self._lock:

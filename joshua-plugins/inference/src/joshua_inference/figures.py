@@ -1,0 +1,91 @@
+"""How well a model keeps up with the arm that it drives: figures for the status line and the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from joshua.api import FloatArray
+from joshua.api.nodes import DurationHistogram
+
+
+@dataclass(frozen=True)
+class InferenceFigures:
+    """Figures since the start.
+
+    Attributes:
+        rate_hz: of the publisher; chunks: predicted; queue: steps that are left of the newest one.
+        latency_p50_s, latency_p99_s: the model's own time for a chunk; overhead_p50_s: from a finished
+            observation to its chunk, without the model's own time.
+        age_p50_s, age_p99_s: of the observation behind an action when it is published.
+        periods, gaps: since the first action, and those of them without one.
+        skipped: steps that were late when their chunk arrived.
+        border_rad, border_rad_s: largest difference of a new chunk from the plan before it, and largest
+            change of speed there; border_mean_rad: the mean of all borders.
+        episodes, successes: that have ended.
+    """
+
+    rate_hz: float
+    chunks: int
+    queue: int
+    latency_p50_s: float
+    latency_p99_s: float
+    overhead_p50_s: float
+    age_p50_s: float
+    age_p99_s: float
+    periods: int
+    gaps: int
+    skipped: int
+    border_rad: float
+    border_mean_rad: float
+    border_rad_s: float
+    episodes: int = 0
+    successes: int = 0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.rate_hz:g} Hz, queue {self.queue}, model {1e3 * self.latency_p50_s:.3g}/"
+            f"{1e3 * self.latency_p99_s:.3g} ms, age {self.age_p50_s:.2f} s, skipped {self.skipped}, "
+            f"border {self.border_rad:.2g} rad {self.border_rad_s:.2g} rad/s"
+        )
+
+
+class FigureKeeper:
+    """Collects the figures; the loop holds its lock."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self.latency, self.overhead, self.age = (DurationHistogram() for _ in range(3))
+        self.periods = self.gaps = self.skipped = self._borders = 0
+        self.episodes = self.successes = 0
+        self._jump = self._jump_sum = self._change = 0.0
+
+    def border(self, due: FloatArray, planned: FloatArray, before: list[FloatArray]) -> None:
+        """Counts a border: the first action of a chunk, what was planned, the two published before it."""
+        jump = float(np.abs(due - planned).max())
+        self._borders += 1
+        self._jump, self._jump_sum = max(self._jump, jump), self._jump_sum + jump
+        if len(before) == 2:
+            change = np.abs(due - 2 * before[1] + before[0]).max() / self._period_s
+            self._change = max(self._change, float(change))
+
+    def figures(self, queue: int) -> InferenceFigures:
+        """The figures so far."""
+        return InferenceFigures(
+            rate_hz=1 / self._period_s,
+            chunks=self.latency.count,
+            queue=queue,
+            latency_p50_s=self.latency.quantile_ns(0.5) / 1e9,
+            latency_p99_s=self.latency.quantile_ns(0.99) / 1e9,
+            overhead_p50_s=self.overhead.quantile_ns(0.5) / 1e9,
+            age_p50_s=self.age.quantile_ns(0.5) / 1e9,
+            age_p99_s=self.age.quantile_ns(0.99) / 1e9,
+            periods=self.periods,
+            gaps=self.gaps,
+            skipped=self.skipped,
+            border_rad=self._jump,
+            border_mean_rad=self._jump_sum / max(1, self._borders),
+            border_rad_s=self._change,
+            episodes=self.episodes,
+            successes=self.successes,
+        )

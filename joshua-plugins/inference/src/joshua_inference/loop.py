@@ -1,0 +1,216 @@
+"""Observation, model and action side by side: none of them waits for another."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from joshua.api import FloatArray, JointSpace, Model, ModelError, Observation
+from joshua.api.models import Execution
+
+from joshua_inference.figures import FigureKeeper, InferenceFigures
+from joshua_inference.strategies import STRATEGIES, Chunk, Output
+
+#: Latencies of which the longest is expected of the next chunk.
+_DELAYS = 10
+
+
+class InferenceLoop:
+    """Places the chunks of a model on the time axis of a timer.
+
+    Steps count the periods of the timer from its first tick on. Step k of a chunk belongs to the tick that is
+    nearest to the stamp of the observation plus k periods.
+
+    Args:
+        execution: of the file; joints: that are commanded; period_s: of the timer.
+        now_ns: the clock of the stamps.
+    """
+
+    def __init__(
+        self, execution: Execution, joints: JointSpace, period_s: float, now_ns: Callable[[], int]
+    ) -> None:
+        self._execution, self._joints, self._now_ns = execution, joints, now_ns
+        self._period_ns = round(period_s * 1e9)
+        self._strategy = STRATEGIES[execution.strategy](execution)
+        self._output = Output(period_s, execution)
+        self._lock = threading.Lock()
+        self._wanted = threading.Event()
+        self._keeper = FigureKeeper(period_s)
+        self._delays: deque[int] = deque(maxlen=_DELAYS)
+        self._before: deque[FloatArray] = deque(maxlen=2)
+        self._origin_ns: int | None = None
+        self._next = self._epoch = 0
+        self._asked = -1  # the step of the last prediction: one in each step at most
+        self._called_ns = 0
+        self._playing: Chunk | None = None
+        self._begun = self._single = self._hurry = False
+        self.paused = False
+
+    def wait(self, timeout_s: float) -> bool:
+        """Waits until a chunk is wanted; False when that takes longer; on the model's thread."""
+        with self._lock:
+            self._wanted.clear()
+            if self._wants():
+                return True
+        return self._wanted.wait(timeout_s)
+
+    def predict(self, model: Model, observation: Observation) -> int:
+        """Lets the model answer an observation; on the model's thread.
+
+        Returns:
+            How many steps of the chunk were late. Raises ModelError for actions that cannot be sent.
+        """
+        began_ns = time.monotonic_ns()
+        with self._lock:
+            known = self._strategy.chunk
+            again = known is not None and known.stamp_ns == observation.stamp_ns and not self._hurry
+            epoch, self._hurry, self._asked = self._epoch, False, self._next
+            if again and known is not None and len(known.actions) > 1 and not self._strategy.on_arrival:
+                return 0  # the same observation has the same answer
+            first = self._step(observation.stamp_ns)
+            request = self._strategy.request(first, self._delay())
+        self._called_ns = called_ns = time.monotonic_ns()
+        act = model.act(observation) if request is None else model.continue_chunk(observation, request)
+        took_ns, self._called_ns = time.monotonic_ns() - called_ns, 0
+        actions = checked(act, self._joints, type(model).__name__)
+        with self._lock:
+            if epoch != self._epoch:  # what it answered no longer holds
+                return 0
+            self._delays.append(max(1, self._next - first))
+            if (
+                self._strategy.on_arrival or len(actions) == 1
+            ):  # the arm holds, or the model answers the present
+                first = self._next
+            late = min(len(actions), max(0, self._next - first))
+            self._keeper.skipped += late
+            self._strategy.add(Chunk(first, actions, observation.stamp_ns), self._next)
+            self._keeper.latency.add(took_ns)
+            self._keeper.overhead.add(time.monotonic_ns() - began_ns - took_ns)
+        return late
+
+    def tick(self, *, runs: bool, keep: bool) -> FloatArray | None:
+        """The action to publish; None for nothing; on the timer's thread.
+
+        Args:
+            runs: actions are carried out; else the arm comes to rest by a ramp.
+            keep: the hold after the ramp is published.
+        """
+        now_ns = self._now_ns()
+        with self._lock:
+            step = self._step(now_ns)
+            self._next = step + 1
+            due = self._strategy.due(step) if runs and (not self.paused or self._single) else None
+            if self._single and due is None and self._strategy.chunk is not None:
+                self._single = False  # carried out
+            chunk, border = self._strategy.chunk, False
+            if due is not None and chunk is not None:
+                border = self._is_border(step, due, chunk)
+                self._keeper.age.add(now_ns - chunk.stamp_ns)
+            action = self._output.next(due, border=border, keep=keep)
+            if action is not None:
+                self._before.append(action)
+            self._begun = (self._begun or due is not None) and runs
+            counts = self._begun and not self.paused
+            self._keeper.periods += counts
+            self._keeper.gaps += counts and due is None
+            if runs and self._wants():
+                self._wanted.set()
+        return action
+
+    def pause(self) -> None:
+        """Comes to rest and holds."""
+        with self._lock:
+            self.paused, self._single = True, False
+            self._forget()
+
+    def resume(self) -> None:
+        """Goes on with a new chunk."""
+        with self._lock:
+            self.paused = self._single = False
+            self._forget()
+
+    def single(self) -> None:
+        """Carries one chunk out, and holds again."""
+        with self._lock:
+            self._forget()
+            self.paused = self._single = True
+
+    def hurry(self) -> None:
+        """Wants a chunk at once, as the task has changed."""
+        with self._lock:
+            self._hurry = True
+            self._wanted.set()
+
+    def clear(self, *, output: bool = False) -> None:
+        """Drops what is planned, and what is computed just now; ``output``: what was published, too."""
+        with self._lock:
+            self._forget()
+            if output:
+                self._output.forget()
+
+    def end_episode(self, success: bool) -> int:
+        """Counts an episode; returns how many have ended."""
+        self.pause()
+        self._keeper.episodes += 1
+        self._keeper.successes += success
+        return self._keeper.episodes
+
+    @property
+    def computing_s(self) -> float:
+        """How long the model has been at its present chunk; 0 while it computes none."""
+        called_ns = self._called_ns
+        return (time.monotonic_ns() - called_ns) / 1e9 if called_ns else 0.0
+
+    def figures(self) -> InferenceFigures:
+        """The figures so far."""
+        with self._lock:
+            chunk = self._strategy.chunk
+            return self._keeper.figures(max(0, chunk.end - self._next) if chunk is not None else 0)
+
+    def _forget(self) -> None:
+        self._strategy.clear()
+        self._playing = None
+        self._epoch, self._asked = self._epoch + 1, -1
+
+    def _wants(self) -> bool:
+        if self.paused and not (self._single and self._strategy.chunk is None):
+            return False
+        wants = self._strategy.wants(self._next, self._delay()) and self._next > self._asked
+        return self._hurry or wants
+
+    def _is_border(self, step: int, due: FloatArray, chunk: Chunk) -> bool:
+        """Whether another chunk begins to play; counts what it changes against the plan before it."""
+        before, self._playing = self._playing, chunk
+        if before is chunk or self._execution.strategy == "TEMPORAL_ENSEMBLE":
+            return False
+        planned = before.at(step) if before is not None else None
+        if planned is None and self._before:
+            planned = self._before[-1]
+        if planned is not None:
+            self._keeper.border(due, planned, list(self._before))
+        return True
+
+    def _delay(self) -> int:
+        """Steps from an observation to its chunk, as expected of the next one."""
+        if self._execution.inference_delay is not None:
+            return self._execution.inference_delay
+        return max(self._delays, default=0) + self._execution.delay_margin
+
+    def _step(self, stamp_ns: int) -> int:
+        if self._origin_ns is None:
+            self._origin_ns = self._now_ns()
+        return math.floor((stamp_ns - self._origin_ns) / self._period_ns + 0.5)
+
+
+def checked(actions: FloatArray, joints: JointSpace, name: str) -> FloatArray:
+    """A model's actions clipped to the limits. Raises ModelError for any other shape, or NaN."""
+    chunk, count = np.asarray(actions, np.float64), len(joints.names)
+    if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != count:
+        raise ModelError(f"{name}.act returned shape {chunk.shape}; {count} joints need (T, {count}), T ≥ 1")
+    if not np.isfinite(chunk).all():
+        raise ModelError(f"{name}.act returned a value that is not finite: nothing is sent to the joints")
+    return np.clip(chunk, joints.position_min_rad, joints.position_max_rad)

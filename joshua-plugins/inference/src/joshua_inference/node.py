@@ -1,0 +1,392 @@
+"""The node of a model: observations in, actions out at the publisher's rate."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from joshua.api import (
+    JointRange,
+    JointSpace,
+    Model,
+    ModelError,
+    NodeContext,
+    Observation,
+    RefusedError,
+    verb,
+)
+from joshua.api.nodes import (
+    ModelFacts,
+    NodeBehaviour,
+    NodeError,
+    Outputs,
+    TopicSpec,
+    TrafficFigures,
+    load_implementation,
+)
+from joshua.features import FeatureSet
+from joshua.features.needs import unmet
+from joshua.messages import MessageError
+from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
+from joshua.messages.make import joint_state
+
+from joshua_inference.figures import InferenceFigures
+from joshua_inference.loop import InferenceLoop
+from joshua_inference.observer import Observer, UnfitMessageError
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+#: Share of periods without an action that still counts as keeping up.
+GAPS_MAX = 0.05
+
+#: Longest wait of the model's thread, so that the stop is noticed.
+WAIT_S = 0.2
+
+#: Distance of two looks whether a model that cannot run may run again.
+BLOCKED_S = 0.01
+
+#: Distance of two texts in the status line.
+SHOWN_S = 0.5
+
+#: Beyond the time for a chunk, until a model that does not return is ended from outside.
+HANG_MARGIN_S = 5.0
+
+#: Lower priority of the model than of the timer, and the longest time that it keeps the interpreter, seconds.
+_NICER = 5
+_SWITCH_S = 0.001
+
+_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class TaskRequest:
+    """What the robot is told to do, in plain words."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class EpisodeEnd:
+    """Whether the task has succeeded."""
+
+    success: bool
+
+
+class InferenceNode(NodeBehaviour):
+    """The standard behaviour of models.
+
+    A thread runs the model whenever a chunk of actions is wanted; a timer at the publisher's rate plays the
+    chunks. While a topic is stale, a task is missing, or a person has taken over, the arm comes to rest by a
+    ramp and then nothing is published, so that the actuator's own watchdog holds it.
+    """
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._facts = facts = context.spec.facts_as(ModelFacts)
+        self._model: Model | None = None
+        self._joints = joint_space(facts.joints)
+        self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
+        self._acting = threading.Lock()
+        self._loop = InferenceLoop(facts.execution, self._joints, 1 / (self._rate_hz or 1.0), context.now_ns)
+        self._features = FeatureSet(facts.features)
+        self._observer = Observer(
+            self._features, facts.execution.observation_max_age_s, facts.task, context.now_ns
+        )
+        self._outputs = Outputs(())
+        self._received: list[TrafficFigures] = []
+        self._runs = self._resets = False
+        self._taken_over: set[str] = set()
+        self._waits_for = ""
+        self._ticks = 0
+        self._said: deque[str] = deque(maxlen=16)
+
+    def configure(self) -> None:
+        """Loads the model and declares topics. Raises ModelError, TargetError."""
+        spec = self.context.spec
+        for topic in spec.publishers:
+            if topic.type_name != JOINT_STATE:
+                raise ModelError(
+                    f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: a model publishes "
+                    "joint positions; set data_type: JOINT_STATE"
+                )
+        if not spec.publishers:
+            raise ModelError(f"{spec.full_name} publishes no action: add a publisher of type JOINT_STATE")
+        if not self._joints.names:
+            raise ModelError(
+                f"{spec.full_name} does not know its joints: let an actuator subscribe to "
+                f"{spec.publishers[0].name}"
+            )
+        for topic in spec.subscriptions:
+            if not holds_numbers(topic.type_name):
+                raise ModelError(
+                    f"{spec.full_name} cannot observe {topic.type_name} on {topic.name}: it holds no numbers"
+                )
+            if topic.type_name == COMPRESSED_IMAGE:
+                try:
+                    load_decoder()
+                except MessageError as error:
+                    raise ModelError(f"{spec.full_name}: {error}") from error
+        self._model = self._loaded()
+        self._outputs = Outputs(map(self.context.publisher, spec.publishers), self._rate_hz)
+        self._received = [
+            self.context.subscribe(topic, partial(self._observer.add, topic.name))
+            for topic in spec.subscriptions
+        ]
+        for name in self._facts.interventions:
+            topic = TopicSpec(name=name, type_name="std_msgs/msg/Bool")
+            self.context.subscribe(topic, partial(self._intervened, name))
+
+    def verb_providers(self) -> tuple[object, ...]:
+        """The node's own verbs, and those of its model."""
+        return (self,) if self._model is None else (self, self._model)
+
+    @verb(moves=True, runs="beside")
+    def load(self) -> str:
+        """Loads the model, which then acts again."""
+        name = self.context.spec.full_name
+        if self._model is not None:
+            raise RefusedError(f"{name} has already loaded its model: unload it first")
+        try:
+            model = self._loaded()
+        except Exception as error:  # a plugin's code; the node goes on without a model
+            kind = "" if isinstance(error, (NodeError, ModelError)) else f"{type(error).__name__}: "
+            raise RefusedError(f"{name}: the model was not loaded: {kind}{error}") from error
+        if self.context.stopping:
+            model.close()
+            raise RefusedError(f"{name} stops")
+        self.context.show("")
+        self._model = model
+        return f"{name}: the model is loaded"
+
+    @verb(moves=False, runs="beside")
+    def unload(self) -> str:
+        """Frees the model; nothing is published then, so that the actuator holds its position."""
+        name = self.context.spec.full_name
+        with self._acting:  # the model is done with what it computes just now
+            model, self._model = self._model, None
+            self._loop.clear(output=True)
+        if model is None:
+            raise RefusedError(f"{name} has no model: load it first")
+        model.close()
+        self.context.show("no model")
+        return f"{name}: the model is unloaded; the node publishes nothing"
+
+    @verb(moves=False)
+    def pause(self) -> str:
+        """Brings the arm to rest by a ramp and holds it."""
+        self._loop.pause()
+        return f"{self.context.spec.full_name} is paused; the arm holds"
+
+    @verb(moves=True)
+    def resume(self) -> str:
+        """Ends a pause: the model acts again."""
+        self._loop.resume()
+        return f"{self.context.spec.full_name} acts again"
+
+    @verb(moves=True)
+    def step(self) -> str:
+        """Carries out one chunk, and holds again."""
+        self._loop.single()
+        return f"{self.context.spec.full_name} carries out one chunk"
+
+    @verb(moves=True)
+    def task(self, request: TaskRequest) -> str:
+        """Tells the robot what to do, in plain words."""
+        text = " ".join(request.text.split())
+        if not text:
+            raise RefusedError("the task is empty; to stop the model, run `joshua call NODE pause`")
+        self._observer.task = text
+        self._loop.hurry()
+        return f"{self.context.spec.full_name}: the task is: {text}"
+
+    @verb(moves=True)
+    def begin_episode(self) -> str:
+        """Begins an episode: the model forgets what was before, and acts."""
+        self._resets = True
+        self._loop.resume()
+        return f"{self.context.spec.full_name}: the episode begins"
+
+    @verb(moves=False)
+    def end_episode(self, request: EpisodeEnd) -> str:
+        """Ends an episode with its mark of success; the arm holds."""
+        number = self._loop.end_episode(request.success)
+        mark = "succeeded" if request.success else "failed"
+        return f"{self.context.spec.full_name}: episode {number} {mark}; the arm holds"
+
+    @verb(moves=False)
+    def figures(self) -> InferenceFigures:
+        """Reports rate, queue, latencies, ages, skipped steps and borders of chunks."""
+        return self._loop.figures()
+
+    def activate(self) -> None:
+        """Starts the model's thread and the timer of the actions."""
+        if self._runs:
+            return
+        self._runs = True
+        hang_after_s = self._facts.execution.chunk_timeout_s + HANG_MARGIN_S
+        sys.setswitchinterval(_SWITCH_S)
+        self.context.spawn_thread(self._infer, name="model", hang_after_s=hang_after_s)
+        self.context.create_timer(1 / self._rate_hz, self._play, name="actions")
+
+    def deactivate(self) -> None:
+        """Plays nothing any more."""
+        self._loop.clear(output=True)
+        figures = self._loop.figures()
+        if self._runs and figures.chunks:
+            self.context.log.info("%d chunks: %s", figures.chunks, figures)
+        self._runs = False
+
+    def cleanup(self) -> None:
+        """Frees the model."""
+        if self._model is not None:
+            self._model.close()
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        """Rates of actions and observations, and whether the model kept up."""
+        rows = self._outputs.checks()
+        for item in self._received:
+            measured = f"{item.count} at {item.rate_hz:.4g} Hz"
+            rows.append((f"observations on {item.topic.name}", item.count > 0, measured))
+        found = self._loop.figures()
+        kept_up = found.chunks > 0 and found.gaps <= GAPS_MAX * found.periods
+        measured = f"{found.chunks} chunks, {found.gaps} of {found.periods} periods without an action"
+        rows.append(("model keeps up", kept_up, measured))
+        return rows
+
+    def _infer(self) -> None:
+        """Runs the model until the stop; whatever it raises fails the node."""
+        if hasattr(os, "setpriority"):  # of this thread, and of those that the model starts
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICER)
+        while not self.context.stopping:
+            if self._blocked():
+                time.sleep(BLOCKED_S)
+                continue
+            if not self._loop.wait(WAIT_S) or self._blocked():
+                continue
+            try:
+                observation = self._observer.observation()
+            except UnfitMessageError as error:
+                self._say_once(str(error))
+                continue
+            with self._acting:
+                if (model := self._model) is not None:
+                    self._predict(model, observation)
+
+    def _predict(self, model: Model, observation: Observation) -> None:
+        if self._resets:
+            self._resets = False
+            model.reset()
+        late = self._loop.predict(model, observation)
+        age_s = (self.context.now_ns() - observation.stamp_ns) / 1e9
+        if late and self._loop.figures().queue == 0:
+            self._say_once(
+                f"every step of a chunk was late: its observation was {age_s:.2f} s old on arrival. Take a "
+                "faster device or longer chunks. If the observation comes from another machine, synchronise "
+                "the clocks"
+            )
+
+    def _loaded(self) -> Model:
+        name, compute = self.context.spec.full_name, self._facts.compute
+        for variable in _THREADS:
+            os.environ[variable] = str(compute.threads or os.cpu_count())
+        implementation, settings = load_implementation(self.context.spec, Model)
+        model: Model = implementation(settings, self._joints, self._features)
+        try:
+            model.load()
+            model.reset()
+            strategy = self._facts.execution.strategy
+            lacks = unmet(model.needs(), self._features, self._facts.joints, self._rate_hz, strategy)
+            if lacks:
+                raise ModelError("; ".join(f"{name}: {lack.message}. {lack.remedy}" for lack in lacks))
+            self._warm_up(model, compute.warm_up)
+        except BaseException:
+            model.close()
+            raise
+        return model
+
+    def _warm_up(self, model: Model, chunks: int) -> None:
+        """Lets a chunk model answer empty observations, so that its first real answer is not a slow one."""
+        values: dict[str, Any] = {}
+        for feature in self._features.values():
+            if 0 in feature.shape:
+                return
+            values[feature.key] = np.zeros(feature.shape, feature.dtype)
+        now_ns, needs = self.context.now_ns(), model.needs()
+        stamps_ns = dict.fromkeys(values, now_ns)
+        for _ in range(chunks if needs.features is not None else 0):
+            model.act(Observation(now_ns, values, stamps_ns, task=self._facts.task))
+            model.reset()
+
+    def _intervened(self, topic: str, message: Any, received_ns: int) -> None:
+        """A person takes over, or gives control back: the model then begins anew."""
+        del received_ns
+        if bool(message.data) is (topic in self._taken_over):
+            return
+        (self._taken_over.add if message.data else self._taken_over.discard)(topic)
+        self._resets = True
+        self._loop.clear(output=True)
+
+    def _blocked(self) -> bool:
+        """Whether the model must not run; says once why."""
+        missing = self._observer.missing()
+        waits_for = f"a message on {', '.join(missing)}" if missing else ""
+        if self._taken_over:
+            waits_for = "control, which a person has taken over"
+        elif not missing and self._facts.reads_task and not self._observer.task:
+            waits_for = 'a task: run `joshua task "…"`'
+        if waits_for != self._waits_for:
+            self._waits_for = waits_for
+            if waits_for:
+                self.context.log.warning("waiting for %s", waits_for)
+            else:
+                self.context.log.info("all observations are up to date")
+        return bool(waits_for) or self._model is None
+
+    def _say_once(self, text: str) -> None:
+        if text not in self._said:
+            self._said.append(text)
+            self.context.log.warning("%s", text)
+
+    def _play(self) -> None:
+        """Publishes the action that is due, or the ramp into a hold."""
+        model, waits = self._model, bool(self._waits_for or self._observer.missing())
+        action = self._loop.tick(runs=model is not None and not waits, keep=not waits)
+        if waits:
+            self._loop.clear()
+        self._ticks += 1
+        if model is not None and self._ticks % max(1, round(SHOWN_S * self._rate_hz)) == 0:
+            self._show()
+        if action is None or model is None:
+            return
+        now_ns = self.context.now_ns()
+        message = joint_state(self._joints.names, action, frame_id=self.context.spec.frame_id, at_ns=now_ns)
+        self._outputs.publish(now_ns, lambda _: message)
+
+    def _show(self) -> None:
+        """Puts the figures into the status line; fails the node if the model does not return."""
+        figures = self._loop.figures()
+        state = "paused" if self._loop.paused else f"waits for {self._waits_for}" if self._waits_for else ""
+        self.context.show(state or str(figures) if figures.chunks else state)
+        timeout_s = self._facts.execution.chunk_timeout_s
+        if self._loop.computing_s > timeout_s:
+            self.context.fail(
+                f"{self.context.spec.full_name}: the model has returned no chunk for {timeout_s:g} s. Give "
+                "it a faster device, or raise execution.chunk_timeout_s"
+            )
+
+
+def joint_space(joints: Sequence[JointRange]) -> JointSpace:
+    """Makes a JointSpace of the joints of the plan."""
+    return JointSpace(
+        names=tuple(joint.name for joint in joints),
+        position_min_rad=np.array([joint.min_rad for joint in joints], np.float64),
+        position_max_rad=np.array([joint.max_rad for joint in joints], np.float64),
+    )
