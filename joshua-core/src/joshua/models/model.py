@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from joshua.features.feature_set import FeatureSet
 from joshua.features.frame import Frame
-from joshua.node.errors import NodeError
 from joshua.plan.model_needs import ModelNeeds
 from joshua.plugins.settings import ModelSettings
 
@@ -110,5 +109,5 @@ class Model(ABC):
         """Frees the model; a second call does nothing."""
 
 
-class ModelError(NodeError):
+class ModelError(Exception):
     """A model cannot be loaded or run; the message names the model and the remedy."""
