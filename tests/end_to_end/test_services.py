@@ -24,6 +24,7 @@ robot {
   }
 }
 """
+BESIDE: list[Callable[..., Any]] = []
 PARAMETERS = (
     "describe_parameters",
     "get_parameter_types",
@@ -47,8 +48,16 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., 
         assert run.stdout is not None
         assert any(" ready after " in line for line in run.stdout)
         options = ("--config=place.pbtxt", "--wait=30")
+        BESIDE.append(lambda *words: joshua.start(*words, *options))
         yield lambda *words: joshua("service", words[0], *options, *words[1:])
+        BESIDE.clear()
         joshua.close()
+
+
+@pytest.fixture
+def joshua_beside(service: Callable[..., Any]) -> Callable[..., Any]:
+    """Starts another command beside the robot."""
+    return BESIDE[0]
 
 
 def test_every_node_offers_its_parameters_and_verbs(service: Callable[..., Any]) -> None:
@@ -58,6 +67,8 @@ def test_every_node_offers_its_parameters_and_verbs(service: Callable[..., Any])
             kind = "".join(part.capitalize() for part in name.split("_"))
             assert f"{node}/{name} [rcl_interfaces/srv/{kind}]" in lines
     assert "/copy/resume [std_srvs/srv/Trigger]" in lines
+    assert "/copy/limit_speed [rcl_interfaces/srv/SetParametersAtomically]" in lines
+    assert "/copy/get_state [lifecycle_msgs/srv/GetState]" in lines
     assert service("type", "/copy/resume").stdout == "std_srvs/srv/Trigger\n"
 
 
@@ -76,6 +87,51 @@ def test_parameters_are_the_settings_of_the_node_and_fixed(service: Callable[...
     assert "no parameter 'nonsense'" in refused.stdout
     types = service("call", "/copy/get_parameter_types", "{names: [num_motors, use_sim_time]}")
     assert types.stdout == "types: [2, 1]\n"
+
+
+def test_a_verb_with_a_request_takes_named_values(service: Callable[..., Any]) -> None:
+    def limit(value: str) -> str:
+        request = f"{{parameters: [{{name: scale, value: {{type: 3, double_value: {value}}}}}]}}"
+        return str(service("call", "/copy/limit_speed", request).stdout)
+
+    assert "the joints use 50% of their speed limits" in limit("0.5")
+    assert "successful: true" in limit("0.75")
+    refused = limit("1.5")
+    assert "successful: false" in refused
+    assert "it must be above 0 and at most 1" in refused
+    unknown = service("call", "/copy/limit_speed", "{parameters: [{name: scala, value: {type: 3}}]}").stdout
+    assert "scala: no such field; did you mean scale?" in unknown
+
+
+def test_a_parameter_that_a_verb_sets_changes_and_its_event_is_published(
+    service: Callable[..., Any], joshua_beside: Callable[..., Any]
+) -> None:
+    listener = joshua_beside("topic", "echo", "/parameter_events", "--once", "--full")
+    said = ""
+    for scale in range(1, 60):  # the listener has its own time to start
+        value = f"{{name: speed_scale, value: {{type: 3, double_value: {scale / 100}}}}}"
+        said = service("call", "/copy/set_parameters", f"{{parameters: [{value}]}}").stdout
+        assert "successful: true" in said
+        if listener.poll() is not None:
+            break
+    event = listener.communicate(timeout=60)[0]
+    assert "node: /copy" in event
+    assert "name: speed_scale" in event
+    assert (
+        f"double_value: {scale / 100}"
+        in service("call", "/copy/get_parameters", "{names: [speed_scale]}").stdout
+    )
+    described = service("call", "/copy/describe_parameters", "{names: [speed_scale]}").stdout
+    assert "read_only: false" in described
+    wrong = "{parameters: [{name: speed_scale, value: {type: 4, string_value: fast}}]}"
+    assert "speed_scale is of type float" in service("call", "/copy/set_parameters", wrong).stdout
+
+
+def test_a_node_is_an_active_managed_node_and_the_run_alone_stops_it(service: Callable[..., Any]) -> None:
+    assert "label: active" in service("call", "/copy/get_state").stdout
+    assert "available_transitions: []" in service("call", "/copy/get_available_transitions").stdout
+    refused = service("call", "/copy/change_state", "{transition: {id: 4, label: deactivate}}")
+    assert (refused.returncode, refused.stdout) == (1, "success: false\n")
 
 
 def test_a_verb_that_gives_torque_is_refused_with_the_reason(service: Callable[..., Any]) -> None:

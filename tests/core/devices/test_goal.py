@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from joshua.devices.actuator import JointLimits
-from joshua.devices.goal import RAMP_SPEED_RAD_S, GoalGenerator, GoalState
+from joshua.devices.goal import RAMP_SPEED_RAD_S, GoalGenerator, GoalState, SpeedScale
 from joshua.devices.joint_command import JointCommand, TrajectoryCommand
+from joshua.node.verbs import RefusedError
 
 MS = 1_000_000
 PERIOD_NS = 10 * MS
@@ -63,6 +64,18 @@ def test_after_the_approach_the_device_limits_the_speed() -> None:
     goals = loop.run(10, send=command(1.5, 0.0))
     assert np.diff(goals[:, 0]).max() == pytest.approx(0.05)
     assert goals[-1][0] == pytest.approx(1.0)
+
+
+def test_a_speed_scale_slows_the_approach_and_what_follows() -> None:
+    loop = Loop()
+    assert loop.goals.limit_speed(SpeedScale(0.5)) == "the joints use 50% of their speed limits"
+    goals = loop.run(120, send=command(0.5, 0.0))
+    assert np.diff(goals[:40, 0]).max() == pytest.approx(0.005)
+    assert np.diff(loop.run(10, send=command(1.5, 0.0))[:, 0]).max() == pytest.approx(0.025)
+    for scale in (0.0, -0.1, 1.01):
+        with pytest.raises(RefusedError, match="must be above 0 and at most 1"):
+            loop.goals.limit_speed(SpeedScale(scale))
+    assert loop.goals.speed_scale_parameter == 0.5
 
 
 def test_goals_stay_within_the_limits() -> None:

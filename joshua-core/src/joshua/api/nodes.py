@@ -8,7 +8,9 @@ from joshua.node.cadence import TrafficFigures as TrafficFigures
 from joshua.node.endpoints import MessagePublisher as MessagePublisher
 from joshua.node.endpoints import Outputs as Outputs
 from joshua.node.errors import NodeError as NodeError
+from joshua.node.extensions import ExtendedNode as ExtendedNode
 from joshua.node.implementation import load_implementation as load_implementation
+from joshua.node.verbs import Verb as Verb
 from joshua.plan import ActuatorFacts as ActuatorFacts
 from joshua.plan import ModelFacts as ModelFacts
 from joshua.plan import SensorFacts as SensorFacts

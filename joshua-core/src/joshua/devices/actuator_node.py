@@ -159,8 +159,8 @@ class ActuatorNode(NodeBehaviour):
         self._safety.beat()
 
     def verb_providers(self) -> tuple[object, ...]:
-        """The node's own verbs, and those of its driver."""
-        return (self,) if self._actuator is None else (self, self._actuator)
+        """The node's own verbs, those of its goals and those of its driver."""
+        return tuple(one for one in (self, self._goals, self._actuator) if one is not None)
 
     @verb(moves=True, runs="activation")
     def resume(self) -> str:

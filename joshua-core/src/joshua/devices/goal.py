@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import threading
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from joshua.devices.actuator import FloatArray, JointLimits
 from joshua.devices.joint_command import JointCommand, TrajectoryCommand
+from joshua.node.verbs import RefusedError, verb
 from joshua.plan import OnStale
 
 NS_PER_S = 1_000_000_000
@@ -34,6 +36,13 @@ class GoalState(str, Enum):
     """Commands have been away for too long: the joints go to their park pose, unless commands come back."""
 
 
+@dataclass(frozen=True)
+class SpeedScale:
+    """A share of the speed limits, above 0 and at most 1."""
+
+    scale: float
+
+
 class GoalGenerator:
     """Makes the goal of each control cycle.
 
@@ -50,6 +59,7 @@ class GoalGenerator:
 
     Attributes:
         stale: commands came and stopped, and nobody has said that the joints are to stay.
+        speed_scale_parameter: share of their speed limits that the joints may use.
     """
 
     def __init__(
@@ -77,11 +87,20 @@ class GoalGenerator:
         self._step_ns: int | None = None
         self.state = GoalState.WAITING
         self.stale = False
+        self.speed_scale_parameter = 1.0
 
     @property
     def ramping(self) -> bool:
         """Whether a commanded joint is still on its approach."""
         return bool((self._ramping & np.isfinite(self._target)).any())
+
+    @verb(moves=False, sets="speed_scale")
+    def limit_speed(self, request: SpeedScale) -> str:
+        """Limits the joints to a share of their speed limits, above 0 and at most 1."""
+        if not 0.0 < request.scale <= 1.0:
+            raise RefusedError(f"scale is {request.scale:g}; it must be above 0 and at most 1")
+        self.speed_scale_parameter = request.scale
+        return f"the joints use {request.scale:.0%} of their speed limits"
 
     def seed(self, position_rad: FloatArray) -> None:
         """Starts from where the joints are, shape (N,); forgets every command."""
@@ -161,6 +180,7 @@ class GoalGenerator:
 
     def _move(self, elapsed_s: float) -> None:
         """In plain Python: faster for a few joints than arrays are."""
+        elapsed_s *= self.speed_scale_parameter
         goal, ramping = self._goal.tolist(), self._ramping.tolist()
         for index, target in enumerate(self._target.tolist()):
             if not math.isfinite(target):

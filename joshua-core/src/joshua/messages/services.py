@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 SERVICES = {
@@ -25,8 +26,31 @@ SERVICES = {
         "rcl_interfaces/Parameter[] parameters",
         "rcl_interfaces/SetParametersResult result",
     ),
+    "lifecycle_msgs/srv/GetState": ("", "lifecycle_msgs/State current_state"),
+    "lifecycle_msgs/srv/ChangeState": ("lifecycle_msgs/Transition transition", "bool success"),
+    "lifecycle_msgs/srv/GetAvailableStates": ("", "lifecycle_msgs/State[] available_states"),
+    "lifecycle_msgs/srv/GetAvailableTransitions": (
+        "",
+        "lifecycle_msgs/TransitionDescription[] available_transitions",
+    ),
 }
 """Request and response by type."""
+
+_MESSAGES: dict[str, str] = {}
+
+
+def define(services: Mapping[str, tuple[str, str]], messages: Mapping[str, str]) -> None:
+    """Add types that the message store does not have, for a plugin.
+
+    Args:
+        services: request and response by type; those of actions are ``pkg/action/Name_SendGoal`` and so on.
+        messages: fields by type, one ``type name`` a line, without constants.
+    """
+    from joshua.messages.typestore import forget_services
+
+    SERVICES.update(services)
+    _MESSAGES.update(messages)
+    forget_services()
 
 
 def service_definitions() -> tuple[dict[str, Any], dict[str, Any]]:
@@ -39,12 +63,15 @@ def service_definitions() -> tuple[dict[str, Any], dict[str, Any]]:
     def field(text: str) -> tuple[str, Any]:
         kind, label = text.split()
         base = kind.removesuffix("[]")
-        inner = name(base.replace("/", "/msg/")) if "/" in base else (Nodetype.BASE, (base, 0))
+        full = base.replace("/", "/msg/") if base.count("/") == 1 else base
+        inner = name(full) if "/" in base else (Nodetype.BASE, (base, 0))
         return label, (Nodetype.SEQUENCE, (inner, 0)) if kind.endswith("[]") else inner
 
     # a message without fields has one on the wire
     empty = [field("uint8 structure_needs_at_least_one_member")]
-    messages: dict[str, Any] = {}
+    messages: dict[str, Any] = {
+        full: ([], [field(line) for line in text.splitlines()]) for full, text in _MESSAGES.items()
+    }
     others: dict[str, Any] = {}
     for service, parts in SERVICES.items():
         request, response, event = (f"{service}_{part}" for part in ("Request", "Response", "Event"))

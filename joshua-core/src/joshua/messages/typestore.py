@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 HASH_UNSUPPORTED = "TypeHashNotSupported"
 """What Humble's middleware writes in place of a type hash."""
 
-_ROS = re.compile(r"^([a-z][a-z0-9_]*)/(?:(msg|srv)/)?([A-Z][A-Za-z0-9_]*)$")
-_DDS = re.compile(r"^([a-z][a-z0-9_]*)::(msg|srv)::dds_::([A-Z][A-Za-z0-9_]*)_$")
+_ROS = re.compile(r"^([a-z][a-z0-9_]*)/(?:(msg|srv|action)/)?([A-Z][A-Za-z0-9_]*)$")
+_DDS = re.compile(r"^([a-z][a-z0-9_]*)::(msg|srv|action)::dds_::([A-Z][A-Za-z0-9_]*)_$")
 _selected = ""
 
 
@@ -115,7 +115,7 @@ def require_type(name: str) -> str:
         MessageError: the name is malformed or unknown; the nearest names stand in the message.
     """
     full = ros_type_name(name)
-    if "/srv/" in full:
+    if "/msg/" not in full:
         _add_services(distro() == "humble")
     if full not in typestore().fielddefs:
         near = difflib.get_close_matches(full, known_types(), n=3, cutoff=0.5)
@@ -133,6 +133,11 @@ def _add_services(humble: bool) -> None:
     for store in (_load(humble), _load(humble, ("byte", "char")), _load(False, ("char",))):
         store.fielddefs.update(messages)
         store.fielddefs.update(others)
+
+
+def forget_services() -> None:
+    """Load services anew at their next use: there are further ones."""
+    _add_services.cache_clear()
 
 
 def message_class(type_name: str) -> Any:

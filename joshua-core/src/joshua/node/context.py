@@ -68,6 +68,7 @@ class NodeContext:
         self.endpoints: Endpoints | None = None
         self.warnings: list[str] = []
         self.failure: BaseException | None = None
+        self.fault_reason = ""
         self._stop_requested = False
         self._send = send
         self._prepare_thread = prepare_thread
@@ -181,6 +182,7 @@ class NodeContext:
         """Reports that the node runs, but its device does nothing until it is resumed; "" clears it."""
         if reason:
             self.log.error("%s", reason)
+        self.fault_reason = reason
         self._send(Said(kind="fault", node=self.spec.full_name, text=printable(reason)))
 
     def show(self, text: str) -> None:

@@ -134,7 +134,7 @@ class RosoutPublisher:
     """
 
     def __init__(self, handle: NodeHandle, spec: NodeSpec) -> None:
-        handle.create_publisher(
+        self.parameter_events = handle.create_publisher(
             "/parameter_events", "rcl_interfaces/msg/ParameterEvent", PARAMETER_EVENTS_QOS
         )
         self._publisher = handle.create_publisher("/rosout", "rcl_interfaces/msg/Log", ROSOUT_QOS)

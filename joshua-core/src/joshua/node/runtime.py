@@ -18,9 +18,9 @@ from joshua.node.calls import Calls
 from joshua.node.context import NodeContext, NodeFailedError
 from joshua.node.endpoints import Endpoints
 from joshua.node.errors import Cancelled, InterruptedLifecycleError, NodeError, exit_code_of
+from joshua.node.extensions import ExtendedNode, extend
 from joshua.node.implementation import load_behaviour
 from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
-from joshua.node.ros_services import offer_services
 from joshua.node.verbs import Caller, verbs_of
 from joshua.plan import ActuatorFacts, CheckResult, JointTrace, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
@@ -163,8 +163,8 @@ class NodeRuntime:
         self._behaviour.configure()
         self._services.send(Step(node=self._spec.full_name, step="configured"))
         if self._services.transport().carries_services:  # while other nodes are configured
-            verbs = verbs_of(self._behaviour.verb_providers()).values()
-            offer_services(handle, self._spec, verbs, self._ask)
+            verbs = tuple(verbs_of(self._behaviour.verb_providers()).values())
+            extend(ExtendedNode(self.context, handle, verbs, self._ask, self._rosout.parameter_events))
         if not self._activation_came():
             return
         self._enter("activate")

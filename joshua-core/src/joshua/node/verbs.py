@@ -49,6 +49,8 @@ class Verb:
         moves: whether it gives torque or may move a joint: then only the local user may call it.
         runs: the thread that runs it.
         handler: bound method that serves it.
+        sets: name of the parameter that the only field of its request sets; "" for none. The value of the
+            parameter is the provider's attribute ``<name>_parameter``.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Verb:
     moves: bool
     runs: Runs
     handler: Callable[..., Any]
+    sets: str = ""
 
     def info(self) -> VerbInfo:
         """The verb for people and programs outside of the node."""
@@ -135,7 +138,7 @@ class VerbDeclarationError(TypeError):
     """A method cannot be a verb as it is declared."""
 
 
-def verb(*, moves: bool, runs: Runs = "loop", name: str = "") -> Callable[[_METHOD], _METHOD]:
+def verb(*, moves: bool, runs: Runs = "loop", name: str = "", sets: str = "") -> Callable[[_METHOD], _METHOD]:
     """Declares a method as a verb of its node.
 
     The method takes nothing or one request, and returns nothing, a sentence or a reply; request and reply are
@@ -146,10 +149,11 @@ def verb(*, moves: bool, runs: Runs = "loop", name: str = "") -> Callable[[_METH
         moves: whether it gives torque or may move a joint; such a verb is open to the local user only.
         runs: the thread that runs it; ``loop`` must return within the time that a timer's callback has.
         name: of the verb; "" takes the method's.
+        sets: name of the parameter that its only field sets, while the provider has ``<name>_parameter``.
     """
 
     def declare(method: _METHOD) -> _METHOD:
-        setattr(method, _MARK, (name or method.__name__, moves, runs))
+        setattr(method, _MARK, (name or method.__name__, moves, runs, sets))
         return method
 
     return declare
@@ -178,7 +182,7 @@ def allowed(verb: Verb, caller: Caller) -> str:
     return f"{verb.name} gives torque or moves a joint: only the user who runs the robot may call it there"
 
 
-def _made(provider: object, attribute: str, name: str, moves: bool, runs: Runs) -> Verb:
+def _made(provider: object, attribute: str, name: str, moves: bool, runs: Runs, sets: str) -> Verb:
     method = getattr(provider, attribute)
     where = f"{type(provider).__name__}.{attribute}"
     try:
@@ -196,6 +200,7 @@ def _made(provider: object, attribute: str, name: str, moves: bool, runs: Runs) 
         moves=moves,
         runs=runs,
         handler=method,
+        sets=sets,
     )
     if parameters and _schema(made._request).get("type") != "object":
         raise VerbDeclarationError(f"{where}: its request must be a dataclass or a pydantic model")

@@ -60,6 +60,7 @@ class NodeSpec(Value):
         interpreter: Python interpreter; "" for the Node Generator's own.
         host: machine that runs the node; "" for any.
         restart: ``on-failure``, ``never`` or ``stop-run``.
+        extensions: import strings of what plugins add to the node in the graph.
     """
 
     name: str
@@ -83,6 +84,7 @@ class NodeSpec(Value):
     interpreter: str = ""
     host: str = ""
     restart: str = "on-failure"
+    extensions: tuple[str, ...] = ()
 
     @model_validator(mode="before")
     @classmethod

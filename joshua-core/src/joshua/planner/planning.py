@@ -53,7 +53,8 @@ def make_plan(draft: Draft, nodes: list[Resolved], services: list[ResolvedServic
     specs += [service_node(draft, resolved, told) for resolved in services]
     if config.simulation.use_sim_time:
         specs = [spec.model_copy(update={"facts": replace(spec.facts, use_sim_time=True)}) for spec in specs]
-    mine = [spec for spec in specs if spec.host == request.host]
+    added = {"extensions": draft.registry.extensions()}
+    mine = [spec.model_copy(update=added) for spec in specs if spec.host == request.host]
     if specs and not mine:
         _no_share(draft, [spec.host for spec in specs])
     transport, problems = transport_settings(draft, draft.registry)

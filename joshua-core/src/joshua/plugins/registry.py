@@ -12,6 +12,7 @@ from joshua.plugins.discovery import CORE_DISTRIBUTION, PluginRow, PluginStatus,
 from joshua.plugins.specs import (
     Environment,
     EnvironmentSpec,
+    ExtensionSpec,
     ModeOffer,
     PluginSpec,
     SimulatorSpec,
@@ -26,7 +27,8 @@ def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
     """Enum values that both answer for; ``()`` where one answers for all; None where they do not meet."""
     if (first.kind, first.block) != (second.kind, second.block):
         return None
-    if isinstance(first, (ModeOffer, TransportSpec)) and first.name != getattr(second, "name", ""):
+    named = isinstance(first, (ExtensionSpec, ModeOffer, TransportSpec))
+    if named and getattr(first, "name", "") != getattr(second, "name", ""):
         return None
     mine, others = first.enum_values, second.enum_values
     if isinstance(first, EnvironmentSpec) and isinstance(second, EnvironmentSpec):
@@ -126,6 +128,10 @@ class Registry:
         """The transports by name, such as ``zenoh``; those of third parties by their own."""
         offers = (spec for spec, _ in self._usable if isinstance(spec, TransportSpec))
         return {offer.name or TransportSpec.short(offer.enum_values[0]): offer for offer in offers}
+
+    def extensions(self) -> tuple[str, ...]:
+        """Import strings of what plugins add to every node."""
+        return tuple(spec.implementation for spec, _ in self._usable if isinstance(spec, ExtensionSpec))
 
     def message_modules(self) -> tuple[str, ...]:
         """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""

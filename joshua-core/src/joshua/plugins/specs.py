@@ -251,6 +251,21 @@ class TransportSpec(PluginSpec):
         return f"TRANSPORT_{name.upper()}"
 
 
+class ExtensionSpec(PluginSpec):
+    """What a plugin adds to every node in the ROS 2 graph, such as services.
+
+    ``implementation`` is a function that takes a ``joshua.api.nodes.ExtendedNode``, once, when the node is
+    activated over a transport that carries services. What it raises is a warning of the node.
+
+    Attributes:
+        name: of the extension.
+    """
+
+    kind: ClassVar[str] = "extension"
+
+    name: str
+
+
 @dataclass(frozen=True)
 class Environment:
     """A task that trainers can learn, as data.

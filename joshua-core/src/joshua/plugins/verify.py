@@ -63,6 +63,7 @@ def _answerable() -> dict[type[PluginSpec], tuple[tuple[str, ...], tuple[str, ..
         EnvironmentSpec: (("training",), (backends,)),
         kinds.EpisodeWriterSpec: (("data_store",), (pb.DataFormat,)),
         ModeOffer: ((), (pb.OperationMode,)),
+        kinds.ExtensionSpec: ((), ()),
         TransportSpec: ((), (transport_pb2.TransportKind,)),
     }
     return {
@@ -147,7 +148,8 @@ def _enum_problems(spec: PluginSpec) -> list[str]:
 def _block_problems(spec: PluginSpec) -> list[str]:
     block = spec.block
     if not block:
-        return [] if spec.enum_values else ["neither block nor enum_values says what asks for it"]
+        asked = spec.enum_values or isinstance(spec, kinds.ExtensionSpec)
+        return [] if asked else ["neither block nor enum_values says what asks for it"]
     known, _ = _answerable_by(spec)
     if block in known:
         return []

@@ -13,6 +13,7 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar
 
@@ -25,6 +26,7 @@ Buffer = Any  # anything with the buffer protocol; typing.Buffer needs Python 3.
 Emit = Callable[[str, str], None]
 """Called with (event, detail); events are ``deadline-missed``, ``liveliness-lost``, ``incompatible-qos``."""
 
+Serve = Callable[[bytes], "bytes | Future[bytes]"]
 NAMELESS = "_CREATED_BY_BARE_DDS_APP_"
 """Name that ROS 2 gives to the node of endpoints that no node has announced as its own."""
 
@@ -196,14 +198,14 @@ class NodeHandle(ABC):
         require_topic(topic)
         return self._add(lambda: self._make_subscription(topic, full, qos, callback, emit))
 
-    def create_service(self, name: str, type_name: str, serve: Callable[[bytes], bytes]) -> Endpoint:
+    def create_service(self, name: str, type_name: str, serve: Serve) -> Endpoint:
         """Offer a service.
 
         Args:
             name: fully qualified name, such as ``/arm/stop``.
             type_name: ROS 2 type, such as ``std_srvs/srv/Trigger``.
             serve: called with each serialised request, one at a time, on a thread of the node; returns the
-                serialised response.
+                serialised response, or a future of it.
 
         Raises:
             TransportError: the name is invalid, the node is closed, or the transport carries no services.
@@ -259,7 +261,7 @@ class NodeHandle(ABC):
     ) -> Subscription:
         """Declare a subscription of a valid topic and a known type."""
 
-    def _make_service(self, name: str, type_name: str, serve: Callable[[bytes], bytes]) -> Endpoint:
+    def _make_service(self, name: str, type_name: str, serve: Serve) -> Endpoint:
         """Offer a service of a valid name and a known type."""
         raise TransportError(f"the transport {self._transport.settings.kind} carries no services")
 

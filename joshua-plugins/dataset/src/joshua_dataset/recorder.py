@@ -220,7 +220,12 @@ class Recorder:
         self._answer(self._do(steps))
         return f"episode {self._number} is recorded anew"
 
-    @verb(moves=False, runs="beside")
+    @property
+    def task_parameter(self) -> str:
+        """The task that the next episode gets."""
+        return self._session.task_text
+
+    @verb(moves=False, runs="beside", sets="task")
     def task(self, request: Task) -> str:
         """Record another task from the next episode on; without a text, the next one of the file."""
         with self._lock:

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
 from joshua.transport.delivery import Delivery
-from joshua.transport.transports import Endpoint, TransportError
+from joshua.transport.transports import Endpoint, Serve, TransportError
 from joshua.transport.zenoh.keys import ATTACHMENT, Entity
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class ZenohService(Endpoint):
         node: ZenohNode,
         entity: Entity,
         key: str,
-        serve: Callable[[bytes], bytes],
+        serve: Serve,
         requests: Delivery,
     ) -> None:
         super().__init__(node, entity.topic)
@@ -52,16 +52,24 @@ class ZenohService(Endpoint):
             query.drop()  # not from a client of ROS 2
             return
         sequence, _, length, gid = ATTACHMENT.unpack(attachment)
+
+        def reply(answer: Future[bytes]) -> None:
+            if not self._closed and not answer.cancelled():
+                sent = ATTACHMENT.pack(sequence, time.time_ns(), length, gid)
+                query.reply(self._key, answer.result(), attachment=sent)
+            query.drop()
+
         try:
             response = self._serve(query.payload.to_bytes())
+            answer = response if isinstance(response, Future) else Future()
+            if not isinstance(response, Future):
+                answer.set_result(response)
         except Exception as error:  # noqa: BLE001 - a failing service must not end the others
             _log.exception("the service %s failed", self.topic)
             query.reply_err(f"{type(error).__name__}: {error}".encode())
-        else:
-            query.reply(
-                self._key, response, attachment=ATTACHMENT.pack(sequence, time.time_ns(), length, gid)
-            )
-        query.drop()
+            query.drop()
+            return
+        answer.add_done_callback(reply)
 
 
 def call(session: zenoh.Session, client: Entity, key: str, request: bytes, timeout_s: float) -> bytes:

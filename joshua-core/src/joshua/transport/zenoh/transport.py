@@ -18,6 +18,7 @@ from joshua.transport.transports import (
     NodeInfo,
     Publisher,
     Sample,
+    Serve,
     ServiceInfo,
     Subscription,
     Transport,
@@ -69,7 +70,7 @@ class ZenohNode(NodeHandle):
         entity, key = self._endpoint(SUBSCRIPTION, topic, type_name, qos)
         return ZenohSubscription(self, entity, key, qos, callback, emit or _ignore)
 
-    def _make_service(self, name: str, type_name: str, serve: Callable[[bytes], bytes]) -> Endpoint:
+    def _make_service(self, name: str, type_name: str, serve: Serve) -> Endpoint:
         if self._requests is None:
             self._requests = Delivery(f"joshua-services {self.name}", _MOST_REQUESTS, lambda take: take())
         entity, key = self._endpoint(SERVICE, name, type_name, QosProfile())

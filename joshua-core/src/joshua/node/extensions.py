@@ -1,0 +1,41 @@
+"""What the extensions of plugins add to a node in the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from joshua.ipc.messages import CallReply
+from joshua.node.context import NodeContext
+from joshua.node.verbs import Verb
+from joshua.plugins.targets import load_target
+from joshua.transport import NodeHandle, Publisher
+
+
+@dataclass(frozen=True)
+class ExtendedNode:
+    """A node as an extension gets it.
+
+    Attributes:
+        context: of the node: its plan, log and threads; handle: the node in the graph.
+        verbs: what it can be asked for.
+        ask: calls a verb by name and payload for a caller in the network, and waits for the reply.
+        parameter_events: its publisher on ``/parameter_events``.
+    """
+
+    context: NodeContext
+    handle: NodeHandle
+    verbs: tuple[Verb, ...]
+    ask: Callable[[str, dict[str, Any]], CallReply]
+    parameter_events: Publisher
+
+
+def extend(node: ExtendedNode) -> None:
+    """Add what plugins have for the node; one that fails leaves the others and the node as they are."""
+    for target in node.context.spec.extensions:
+        try:
+            load_target(target)(node)
+        except Exception as error:  # noqa: BLE001 - code of a plugin
+            name = node.context.spec.full_name
+            node.context.warn(f"{name}: {target} failed: {type(error).__name__}: {error}")

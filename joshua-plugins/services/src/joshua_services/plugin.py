@@ -1,0 +1,18 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.api import PluginSpec, hookimpl
+from joshua.api.specs import ExtensionSpec
+
+
+@hookimpl
+def joshua_specs() -> list[PluginSpec]:
+    """Name what every node gets."""
+    return [
+        ExtensionSpec(
+            name="ros-services",
+            implementation="joshua_services.offer:offer",
+            summary="ROS 2 services, parameters, lifecycle states and FollowJointTrajectory over Zenoh",
+        )
+    ]
