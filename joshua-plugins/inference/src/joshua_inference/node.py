@@ -197,7 +197,12 @@ class InferenceNode(NodeBehaviour):
         self._loop.single()
         return f"{self.context.spec.full_name} carries out one chunk"
 
-    @verb(moves=True)
+    @property
+    def task_parameter(self) -> str:
+        """The instruction that the model gets with each observation."""
+        return self._observer.task
+
+    @verb(moves=True, sets="task")
     def task(self, request: TaskRequest) -> str:
         """Tells the robot what to do, in plain words."""
         text = " ".join(request.text.split())
