@@ -7,6 +7,7 @@ from google.protobuf import text_format
 from joshua.config.graph import build_graph
 from joshua.features import Feature, FeatureSet, camera_key, features_of
 from joshua.schema import config_pb2 as pb
+from joshua.schema import data_type_pb2
 
 JOINTS = ("pan", "gripper")
 CAMERA = SimpleNamespace(width=64, height=48)
@@ -127,3 +128,20 @@ def test_two_cameras_of_one_name_are_refused() -> None:
 )
 def test_cameras_are_called_as_lerobot_calls_them(name: str, key: str) -> None:
     assert camera_key(name) == f"observation.images.{key}"
+
+
+def test_an_arm_that_a_person_takes_over_from_a_model_says_when() -> None:
+    guide = """robot { actions { action_type: ACTION_LEADER node { node_name: "guide"
+        publishers { data_type: JOINT_STATE topic_name: "/go" override: true } } } }"""
+    policy = """ai { models { node { node_name: "policy"
+        publishers { data_type: JOINT_STATE topic_name: "/go" } } } }"""
+    told = Feature("intervention", "bool", (1,), topic="/follower/intervention")
+    follower = arm("follower", "/go")
+    config = pb.Config()
+    for block in (follower, policy, guide):
+        text_format.Merge(block, config)
+    graph = build_graph(config)
+    joints = {entry.path: JOINTS for entry in graph.actuators}
+    assert features_of(graph, joints, {})["intervention"] == told
+    assert graph.published["/follower/intervention"] == data_type_pb2.BOOL
+    assert "intervention" not in derived(follower, policy.replace("policy", "other"))

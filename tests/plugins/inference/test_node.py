@@ -531,7 +531,7 @@ def test_a_model_that_does_not_return_fails_the_node(model: Any) -> None:
 
     wait_until(failed)
     assert context.failures[0] == (
-        "/policy: the model has returned no chunk for 0.05 s. Give it a faster device, or raise "
+        "the model has returned no chunk for 0.05 s. Give it a faster device, or raise "
         "execution.chunk_timeout_s"
     )
     model.gate.set()

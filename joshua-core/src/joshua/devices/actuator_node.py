@@ -17,6 +17,7 @@ from joshua.devices.errors import DeviceError, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState, StalePolicy
 from joshua.devices.joint_command import CommandReader
 from joshua.guardian.order import BEAT_S
+from joshua.messages import message_class
 from joshua.messages.make import joint_state
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.cadence import TrafficFigures
@@ -26,6 +27,8 @@ from joshua.node.implementation import load_implementation
 from joshua.node.timers import Timer
 from joshua.node.verbs import RefusedError, verb
 from joshua.plan import ActuatorFacts, JointTrace, TopicSpec
+
+BOOL = "std_msgs/msg/Bool"
 
 #: Rate of the control loop of an actuator that publishes nothing.
 CONTROL_RATE_HZ = 50.0
@@ -62,6 +65,7 @@ class ActuatorNode(NodeBehaviour):
         self._on_stale: StalePolicy | None = None
         self._outputs = Outputs(())
         self._written: MessagePublisher | None = None
+        self._intervention: MessagePublisher | None = None
         self._energised = self._timer_runs = False
         self._last_state = GoalState.WAITING
         self._test = ActuatorTest(spec)
@@ -106,6 +110,10 @@ class ActuatorNode(NodeBehaviour):
         if self._is_commanded:
             self._written = self.context.publisher(
                 TopicSpec(name="~/applied_command", type_name=JOINT_STATE, rate_hz=self._rate_hz)
+            )
+        if self._facts.intervention:
+            self._intervention = self.context.publisher(
+                TopicSpec(name="~/intervention", type_name=BOOL, rate_hz=self._rate_hz)
             )
         self._diagnostics = DiagnosticsPublisher(
             self.context, lambda: self._test.diagnosed(self._diagnosed(actuator))
@@ -283,6 +291,8 @@ class ActuatorNode(NodeBehaviour):
         if reading is None:
             return
         self._outputs.publish(reading.stamp_ns, lambda type_name: self._message(reading, type_name))
+        if self._intervention is not None and self._commanders is not None:
+            self._intervention.publish(message_class(BOOL)(data=self._commanders.overriding))
         self._test.state(reading, actuator.limits)
         if not self._energised:
             return

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from joshua.features.feature_set import FeatureSet
-from joshua.plan.feature import ACTION, IMAGES, STATE, Feature
+from joshua.plan.feature import ACTION, IMAGES, INTERVENTION, STATE, Feature
 from joshua.plan.graph import Endpoint, NodeEntry, RobotGraph
 from joshua.schema import data_type_pb2 as types
 from joshua.schema import data_types
@@ -35,7 +35,7 @@ def features_of(
     follows, as in ``observation.state.left_arm``. Pictures are ``observation.images.`` and the name of the
     camera without «camera»; what else is published is ``observation.`` and the name of its node or topic. A
     topic that commands an actuator is no observation. ``action`` is what the actuator says that it wrote,
-    after ramp and limits.
+    after ramp and limits. Where a person can take over from a model, ``intervention`` says when one has.
 
     Args:
         graph: of the nodes.
@@ -104,6 +104,8 @@ class _Robot:
             if self._graph.commands(arm):
                 key = self._of_arm(ACTION, arm)
                 yield Feature.joints(key, self._names(arm), topic=arm.applied_command_topic)
+            if topic := self._graph.intervention_topic(arm):
+                yield Feature(self._of_arm(INTERVENTION, arm), "bool", (1,), topic=topic)
 
     def observed(self, item: Endpoint) -> Feature:
         """The feature of a topic, as the node that publishes it describes it."""

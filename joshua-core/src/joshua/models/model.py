@@ -110,4 +110,6 @@ class Model(ABC):
 
 
 class ModelError(Exception):
-    """A model cannot be loaded or run; the message names the model and the remedy."""
+    """A model cannot be loaded or run; the message names the model and the remedy, and reaches the user."""
+
+    exit_code = 1

@@ -109,6 +109,7 @@ class ActuatorFacts(NodeFacts):
         safe_stop: of its guardian; None where it has none.
         estop_action: import string of what releases the joints without the driver; "" if none.
         keeps_last_goal: nothing stops the joints when the driver dies.
+        intervention: it says whether a person has taken over from a model.
         on_stale: what becomes of the joints when commands stay away; None holds them.
         allow_uncalibrated: joints without calibration may be energised.
         dry_run: everything is done with torque off.
@@ -125,6 +126,7 @@ class ActuatorFacts(NodeFacts):
     safe_stop: SafeStop | None = None
     estop_action: str = ""
     keeps_last_goal: bool = False
+    intervention: bool = False
     on_stale: OnStale | None = None
     allow_uncalibrated: bool = False
     dry_run: bool = False

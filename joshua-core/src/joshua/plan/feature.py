@@ -7,6 +7,7 @@ from dataclasses import dataclass
 STATE = "observation.state"
 ACTION = "action"
 IMAGES = "observation.images."
+INTERVENTION = "intervention"
 
 
 @dataclass(frozen=True)

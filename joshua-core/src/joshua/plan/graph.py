@@ -213,6 +213,8 @@ class RobotGraph:
         for entry in self.actuators:
             if entry.node.node_name:
                 names.setdefault(entry.applied_command_topic, types.JOINT_STATE)
+                if topic := self.intervention_topic(entry):
+                    names.setdefault(topic, types.BOOL)
         if self.replays:
             names |= {item.topic: item.block.data_type for item in self.usable if item.is_command}
         return names
@@ -227,6 +229,12 @@ class RobotGraph:
         topics = {item.topic for item in self._of(entry) if not item.is_publisher}
         others = (item for item in self.endpoints if item.entry.path != entry.path)
         return [item for item in others if item.is_publisher and item.topic in topics]
+
+    def intervention_topic(self, entry: NodeEntry) -> str:
+        """Where an actuator says whether a person has taken over from a model; "" where nobody can."""
+        sources = self.commanders(entry) if entry.is_actuator else []
+        can = any(item.block.override for item in sources) and any(item.entry.is_model for item in sources)
+        return f"{entry.full_name}/intervention" if can else ""
 
     def driven_by(self, entry: NodeEntry) -> list[NodeEntry]:
         """The actuators that subscribe to what a node publishes, once for each subscription."""

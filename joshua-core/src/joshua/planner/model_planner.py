@@ -66,13 +66,16 @@ def model_facts(
     """What the node of a model is told, with features by the model's own keys."""
     from joshua.plugins.block_values import block_values
 
-    owner = item.want.entry.owner
+    owner, needs, graph = item.want.entry.owner, needs_of(item), draft.graph
+    topics = (graph.intervention_topic(other) for other in graph.driven_by(item.want.entry))
     return ModelFacts(
         joints=tuple(_joints(draft, item)),
-        features=tuple(_renamed(draft, item, settings, needs_of(item)).values()),
+        features=tuple(_renamed(draft, item, settings, needs).values()),
         task=getattr(item.settings, "task", "") or owner.task,
         execution=Execution(**block_values(owner.execution)),
         compute=Compute(**block_values(owner.compute)),
+        reads_task=needs.reads_task,
+        interventions=tuple(filter(None, topics)),
         **common,
     )
 

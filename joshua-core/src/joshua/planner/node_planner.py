@@ -153,6 +153,7 @@ def _facts(
     return ActuatorFacts(
         joints=tuple(draft.joints[entry.path]),
         commanders=tuple(commanders(graph, entry, draft.joints, models=draft.mode.models)),
+        intervention=bool(graph.intervention_topic(entry)),
         external=tuple(endpoint.topic for endpoint in graph.commands(entry) if endpoint.block.external),
         allow_uncalibrated=draft.allows_uncalibrated,
         dry_run=draft.request.dry_run,

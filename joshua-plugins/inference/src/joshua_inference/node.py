@@ -383,8 +383,8 @@ class InferenceNode(NodeBehaviour):
         timeout_s = self._facts.execution.chunk_timeout_s
         if self._loop.computing_s > timeout_s:
             self.context.fail(
-                f"{self.context.spec.full_name}: the model has returned no chunk for {timeout_s:g} s. Give "
-                "it a faster device, or raise execution.chunk_timeout_s"
+                f"the model has returned no chunk for {timeout_s:g} s. Give it a faster device, or raise "
+                "execution.chunk_timeout_s"
             )
 
 

@@ -1,0 +1,139 @@
+"""What a model needs of the robot is compared with it before the launch."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from joshua.plan import ModelFacts
+from joshua.planner.pipeline import PipelineResult, examine
+from joshua.planner.request import Request
+
+TOY = Path(__file__).parents[2] / "support/toy_policy"
+FILE = """
+general { mode: MODE_INFERENCE name: "rig" id: "rig-1" }
+robot {
+  actions { node { node_name: "arm" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/ai/actions" } }
+    action_type: ACTION_MOCK mock_motor_config { num_motors: 2 position_max: 4095 } }
+  perceptions { node { node_name: "camera_top" node_id: 2
+      publishers { data_type: IMAGE topic_name: "/camera/top/image_raw" publish_rate_hz: 10 } }
+    perception_type: PERCEPTION_CAMERA mock_camera_config { width: 64 height: 48 fps: 10 } }
+  %(robot)s
+}
+ai { models {
+  model_type: MODEL_PLUGIN
+  node { node_name: "policy" node_id: 3
+    publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 30 }
+    subscriptions { data_type: IMAGE topic_name: "/camera/top/image_raw" } }
+  plugin_config { [type.example.org/toy.PolicyConfig] { %(block)s } }
+  %(entry)s
+} }
+"""
+LEADER = """actions { node { node_name: "guide" node_id: 9
+      publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 50 override: true } }
+    action_type: ACTION_LEADER mock_motor_config { num_motors: 2 position_max: 4095 } }"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(TOY))
+
+    def examined(*, block: str = "", entry: str = "", robot: str = "") -> PipelineResult:
+        path = tmp_path / "robot.pbtxt"
+        path.write_text(FILE % {"block": block, "entry": entry, "robot": robot})
+        return examine(Request(str(path)))
+
+    yield examined
+    for name in [name for name in sys.modules if name == "toy_policy.plugin"]:
+        del sys.modules[name]
+
+
+def policy(result: PipelineResult) -> Any:
+    assert result.plan is not None, result.diagnostics
+    return next(node for node in result.plan.nodes if node.name == "policy")
+
+
+def test_the_state_comes_from_the_actuator_that_the_model_commands(robot: Any) -> None:
+    node = policy(robot())
+    assert [topic.name for topic in node.subscriptions] == ["/camera/top/image_raw", "/arm/joint_states"]
+    facts = node.facts_as(ModelFacts)
+    assert [feature.key for feature in facts.features] == ["observation.images.top", "observation.state"]
+    assert facts.features[1].names == ("joint_1", "joint_2")
+
+
+def test_what_the_entry_says_reaches_settings_and_facts(robot: Any) -> None:
+    node = policy(
+        robot(
+            entry='task: "wave" execution { strategy: TEMPORAL_ENSEMBLE ramp_s: 0.1 } '
+            'compute { device: "cpu" seed: 3 } rename { robot: "top" model: "camera1" }',
+            block='camera: "camera1"',
+        )
+    )
+    facts = node.facts_as(ModelFacts)
+    assert (facts.task, facts.execution.strategy, facts.execution.ramp_s) == (
+        "wave",
+        "TEMPORAL_ENSEMBLE",
+        0.1,
+    )
+    assert facts.features[0].key == "observation.images.camera1"
+    assert (node.settings["task"], node.settings["rate_hz"]) == ("wave", 30.0)
+    assert (node.settings["compute"]["seed"], node.settings["compute"]["device"]) == (3, "cpu")
+
+
+def finding(result: PipelineResult, code: str) -> Any:
+    (item,) = [item for item in result.diagnostics if item.code == code]
+    return item
+
+
+def test_a_camera_that_is_not_there_is_an_error_with_both_names(robot: Any) -> None:
+    item = finding(robot(block='camera: "camera1"'), "model-unfit")
+    assert item.message == (
+        "The model needs observation.images.camera1 (toy); the robot gives it observation.images.top."
+    )
+    assert item.remedy == 'Add rename { robot: "top" model: "camera1" } to the model.'
+    assert item.allowed == ("top",)
+
+
+def test_a_strategy_that_the_model_cannot_do_is_an_error_at_its_field(robot: Any) -> None:
+    item = finding(robot(entry="execution { strategy: REAL_TIME_CHUNKING }"), "model-unfit")
+    assert item.field_path == "ai.models[0].execution.strategy"
+    assert item.allowed[0] == "REPLACE_ON_ARRIVAL"
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (
+            'rename { robot: "topp" model: "x" }',
+            "topp is none of what the model gets: observation.images.top, observation.state.",
+        ),
+        ('rename { robot: "top" model: "observation.state" }', "The feature observation.state stands there"),
+    ],
+)
+def test_a_rename_of_nothing_and_onto_another_are_errors(robot: Any, entry: str, message: str) -> None:
+    assert message.lower() in finding(robot(entry=entry), "rename-unfit").message.lower()
+
+
+def test_a_model_that_reads_a_task_and_has_none_says_how_to_give_one(robot: Any) -> None:
+    item = finding(robot(block="reads_task: true"), "task-missing")
+    assert item.message == "policy has no task; the arm holds until it gets one."
+    assert "joshua task" in item.remedy
+    assert policy(robot(block="reads_task: true")).facts.reads_task
+
+
+def test_weights_that_cannot_be_used_are_an_error_of_their_field(robot: Any) -> None:
+    item = finding(robot(block='fault: "refused"'), "invalid-setting")
+    assert (item.message, item.remedy) == ("The checkpoint is a pickle.", "Convert it.")
+    assert item.field_path.endswith(".fault")
+
+
+def test_an_arm_that_a_person_can_take_over_says_so_to_the_model(robot: Any) -> None:
+    result = robot(robot=LEADER)
+    assert policy(result).facts.interventions == ("/arm/intervention",)
+    arm = next(node for node in result.plan.nodes if node.name == "arm")
+    assert arm.facts.intervention
+    assert policy(robot()).facts.interventions == ()

@@ -1,0 +1,107 @@
+"""A model that takes its time drives an arm: the task, a pause, and what a model does wrong."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from eventually import eventually
+from joshua.testing.domain import reserved_domain
+from joshua.testing.program import JoshuaProgram
+
+TOY = Path(__file__).parents[1] / "support/toy_policy"
+# as in the specification, the model subscribes to no state, and the file has no task
+FILE = """
+general { mode: MODE_INFERENCE robot_type: "toy" name: "toy" id: "toy" }
+robot {
+  actions {
+    node {
+      node_name: "arm" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "/ai/actions" }
+    }
+    action_type: ACTION_MOCK
+    mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+}
+ai {
+  models {
+    model_type: MODEL_PLUGIN
+    node {
+      node_name: "policy" node_id: 2 restart: RESTART_NEVER
+      publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 30 }
+    }
+    plugin_config { [type.example.org/toy.PolicyConfig] { latency_s: 0.1 %s } }
+    execution { chunk_timeout_s: 1.0 }
+  }
+}
+"""
+
+
+@pytest.fixture
+def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
+    with reserved_domain() as domain_id:
+        program = JoshuaProgram(tmp_path, domain_id, {"PYTHONPATH": str(TOY)})
+        yield program
+        program.close()
+
+
+def write(folder: Path, block: str) -> str:
+    path = folder / "toy.pbtxt"
+    path.write_text(FILE % block)
+    return str(path)
+
+
+def figures(joshua: JoshuaProgram) -> dict[str, Any]:
+    reply = joshua("call", "policy", "figures", "--format", "json")
+    assert reply.returncode == 0, reply.stderr
+    return dict(json.loads(reply.stdout))
+
+
+def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    run = joshua.start("--config", write(tmp_path, "reads_task: true"), "--duration", "200")
+    assert run.stdout is not None
+    assert any(" ready after " in line for line in run.stdout)
+    assert figures(joshua)["chunks"] == 0
+    missing = joshua("task", "--node", "polisy", "wave")
+    assert (missing.returncode, missing.stderr) == (
+        2,
+        "joshua task: no model is named 'polisy'\n  allowed: /policy\n",
+    )
+    told = joshua("task", "Wave slowly.")
+    assert told.stdout == "/policy: the task is: Wave slowly.\n", told.stderr
+    eventually(lambda: figures(joshua)["chunks"] > 3)
+    assert joshua("call", "policy", "pause").stdout == "/policy is paused; the arm holds\n"
+    paused = figures(joshua)
+    assert paused["latency_p50_s"] > 0.1
+    assert paused["skipped"] > 0
+    output, errors = joshua.stop(run)
+    assert "waiting for a task: run `joshua task" in output + errors
+    assert "chunks: 30 Hz, queue" in output + errors
+    lost = joshua("task", "wave")
+    assert (lost.returncode, lost.stderr) == (
+        1,
+        "joshua task: no system is running. Start one: joshua --config FILE\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("nan", "/policy: failed: ToyPolicy.act returned a value that is not finite"),
+        ("hang", "/policy: failed: the model has returned no chunk for 1 s. Give it a faster device"),
+    ],
+    ids=["nan", "hang"],
+)
+def test_a_model_that_fails_says_so_and_the_arm_holds(
+    joshua: JoshuaProgram, tmp_path: Path, fault: str, said: str
+) -> None:
+    result = joshua("--config", write(tmp_path, f'fault: "{fault}"'), "--duration", "4")
+    output = result.stdout + result.stderr
+    assert result.returncode == 1, output
+    assert said in output
+    assert "Traceback" not in output
+    assert "/arm: commands stopped: the joints hold their position" in output
