@@ -15,8 +15,8 @@ class InferenceFigures:
 
     Attributes:
         rate_hz: of the publisher; chunks: predicted; queue: steps that are left of the newest one.
-        latency_p50_s, latency_p99_s: the model's own time for a chunk; overhead_p50_s: from a finished
-            observation to its chunk, without the model's own time.
+        latency_p50_s, latency_p99_s: the model's own time for a chunk; overhead_p50_s: from the start of
+            an observation to its chunk in the queue, without the model's own time.
         age_p50_s, age_p99_s: of the observation behind an action when it is published.
         periods, gaps: since the first action, and those of them without one.
         skipped: steps that were late when their chunk arrived.

@@ -58,13 +58,16 @@ class InferenceLoop:
                 return True
         return self._wanted.wait(timeout_s)
 
-    def predict(self, model: Model, observation: Observation) -> int:
+    def predict(self, model: Model, observation: Observation, began_ns: int = 0) -> int:
         """Lets the model answer an observation; on the model's thread.
+
+        Args:
+            began_ns: when the making of the observation began, monotonic; 0 for now.
 
         Returns:
             How many steps of the chunk were late. Raises ModelError for actions that cannot be sent.
         """
-        began_ns = time.monotonic_ns()
+        began_ns = began_ns or time.monotonic_ns()
         with self._lock:
             known = self._strategy.chunk
             again = known is not None and known.stamp_ns == observation.stamp_ns and not self._hurry

@@ -276,6 +276,7 @@ class InferenceNode(NodeBehaviour):
                 continue
             if not self._loop.wait(WAIT_S) or self._blocked():
                 continue
+            began_ns = time.monotonic_ns()
             try:
                 observation = self._observer.observation()
             except UnfitMessageError as error:
@@ -283,13 +284,13 @@ class InferenceNode(NodeBehaviour):
                 continue
             with self._acting:
                 if (model := self._model) is not None:
-                    self._predict(model, observation)
+                    self._predict(model, observation, began_ns)
 
-    def _predict(self, model: Model, observation: Observation) -> None:
+    def _predict(self, model: Model, observation: Observation, began_ns: int) -> None:
         if self._resets:
             self._resets = False
             model.reset()
-        late = self._loop.predict(model, observation)
+        late = self._loop.predict(model, observation, began_ns)
         age_s = (self.context.now_ns() - observation.stamp_ns) / 1e9
         if late and self._loop.figures().queue == 0:
             self._say_once(
