@@ -211,10 +211,7 @@ def test_an_override_takes_control_and_gives_it_back_by_a_verb(
     override = {"node": "/gamepad", "topic": "/arm/command", "override": True}
     commanders = [override, {"node": "/model", "topic": "/arm/command"}]
     node = run(facts={"commanders": commanders, "external": (), "intervention": True})
-
-    def taken_over() -> bool:
-        return bool(node.context.publishers["~/intervention"].messages[-1].data)
-
+    marks = node.context.publishers["~/intervention"].messages
     model, person = joint_state(["joint_1"], [0.4]), joint_state(["joint_1"], [-0.4])
     node.cycles(600, send=model, publisher="/model")
     assert node.written[-1].position[0] == pytest.approx(0.4)
@@ -224,7 +221,7 @@ def test_an_override_takes_control_and_gives_it_back_by_a_verb(
         node.cycles(1, send=model, publisher="/model")
     turned = np.array([message.position[0] for message in node.written[before:]])
     assert (np.diff(turned) < 0).all(), "nothing of the model gets through"
-    assert taken_over()
+    assert marks[-1].data
     assert np.diff(turned).min() > -0.011, "the override is approached at the speed of a first command"
     with pytest.raises(RefusedError, match=r"the override /gamepad still publishes\. Stop it first"):
         node.node.release_override()
@@ -233,7 +230,7 @@ def test_an_override_takes_control_and_gives_it_back_by_a_verb(
     held = node.written[-1].position[0]
     node.cycles(200, send=model, publisher="/model")
     assert node.written[-1].position[0] == held
-    assert taken_over(), "until it is released"
+    assert marks[-1].data, "until it is released"
     node.context.tick("diagnostics")
     assert node.context.shown == "override /gamepad stopped publishing: holding"
     assert node.node.release_override() == (
@@ -243,7 +240,7 @@ def test_an_override_takes_control_and_gives_it_back_by_a_verb(
     node.cycles(20, send=model, publisher="/model")
     turned = np.array([message.position[0] for message in node.written[before:]])
     assert 0.004 < np.diff(turned).max() < 0.0065, "1 rad/s at 200 Hz, in whole ticks"
-    assert not taken_over()
+    assert not marks[-1].data
     with pytest.raises(RefusedError, match="/arm has no override to release"):
         node.node.release_override()
     assert not any("commands stopped" in message for message in caplog.messages), "one line for one event"
