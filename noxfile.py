@@ -145,10 +145,8 @@ def learn(session: nox.Session) -> None:
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
-    plugins = [
-        f"{PLUGIN}/{name}"
-        for name in ("dataset", "emulator", "inference", "mujoco-sim", "smolvla", "sts3215")
-    ]
+    names = ("dataset", "emulator", "inference", "mujoco-sim", "ppo-trainer", "smolvla", "sts3215")
+    plugins = [f"{PLUGIN}/{name}" for name in names]
     session.install("--no-deps", *editable(CORE, *plugins))
     folders = (str(ROOT / "tests" / name) for name in ("learn", "support"))
     environment = {"PYTHONPATH": os.pathsep.join(folders), "HF_HUB_OFFLINE": "1"}

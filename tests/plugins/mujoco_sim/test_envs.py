@@ -311,6 +311,24 @@ def test_episodes_can_start_anew_with_the_step_that_ended_them() -> None:
 
 
 @pytest.mark.parametrize("name", IDS)
+def test_environments_go_on_from_a_snapshot_bit_for_bit(name: str) -> None:
+    made = [TermVectorEnv(TASKS[name], 3, randomise=True, max_episode_steps=8) for _ in range(2)]
+    chance = np.random.default_rng(0)
+    actions = chance.uniform(-1, 1, (30, *made[0].action_space.shape))
+    made[0].reset(seed=3)
+    for action in actions[:13]:
+        made[0].step(action)
+    made[1].reset(seed=99)
+    made[1].restore(made[0].snapshot())
+    for action in actions[13:]:
+        first, other = (one.step(action) for one in made)
+        for a, b in zip(first[:4], other[:4], strict=True):
+            assert np.array_equal(a, b)
+    with pytest.raises(ValueError, match="do not fit: physics is missing or of another shape"):
+        made[0].restore(TermVectorEnv(TASKS[name], 2, randomise=True).snapshot())
+
+
+@pytest.mark.parametrize("name", IDS)
 def test_randomised_physics_acts_on_each_task(name: str) -> None:
     plain, varied = TermVectorEnv(TASKS[name], 4), TermVectorEnv(TASKS[name], 4, randomise=True)
     for many in (plain, varied):

@@ -55,7 +55,7 @@ def _chosen(draft: Draft, training: pb.Training) -> tuple[Environment, Environme
     reward = training.rl_config.reward_function
     offers = draft.registry.environments(pb.SimulatorBackend.Name(backend) if backend else "")
     if not offers:
-        if not wanted or backend not in (0, pb.BACKEND_MJX):
+        if not wanted or backend not in (0, pb.BACKEND_MJX, pb.BACKEND_MUJOCO):
             return None  # only an id that is named is certain to need one
         message = draft.registry.missing(wanted, EnvironmentSpec, "simulation")
         return draft.missing("plugin-missing", message, _ID, remedy="Install the plugin that offers it")

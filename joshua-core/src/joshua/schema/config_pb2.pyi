@@ -154,6 +154,7 @@ class SimulatorBackend(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     BACKEND_MJX: _ClassVar[SimulatorBackend]
     BACKEND_ISAAC: _ClassVar[SimulatorBackend]
     BACKEND_PLUGIN: _ClassVar[SimulatorBackend]
+    BACKEND_MUJOCO: _ClassVar[SimulatorBackend]
 
 class NodeType(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -274,6 +275,7 @@ BACKEND_UNSPECIFIED: SimulatorBackend
 BACKEND_MJX: SimulatorBackend
 BACKEND_ISAAC: SimulatorBackend
 BACKEND_PLUGIN: SimulatorBackend
+BACKEND_MUJOCO: SimulatorBackend
 NODE_TYPE_UNSPECIFIED: NodeType
 CPP: NodeType
 PYTHON: NodeType
@@ -889,7 +891,7 @@ class Training(_message.Message):
     def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., environment_id: _Optional[str] = ...) -> None: ...
 
 class RLConfig(_message.Message):
-    __slots__ = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "gamma", "clip_range", "batch_size", "reward_function")
+    __slots__ = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "gamma", "clip_range", "batch_size", "reward_function", "n_steps", "n_epochs", "gae_lambda", "entropy_weight", "value_weight", "max_grad_norm", "target_kl", "hidden_sizes", "activation", "initial_log_std", "normalize_observations", "normalize_rewards", "randomise", "output_folder", "checkpoint_steps", "resume_run", "physics_threads", "buffer_size", "learning_starts", "tau", "updates_per_step")
     ALGORITHM_FIELD_NUMBER: _ClassVar[int]
     NUM_ENVS_FIELD_NUMBER: _ClassVar[int]
     TOTAL_TIMESTEPS_FIELD_NUMBER: _ClassVar[int]
@@ -898,6 +900,27 @@ class RLConfig(_message.Message):
     CLIP_RANGE_FIELD_NUMBER: _ClassVar[int]
     BATCH_SIZE_FIELD_NUMBER: _ClassVar[int]
     REWARD_FUNCTION_FIELD_NUMBER: _ClassVar[int]
+    N_STEPS_FIELD_NUMBER: _ClassVar[int]
+    N_EPOCHS_FIELD_NUMBER: _ClassVar[int]
+    GAE_LAMBDA_FIELD_NUMBER: _ClassVar[int]
+    ENTROPY_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    VALUE_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    MAX_GRAD_NORM_FIELD_NUMBER: _ClassVar[int]
+    TARGET_KL_FIELD_NUMBER: _ClassVar[int]
+    HIDDEN_SIZES_FIELD_NUMBER: _ClassVar[int]
+    ACTIVATION_FIELD_NUMBER: _ClassVar[int]
+    INITIAL_LOG_STD_FIELD_NUMBER: _ClassVar[int]
+    NORMALIZE_OBSERVATIONS_FIELD_NUMBER: _ClassVar[int]
+    NORMALIZE_REWARDS_FIELD_NUMBER: _ClassVar[int]
+    RANDOMISE_FIELD_NUMBER: _ClassVar[int]
+    OUTPUT_FOLDER_FIELD_NUMBER: _ClassVar[int]
+    CHECKPOINT_STEPS_FIELD_NUMBER: _ClassVar[int]
+    RESUME_RUN_FIELD_NUMBER: _ClassVar[int]
+    PHYSICS_THREADS_FIELD_NUMBER: _ClassVar[int]
+    BUFFER_SIZE_FIELD_NUMBER: _ClassVar[int]
+    LEARNING_STARTS_FIELD_NUMBER: _ClassVar[int]
+    TAU_FIELD_NUMBER: _ClassVar[int]
+    UPDATES_PER_STEP_FIELD_NUMBER: _ClassVar[int]
     algorithm: str
     num_envs: int
     total_timesteps: int
@@ -906,7 +929,28 @@ class RLConfig(_message.Message):
     clip_range: float
     batch_size: int
     reward_function: str
-    def __init__(self, algorithm: _Optional[str] = ..., num_envs: _Optional[int] = ..., total_timesteps: _Optional[int] = ..., learning_rate: _Optional[float] = ..., gamma: _Optional[float] = ..., clip_range: _Optional[float] = ..., batch_size: _Optional[int] = ..., reward_function: _Optional[str] = ...) -> None: ...
+    n_steps: int
+    n_epochs: int
+    gae_lambda: float
+    entropy_weight: float
+    value_weight: float
+    max_grad_norm: float
+    target_kl: float
+    hidden_sizes: _containers.RepeatedScalarFieldContainer[int]
+    activation: str
+    initial_log_std: float
+    normalize_observations: bool
+    normalize_rewards: bool
+    randomise: bool
+    output_folder: str
+    checkpoint_steps: int
+    resume_run: str
+    physics_threads: int
+    buffer_size: int
+    learning_starts: int
+    tau: float
+    updates_per_step: int
+    def __init__(self, algorithm: _Optional[str] = ..., num_envs: _Optional[int] = ..., total_timesteps: _Optional[int] = ..., learning_rate: _Optional[float] = ..., gamma: _Optional[float] = ..., clip_range: _Optional[float] = ..., batch_size: _Optional[int] = ..., reward_function: _Optional[str] = ..., n_steps: _Optional[int] = ..., n_epochs: _Optional[int] = ..., gae_lambda: _Optional[float] = ..., entropy_weight: _Optional[float] = ..., value_weight: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., target_kl: _Optional[float] = ..., hidden_sizes: _Optional[_Iterable[int]] = ..., activation: _Optional[str] = ..., initial_log_std: _Optional[float] = ..., normalize_observations: _Optional[bool] = ..., normalize_rewards: _Optional[bool] = ..., randomise: _Optional[bool] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., physics_threads: _Optional[int] = ..., buffer_size: _Optional[int] = ..., learning_starts: _Optional[int] = ..., tau: _Optional[float] = ..., updates_per_step: _Optional[int] = ...) -> None: ...
 
 class ImitationConfig(_message.Message):
     __slots__ = ("dataset_name", "num_epochs", "learning_rate", "batch_size", "loss_function")

@@ -209,8 +209,8 @@ def _backend(context: Context, training: pb.Training) -> Iterator[Diagnostic]:
             "Training in simulation needs a simulator_backend",
             f"{path}.simulator_backend",
             position=context.position(f"{path}.environment"),
-            allowed=("BACKEND_MJX", "BACKEND_ISAAC", "BACKEND_PLUGIN"),
-            remedy="Add simulator_backend: BACKEND_MJX",
+            allowed=("BACKEND_MUJOCO", "BACKEND_MJX", "BACKEND_ISAAC", "BACKEND_PLUGIN"),
+            remedy="Add simulator_backend: BACKEND_MUJOCO",
         )
     elif training.simulator_backend == pb.BACKEND_PLUGIN and not training.HasField("plugin_config"):
         yield _lacks_plugin(context, path, f"{path}.simulator_backend", "BACKEND_PLUGIN")

@@ -167,6 +167,7 @@ class Evaluator:
         features: of the observation, whose values stand side by side in it, and of ``action``, with units.
         offset, scale: of the numbers of an observation, which shows ``(value - offset) / scale``.
         observation_space, action_space: of one environment.
+        potentials: what each reward by a potential was at the end of the last step, shape (N,).
     """
 
     def __init__(self, task: Task, state: Simulations, action_mode: str = "") -> None:
@@ -202,7 +203,7 @@ class Evaluator:
         self.action_space = spaces.Box(_inwards(low, 1), _inwards(high, -1), dtype=np.float32)
         self._low, self._high = low, high
         self._reward = [(t.name, t.weight, t.function, dict(t.parameters)) for t in task.rewards]
-        self._potentials = {
+        self.potentials = {
             term.name: np.zeros(state.count) for term in task.rewards if term.potential and term.weight
         }
         self._end = [(t.name, t.success, t.function, dict(t.parameters)) for t in task.terminations]
@@ -242,9 +243,9 @@ class Evaluator:
         terms = {}
         for name, weight, function, parameters in self._reward:
             value = function(state, **parameters)
-            before = self._potentials.get(name)
+            before = self.potentials.get(name)
             if before is not None:
-                self._potentials[name] = np.array(value)
+                self.potentials[name] = np.array(value)
                 value = value - before
             terms[name] = value = weight * value
             total += value
@@ -278,8 +279,8 @@ class Evaluator:
         state.action[ids] = state.last_action[ids] = start
         state.forward(ids)
         for name, _, function, parameters in self._reward:
-            if name in self._potentials:
-                self._potentials[name][ids] = function(state, **parameters)[ids]
+            if name in self.potentials:
+                self.potentials[name][ids] = function(state, **parameters)[ids]
 
 
 def _resolved(constant: Constant, model: mujoco.MjModel, size: int) -> FloatArray:

@@ -16,6 +16,9 @@ from joshua_mujoco_sim.envs.state import BatchState, IntArray
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
 from joshua_mujoco_sim.model_file import load_model
 
+#: Fields of the model that the randomisation of servos varies, beside those that its terms name.
+SERVO_FIELDS = ("actuator_gainprm", "actuator_biasprm")
+
 
 @dataclass
 class Outcome:
@@ -174,12 +177,78 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
             self._ended = over
         return Outcome(observations, reward, ended, truncated, success, final, terms, objects)
 
+    def snapshot(self) -> dict[str, Any]:
+        """Everything that decides how the environments go on, as arrays of numbers by name.
+
+        Restored into environments that are made alike, they go on bit for bit.
+        """
+        state = self._state
+        arrays: dict[str, Any] = {
+            "physics": state.batch.state,
+            "action": state.action,
+            "last_action": state.last_action,
+            "elapsed_steps": state.elapsed_steps,
+            "contact_forces": state.contact_forces,
+            "ended": self._ended,
+            "generators": np.stack([_packed(generator) for generator in self._generators]),
+        }
+        arrays |= {f"potential.{name}": values for name, values in self._evaluator.potentials.items()}
+        varied = {term.parameters.get("field", "") for term in self.task.resets} | set(SERVO_FIELDS)
+        for field in sorted(varied - {""}):
+            values = state.batch.expanded(field)
+            if values is not None:
+                arrays[f"model.{field}"] = values
+        return {name: np.array(values) for name, values in arrays.items()}
+
+    def restore(self, arrays: Mapping[str, Any]) -> None:
+        """Takes up what ``snapshot`` gave.
+
+        Raises:
+            ValueError: it is of another task or of another number of environments.
+        """
+        state = self._state
+        known = self.snapshot()
+        for name, values in known.items():
+            if name not in arrays or arrays[name].shape != values.shape:
+                raise ValueError(f"the saved environments do not fit: {name} is missing or of another shape")
+        state.batch.state[:] = arrays["physics"]
+        state.action[:], state.last_action[:] = arrays["action"], arrays["last_action"]
+        state.elapsed_steps[:], state.contact_forces[:] = arrays["elapsed_steps"], arrays["contact_forces"]
+        self._ended[:] = arrays["ended"]
+        for generator, packed in zip(self._generators, arrays["generators"], strict=True):
+            _unpack(generator, packed)
+        for name in known:
+            kind, _, field = name.partition(".")
+            if kind == "potential":
+                self._evaluator.potentials[field][:] = arrays[name]
+            elif kind == "model":
+                state.parameter(field)[:] = arrays[name]
+        state.step_cache.clear()
+
     def close_extras(self, **kwargs: Any) -> None:
         """Frees the pictures."""
         self._observer.close()
 
     def _reset(self, ids: IntArray) -> None:
         self._evaluator.reset(ids, [self._generators[index] for index in ids])
+
+
+def _packed(generator: np.random.Generator) -> Any:
+    """The state of a PCG64 generator as six numbers of 64 bits."""
+    own: Any = generator.bit_generator.state
+    wide = (own["state"]["state"], own["state"]["inc"])
+    halves = [part for number in wide for part in (number >> 64, number & (2**64 - 1))]
+    return np.array([*halves, own["has_uint32"], own["uinteger"]], np.uint64)
+
+
+def _unpack(generator: np.random.Generator, packed: Any) -> None:
+    high, low, inc_high, inc_low, has, word = (int(number) for number in packed)
+    generator.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": high << 64 | low, "inc": inc_high << 64 | inc_low},
+        "has_uint32": has,
+        "uinteger": word,
+    }
 
 
 def _masked(mask: Any, count: int) -> IntArray:

@@ -1,0 +1,284 @@
+"""Learning by stable-baselines3, one iteration after the other, with a state that can be written any time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
+
+from joshua_ppo_trainer import checkpoint
+from joshua_ppo_trainer.normalise import Normaliser
+from joshua_ppo_trainer.run_folder import RunError
+from joshua_ppo_trainer.settings import TrainerSettings
+from joshua_ppo_trainer.vec_env import BatchedVecEnv
+
+_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+
+#: Policy updates of SAC between two rows of metrics.
+SAC_STEPS = 2_000
+
+
+class Stopped(Exception):
+    """The learner was asked to stop, in the middle of an iteration."""
+
+
+class DivergedError(RunError):
+    """The loss is not a number."""
+
+
+class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]
+    """Asks before each mini-batch whether learning goes on, so that a stop needs not wait for an update."""
+
+    asked: Callable[[], bool] = staticmethod(lambda: False)
+
+    def get(self, batch_size: int | None = None) -> Iterator[Any]:
+        for batch in super().get(batch_size):
+            if self.asked():
+                raise Stopped
+            yield batch
+
+
+class _Watch(BaseCallback):  # type: ignore[misc,unused-ignore]
+    """Ends collecting when learning is to stop, and tells how far it is."""
+
+    def __init__(self, asked: Callable[[], bool], told: Callable[[int], None]) -> None:
+        super().__init__()
+        self._asked, self._told = asked, told
+
+    def _on_step(self) -> bool:
+        self._told(self.num_timesteps)
+        return not self._asked()
+
+
+class Learner:
+    """Trains a policy.
+
+    Args:
+        settings: with nothing left open, see ``TrainerSettings.suitable``.
+        environment: many environments, in the mode SAME_STEP; seed: of the networks and the samples.
+        asked: whether to stop; told: called with the number of steps, often.
+
+    Attributes:
+        steps: environment steps so far; rows of metrics come from ``iterate``.
+    """
+
+    def __init__(
+        self,
+        settings: TrainerSettings,
+        environment: Any,
+        seed: int,
+        asked: Callable[[], bool] = lambda: False,
+        told: Callable[[int], None] = lambda steps: None,
+    ) -> None:
+        self._settings, self._environment = settings, environment
+        self.normaliser = Normaliser(
+            environment.single_observation_space.shape[0],
+            environment.num_envs,
+            settings.gamma,
+            observations=bool(settings.normalize_observations),
+            rewards=bool(settings.normalize_rewards),
+        )
+        self.vec_env = BatchedVecEnv(environment, self.normaliser)
+        self._asked = asked
+        self._watch = _Watch(asked, told)
+        self._model: Any = self._ppo(seed) if settings.algorithm == "PPO" else self._sac(seed)
+        self._model.set_logger(Logger(folder=None, output_formats=[]))
+        self._snapshot: tuple[dict[str, Any], dict[str, Any], dict[str, Any]] | None = None
+        self._callback: Any = None
+        self._iterations = 0
+        self._started = False
+
+    @property
+    def steps(self) -> int:
+        """Environment steps so far."""
+        return int(self._model.num_timesteps)
+
+    @property
+    def policy(self) -> Any:
+        """The policy of stable-baselines3."""
+        return self._model.policy
+
+    def iterate(self) -> dict[str, float] | None:
+        """Collects and updates once: the metrics of it; None when it was asked to stop.
+
+        Raises:
+            DivergedError: a loss is not a number; the state is that before the iteration.
+        """
+        model, settings = self._model, self._settings
+        if not self._started:
+            _, self._callback = model._setup_learn(
+                settings.total_timesteps, self._watch, reset_num_timesteps=self._iterations == 0
+            )
+            self._started = True
+            if self._snapshot is None:
+                self._snapshot = self._take()
+        begun_s, before = time.perf_counter(), model.num_timesteps
+        model.policy.set_training_mode(False)
+        try:
+            if not self._learn_once():
+                return None
+        except Stopped:
+            return None
+        self._iterations += 1
+        values = {name: float(value) for name, value in model.logger.name_to_value.items()}
+        model.logger.name_to_value.clear()
+        losses = [name for name, value in values.items() if "loss" in name and not np.isfinite(value)]
+        if losses or not all(bool(torch.isfinite(weight).all()) for weight in model.policy.parameters()):
+            named = ", ".join(losses) or "a weight"
+            raise DivergedError(
+                f"{named} is not a number after {self.steps} steps: lower learning_rate, or raise "
+                "batch_size; the last checkpoint is from before"
+            )
+        self._snapshot = self._take()
+        rate = (model.num_timesteps - before) / max(time.perf_counter() - begun_s, 1e-9)
+        return self.metrics() | {"rate/steps_per_s": rate} | values
+
+    def snapshot(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Weights, what training needs beside them, and the state, all after the last whole iteration."""
+        return self._snapshot or self._take()
+
+    def restore(self, policy: dict[str, Any], training: dict[str, Any], state: dict[str, Any]) -> None:
+        """Goes on where a snapshot was taken, bit for bit. Only PPO; before the first iteration.
+
+        Raises:
+            RunError: it is of another network or other environments.
+        """
+        model = self._model
+        checkpoint.load_weights(model.policy, policy)
+        checkpoint.load_optimiser(model.policy.optimizer, training)
+        self.normaliser.load(training)
+        prefix = "environment."
+        try:
+            own = {name[len(prefix) :]: v for name, v in training.items() if name.startswith(prefix)}
+            self._environment.restore(own)
+        except ValueError as error:
+            raise RunError(f"{error}: continue with the num_envs and the environment of the run") from error
+        vec_env = self.vec_env
+        vec_env.returns[:], vec_env.lengths[:] = training["episode.returns"], training["episode.lengths"]
+        vec_env.episodes.extend((r, n, s) for r, n, s in state["episodes"])
+        vec_env.done = state["episodes_done"]
+        model.num_timesteps, self._iterations = state["steps"], state["iterations"]
+        model._n_updates = state["updates"]
+        # with a last observation, the learner does not start the environments anew
+        model._last_obs, model._last_episode_starts = training["last.observation"], training["last.starts"]
+        checkpoint.load_generators(training)
+        self._snapshot = (policy, training, state)
+
+    def _learn_once(self) -> bool:
+        """One iteration of the algorithm; False when it was asked to stop."""
+        model, settings = self._model, self._settings
+        model._callback = self._callback
+        if settings.algorithm == "PPO":
+            if not model.collect_rollouts(
+                model.env, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+            ):
+                return False
+            model._update_current_progress_remaining(model.num_timesteps, settings.total_timesteps)
+            model.train()
+            return True
+        end = min(model.num_timesteps + SAC_STEPS, settings.total_timesteps)
+        while model.num_timesteps < end:
+            rollout = model.collect_rollouts(
+                model.env,
+                train_freq=model.train_freq,
+                action_noise=model.action_noise,
+                callback=self._callback,
+                learning_starts=model.learning_starts,
+                replay_buffer=model.replay_buffer,
+                log_interval=None,
+            )
+            if not rollout.continue_training:
+                return False
+            if model.num_timesteps > model.learning_starts:
+                model.train(batch_size=model.batch_size, gradient_steps=model.gradient_steps)
+        return True
+
+    def _take(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        model, vec_env = self._model, self.vec_env
+        policy = checkpoint.weights_of(model.policy)
+        training: dict[str, Any] = self.normaliser.arrays() | checkpoint.generator_arrays()
+        if self._settings.algorithm == "PPO":
+            training |= checkpoint.optimiser_arrays(model.policy.optimizer)
+            training |= {f"environment.{name}": v for name, v in self._environment.snapshot().items()}
+            training |= {
+                "episode.returns": vec_env.returns.copy(),
+                "episode.lengths": vec_env.lengths.copy(),
+                "last.observation": np.array(model._last_obs),
+                "last.starts": np.array(model._last_episode_starts),
+            }
+        state = {
+            "format": 1,
+            "algorithm": self._settings.algorithm,
+            "steps": self.steps,
+            "iterations": self._iterations,
+            "updates": int(model._n_updates),
+            "episodes": [list(episode) for episode in vec_env.episodes],
+            "episodes_done": vec_env.done,
+        }
+        return policy, training, state
+
+    def metrics(self) -> dict[str, float]:
+        """Averages over the last episodes, as of the last whole iteration."""
+        episodes = self.vec_env.episodes
+        found: dict[str, float] = {"steps": self.steps, "episodes": self.vec_env.done}
+        if episodes:
+            returns, lengths, successes = zip(*episodes, strict=True)
+            found["episode/return"] = float(np.mean(returns))
+            found["episode/length"] = float(np.mean(lengths))
+            found["episode/success_rate"] = float(np.mean(successes))
+        return found
+
+    def _network(self) -> dict[str, Any]:
+        settings = self._settings
+        return {
+            "net_arch": list(settings.hidden_sizes),
+            "activation_fn": _ACTIVATIONS[settings.activation],
+        }
+
+    def _ppo(self, seed: int) -> Any:
+        settings = self._settings
+        buffer = type("Buffer", (_StoppableBuffer,), {"asked": staticmethod(self._asked)})
+        return PPO(
+            "MlpPolicy",
+            self.vec_env,
+            learning_rate=settings.learning_rate,
+            n_steps=settings.n_steps or 1,
+            batch_size=settings.batch_size,
+            n_epochs=settings.n_epochs or 1,
+            gamma=settings.gamma,
+            gae_lambda=settings.gae_lambda if settings.gae_lambda is not None else 0.95,
+            clip_range=settings.clip_range,
+            ent_coef=settings.entropy_weight or 0.0,
+            vf_coef=settings.value_weight,
+            max_grad_norm=settings.max_grad_norm,
+            target_kl=settings.target_kl,
+            rollout_buffer_class=buffer,
+            policy_kwargs={**self._network(), "log_std_init": settings.initial_log_std},
+            seed=seed,
+            device="cpu",
+        )
+
+    def _sac(self, seed: int) -> Any:
+        settings = self._settings
+        return SAC(
+            "MlpPolicy",
+            self.vec_env,
+            learning_rate=settings.learning_rate,
+            buffer_size=settings.buffer_size,
+            learning_starts=settings.learning_starts,
+            batch_size=settings.batch_size,
+            tau=settings.tau,
+            gamma=settings.gamma,
+            train_freq=(1, "step"),
+            gradient_steps=settings.updates_per_step,
+            policy_kwargs=self._network(),
+            seed=seed,
+            device="cpu",
+        )

@@ -1,0 +1,20 @@
+"""What this distribution provides to the host."""
+
+from __future__ import annotations
+
+from joshua.api import PluginSpec, TrainerSpec, hookimpl
+
+
+@hookimpl
+def joshua_specs() -> list[PluginSpec]:
+    """Name the trainer."""
+    return [
+        TrainerSpec(
+            block="training",
+            # METHOD_RL chooses the trainer where no simulator is named, which is on a robot
+            enum_values=("BACKEND_MUJOCO", "METHOD_RL"),
+            implementation="joshua_ppo_trainer.node:PpoTrainer",
+            settings="joshua_ppo_trainer.settings:TrainerSettings",
+            summary="PPO and SAC on the CPU, in batched MuJoCo environments",
+        )
+    ]

@@ -1,0 +1,78 @@
+"""A trained policy, from the files of a checkpoint, with NumPy alone: what runs where no PyTorch is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load as load_arrays
+
+from joshua_ppo_trainer.normalise import LIMIT
+from joshua_ppo_trainer.run_folder import RunError
+
+#: The files of a policy in a checkpoint.
+WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
+
+#: Prefixes of the layers of the mean action in the networks of stable-baselines3: hidden ones, the last one.
+_LAYERS = {"PPO": ("mlp_extractor.policy_net.", "action_net"), "SAC": ("actor.latent_pi.", "actor.mu")}
+
+
+class Policy:
+    """The mean action of a policy for what an environment shows.
+
+    Attributes:
+        about: what ``policy.json`` says: features, scales, the range of actions, normalisation.
+    """
+
+    def __init__(self, about: dict[str, Any], weights: dict[str, Any]) -> None:
+        self.about = about
+        hidden, last = _LAYERS[about["algorithm"]]
+        numbers = sorted({int(key[len(hidden) :].split(".")[0]) for key in weights if key.startswith(hidden)})
+        names = [*(f"{hidden}{number}" for number in numbers), last]
+        self._layers = [(weights[f"{name}.weight"], weights[f"{name}.bias"]) for name in names]
+        self._squash = about["algorithm"] == "SAC"
+        self._low, self._high = (np.asarray(about[f"action_{end}"], np.float32) for end in ("low", "high"))
+        moments = about["normalisation"]
+        self._mean = self._spread = None
+        if moments is not None:
+            self._mean = np.asarray(moments["mean"])
+            self._spread = np.sqrt(np.asarray(moments["variance"]) + 1e-8)
+
+    @classmethod
+    def load(cls, checkpoint: Path) -> Policy:
+        """Reads the policy of a checkpoint.
+
+        Raises:
+            RunError: a file is missing, torn or none of ours.
+        """
+        try:
+            about = json.loads((checkpoint / ABOUT).read_text(encoding="utf-8"))
+            return cls(about, load_arrays((checkpoint / WEIGHTS).read_bytes()))
+        except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise RunError(f"{checkpoint} holds no policy of joshua-ppo-trainer: {reason}") from error
+
+    def act(self, observations: Any) -> Any:
+        """Actions for observations, shape (N, K), as the environment shows them: shape (N, A), float32."""
+        values = np.asarray(observations, np.float32)
+        if self._mean is not None:
+            scaled = (values - self._mean) / self._spread
+            values = np.clip(scaled, -LIMIT, LIMIT).astype(np.float32)
+        for weight, bias in self._layers[:-1]:
+            values = self._activate(values @ weight.T + bias)
+        weight, bias = self._layers[-1]
+        values = values @ weight.T + bias
+        if self._squash:
+            values = self._low + 0.5 * (np.tanh(values) + 1.0) * (self._high - self._low)
+        return np.clip(values, self._low, self._high)
+
+    def _activate(self, values: Any) -> Any:
+        kind = self.about["activation"]
+        if kind == "tanh":
+            return np.tanh(values)
+        if kind == "relu":
+            return np.maximum(values, 0.0)
+        return np.where(values > 0, values, np.expm1(np.minimum(values, 0.0)))

@@ -1,0 +1,187 @@
+"""The folder of a run: what was asked for, metrics, and checkpoints that are whole or not there."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import time
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+#: Checkpoints that are kept beside the one that is being written.
+KEPT = 3
+
+#: Distributions whose versions decide what a training gives.
+RECORDED = (
+    *("joshua-core", "joshua-ppo-trainer", "joshua-mujoco-sim", "stable-baselines3", "torch", "mujoco"),
+    *("numpy", "gymnasium", "safetensors"),
+)
+
+
+class RunError(Exception):
+    """A run or a checkpoint cannot be used; the message says where, why and what to do."""
+
+
+class RunFolder:
+    """A folder with ``run.json``, ``metrics.jsonl``, ``tensorboard/`` and ``checkpoints/``.
+
+    Args:
+        path: of the folder, which exists.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @classmethod
+    def create(cls, parent: Path, name: str, facts: Mapping[str, Any]) -> RunFolder:
+        """Makes the folder of a new run, named after it and the time.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        stamp = time.strftime("%Y%m%d-%H%M%S")
+        for number in range(1000):
+            path = parent / (f"{name}-{stamp}" + (f"-{number}" if number else ""))
+            try:
+                path.mkdir(parents=True)
+            except FileExistsError:
+                continue
+            except OSError as error:
+                raise RunError(f"{path} cannot be made: {error.strerror}: set output_folder") from error
+            folder = cls(path)
+            folder.write_json("run.json", {**facts, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")})
+            return folder
+        raise RunError(f"{parent} holds 1000 runs of this second")
+
+    @classmethod
+    def open(cls, path: Path) -> RunFolder:
+        """Opens the folder of a run.
+
+        Raises:
+            RunError: there is none.
+        """
+        if not (path / "run.json").is_file():
+            raise RunError(
+                f"{path} is no run: it has no run.json; name the folder that the run logged at its start"
+            )
+        return cls(path)
+
+    def facts(self) -> dict[str, Any]:
+        """What ``run.json`` says. Raises RunError."""
+        return _json(self.path / "run.json")
+
+    def write_json(self, name: str, content: Mapping[str, Any]) -> None:
+        """Writes a file at once."""
+        _durable(self.path / name, json.dumps(content, indent=2, sort_keys=True).encode() + b"\n")
+
+    def add_metrics(self, row: Mapping[str, Any]) -> None:
+        """Appends a line to ``metrics.jsonl``."""
+        with (self.path / "metrics.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+    def cut_metrics(self, steps: int) -> None:
+        """Removes lines after a number of steps, which a continued run computes again, and torn ones."""
+        path = self.path / "metrics.jsonl"
+        if not path.is_file():
+            return
+        kept = []
+        for line in path.read_text(encoding="utf-8").splitlines():
+            try:
+                if json.loads(line)["steps"] <= steps:
+                    kept.append(line + "\n")
+            except (ValueError, KeyError, TypeError):
+                continue
+        _durable(path, "".join(kept).encode())
+
+    def checkpoints(self) -> list[Path]:
+        """Whole checkpoints, the oldest first."""
+        return sorted(path for path in (self.path / "checkpoints").glob("step_*") if path.is_dir())
+
+    def save(self, steps: int, files: Mapping[str, bytes]) -> Path:
+        """Writes a checkpoint beside the others and puts it in its place at once; removes old ones.
+
+        Raises:
+            RunError: the disk does not take it; the checkpoints before it are as they were.
+        """
+        folder = self.path / "checkpoints"
+        final, draft = folder / f"step_{steps:012d}", folder / f".step_{steps:012d}.part"
+        if final.is_dir():
+            return final
+        try:
+            shutil.rmtree(draft, ignore_errors=True)
+            draft.mkdir(parents=True)
+            for name, content in files.items():
+                _durable(draft / name, content)
+            draft.rename(final)
+            _sync(folder)
+        except OSError as error:
+            shutil.rmtree(draft, ignore_errors=True)
+            raise RunError(
+                f"{final} cannot be written: {error.strerror}: make room, and continue with resume_run; "
+                "the checkpoints before it are whole"
+            ) from error
+        for old in self.checkpoints()[:-KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+        return final
+
+
+def described(folder: Path) -> dict[str, Any]:
+    """Versions, machine and state of git of a folder, for ``run.json``."""
+    versions = {}
+    for name in RECORDED:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return {
+        "versions": versions,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "git": _git(folder),
+    }
+
+
+def _git(folder: Path) -> dict[str, Any] | None:
+    """Commit and whether files differ from it; None outside a repository, or without git."""
+    answers = []
+    for command in (("rev-parse", "HEAD"), ("status", "--porcelain")):
+        try:
+            done = subprocess.run(
+                ("git", "-C", str(folder), *command), capture_output=True, text=True, timeout=10, check=True
+            )
+        except (OSError, subprocess.SubprocessError):
+            return None
+        answers.append(done.stdout.strip())
+    return {"commit": answers[0], "changed": bool(answers[1])}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunError(f"{path} cannot be read: {error}: choose another run") from error
+    if not isinstance(content, dict):
+        raise RunError(f"{path} holds no object: choose another run")
+    return content
+
+
+def _durable(path: Path, content: bytes) -> None:
+    draft = path.with_name(f".{path.name}.part")
+    with draft.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+
+
+def _sync(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

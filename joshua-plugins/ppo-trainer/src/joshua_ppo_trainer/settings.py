@@ -1,0 +1,138 @@
+"""Settings of the trainer: the fields of ``rl_config``, and what suits each environment without them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from joshua.api import BlockContext, BlockSettings, FieldError
+from pydantic import model_validator
+from typing_extensions import Self
+
+ALGORITHMS = ("PPO", "SAC")
+
+#: Fields whose omission the schema reports by itself.
+_REQUIRED = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "batch_size")
+
+
+@dataclass(frozen=True)
+class Suitable:
+    """What suits an environment where the file leaves it open."""
+
+    n_steps: int = 32
+    n_epochs: int = 8
+    gae_lambda: float = 0.95
+    entropy_weight: float = 0.0
+    hidden_sizes: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    initial_log_std: float = -0.5
+    normalize_observations: bool = True
+    normalize_rewards: bool = True
+
+
+#: By the id of the environment. Those of the arm scale their observations and rewards themselves.
+SUITABLE: Mapping[str, Suitable] = {
+    "joshua/SoArm100Reach-v0": Suitable(normalize_observations=False, normalize_rewards=False),
+    "joshua/SoArm100PickPlace-v0": Suitable(
+        n_steps=64, hidden_sizes=(128, 128), normalize_observations=False, normalize_rewards=True
+    ),
+    "joshua/Ant-v0": Suitable(n_steps=64, n_epochs=10, initial_log_std=-1.0),
+}
+
+
+class TrainerSettings(BlockSettings):
+    """What the file says of a training; None where it leaves a choice to the environment."""
+
+    environment: str = ""
+    algorithm: str = "PPO"
+    num_envs: int = 1
+    total_timesteps: int = 1
+    learning_rate: float = 3e-4
+    gamma: float = 0.99
+    clip_range: float = 0.2
+    batch_size: int = 64
+    n_steps: int | None = None
+    n_epochs: int | None = None
+    gae_lambda: float | None = None
+    entropy_weight: float | None = None
+    value_weight: float = 0.5
+    max_grad_norm: float = 0.5
+    target_kl: float | None = None
+    hidden_sizes: tuple[int, ...] = ()
+    activation: str = ""
+    initial_log_std: float | None = None
+    normalize_observations: bool | None = None
+    normalize_rewards: bool | None = None
+    randomise: bool = False
+    output_folder: str = ""
+    checkpoint_steps: int = 100_000
+    resume_run: str = ""
+    physics_threads: int = 0
+    buffer_size: int = 300_000
+    learning_starts: int = 5_000
+    tau: float = 0.005
+    updates_per_step: int = 8
+
+    @classmethod
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
+        """Takes the fields of ``rl_config``, and makes folders absolute."""
+        del node
+        block: Mapping[str, Any] = values["rl_config"] or {}
+        known = {
+            name: value
+            for name, value in block.items()
+            if name in cls.model_fields and value is not None and not (name in _REQUIRED and not value)
+        }
+        folder = Path(context.folder)
+        known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
+        if block.get("resume_run"):
+            known["resume_run"] = str(folder / block["resume_run"])
+        return known | {"environment": values["environment"] or ""}
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.environment == "ENV_REAL":
+            raise FieldError(
+                "environment",
+                "Reinforcement learning does not run on a robot here: it explores by random motions, takes "
+                "thousands of episodes, and has nobody who resets the scene and judges success after each",
+                allowed=("ENV_SIMULATION",),
+                remedy="train in simulation, or from demonstrations with METHOD_IMITATION",
+            )
+        if self.algorithm not in ALGORITHMS:
+            raise FieldError(
+                "rl_config.algorithm",
+                f"There is no algorithm {self.algorithm!r}",
+                allowed=_nearest(self.algorithm),
+                remedy=f'write algorithm: "{_nearest(self.algorithm)[0]}"',
+            )
+        if self.algorithm == "SAC" and self.resume_run:
+            raise FieldError(
+                "rl_config.resume_run",
+                "A run of SAC cannot be continued, because its checkpoints hold no replay buffer",
+                remedy="remove it, or train with PPO",
+            )
+        if self.algorithm == "PPO" and self.n_steps and self.batch_size > self.n_steps * self.num_envs:
+            raise FieldError(
+                "rl_config.batch_size",
+                f"A batch of {self.batch_size} samples is larger than what {self.num_envs} environments "
+                f"collect in {self.n_steps} steps, {self.n_steps * self.num_envs}",
+                remedy="make it smaller, or raise num_envs or n_steps",
+            )
+        return self
+
+    def suitable(self, environment_id: str) -> Self:
+        """The settings with what suits an environment where they leave it open."""
+        found = SUITABLE.get(environment_id, Suitable())
+        open_fields = {
+            name: value for name, value in vars(found).items() if getattr(self, name) in (None, (), "")
+        }
+        return self.model_copy(update=open_fields)
+
+
+def _nearest(name: str) -> tuple[str, ...]:
+    close = get_close_matches(name.upper(), ALGORITHMS, n=1, cutoff=0.4)
+    return (*close, *(known for known in ALGORITHMS if known not in close))

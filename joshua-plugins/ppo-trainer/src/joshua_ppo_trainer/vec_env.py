@@ -1,0 +1,96 @@
+"""Batched environments as stable-baselines3 sees them: arrays, and no dictionary for each environment."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+from joshua_ppo_trainer.normalise import Normaliser
+
+#: Episodes over which success, return and length are averaged.
+WINDOW = 200
+
+#: What an environment whose episode goes on has to say: one dictionary that nobody writes to.
+_NOTHING: dict[str, Any] = {}
+
+
+class BatchedVecEnv(VecEnv):  # type: ignore[misc,unused-ignore]
+    """N environments that step together and start anew with the step that ended their episode.
+
+    Args:
+        environment: has ``advance``, see ``joshua_mujoco_sim.envs.TermVectorEnv``, in the mode SAME_STEP.
+        normaliser: of observations and rewards.
+
+    Attributes:
+        episodes: of the last episodes, (return, length, success); done: how many have ended in all.
+    """
+
+    def __init__(self, environment: Any, normaliser: Normaliser) -> None:
+        self.environment, self.normaliser = environment, normaliser
+        count = environment.num_envs
+        super().__init__(count, environment.single_observation_space, environment.single_action_space)
+        self.episodes: deque[tuple[float, int, bool]] = deque(maxlen=WINDOW)
+        self.done = 0
+        self.returns, self.lengths = np.zeros(count), np.zeros(count, np.int64)
+        self._actions: Any = None
+
+    def reset(self) -> Any:
+        """Starts all episodes."""
+        observations, _ = self.environment.reset()
+        self.returns[:] = 0.0
+        self.lengths[:] = 0
+        return self.normaliser.observation(observations)
+
+    def step_async(self, actions: Any) -> None:
+        """Takes the actions of a step."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
+        """Does the step."""
+        step = self.environment.advance(self._actions)
+        over = step.terminated | step.truncated
+        self.returns += step.rewards
+        self.lengths += 1
+        infos = [_NOTHING] * self.num_envs
+        if step.final:
+            for index, final in step.final.items():
+                infos[index] = {
+                    "terminal_observation": self.normaliser.shown(final),
+                    "TimeLimit.truncated": bool(step.truncated[index]),
+                }
+                self.episodes.append(
+                    (float(self.returns[index]), int(self.lengths[index]), bool(step.success[index]))
+                )
+            self.done += len(step.final)
+            self.returns[over] = 0.0
+            self.lengths[over] = 0
+        rewards = self.normaliser.reward(step.rewards, over)
+        return self.normaliser.observation(step.observations), rewards, over, infos
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self.environment.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute that all environments share, once for each."""
+        return [getattr(self.environment, attr_name, None) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refuses: what environments are is decided where they are made."""
+        raise NotImplementedError("an environment of a batch cannot be changed by itself")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Refuses: environments of a batch have no methods of their own."""
+        raise NotImplementedError("an environment of a batch has no methods of its own")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No environment is wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Leaves the seeds as they are: the environments have been seeded where they were made."""
+        return [None] * self.num_envs

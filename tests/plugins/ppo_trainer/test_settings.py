@@ -1,0 +1,113 @@
+"""What a validation says of a training by PPO or SAC; nothing heavy is imported for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
+from joshua.schema import config_pb2 as pb
+from joshua_ppo_trainer.settings import SUITABLE, Suitable, TrainerSettings
+
+
+def training(
+    rl: str = "", *, head: str = "environment: ENV_SIMULATION simulator_backend: BACKEND_MUJOCO"
+) -> str:
+    return f"""
+general {{ mode: MODE_TRAINING name: "train" id: "train-ppo-test" }}
+simulation {{ mode: OFFSCREEN model_path: "so_arm100/reach.xml" seed: 3 }}
+ai {{
+  training {{
+    {head}
+    method: METHOD_RL
+    environment_id: "joshua/SoArm100Reach-v0"
+    rl_config {{
+      {"" if "algorithm" in rl else 'algorithm: "PPO"'}
+      num_envs: 4 total_timesteps: 100 learning_rate: 0.001 gamma: 0.9
+      {"" if "batch_size" in rl else "batch_size: 8"} {rl}
+    }}
+  }}
+}}
+"""
+
+
+def errors(folder: Path, text: str):
+    path = folder / "train.pbtxt"
+    path.write_text(text)
+    return examine(Request(str(path), purpose=Purpose.VALIDATE)).errors
+
+
+def settings(**fields) -> TrainerSettings:
+    block = pb.Training(
+        environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(algorithm="PPO", num_envs=64, **fields)
+    )
+    return TrainerSettings.from_block(block)
+
+
+def test_a_training_is_valid_without_anything_heavy(tmp_path: Path) -> None:
+    (tmp_path / "train.pbtxt").write_text(training())
+    code = f"""
+import sys
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
+assert not examine(Request({str(tmp_path / "train.pbtxt")!r}, purpose=Purpose.VALIDATE)).errors
+print(sorted({{"torch", "stable_baselines3", "gymnasium", "numpy", "safetensors"}} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_learning_on_a_robot_is_refused_with_the_reason(tmp_path: Path) -> None:
+    text = training(head="environment: ENV_REAL")
+    (error,) = (e for e in errors(tmp_path, text) if e.field_path == "ai.training.environment")
+    assert error.message.startswith(
+        "Reinforcement learning does not run on a robot here: it explores by random"
+    )
+    assert error.allowed == ("ENV_SIMULATION",)
+    assert "METHOD_IMITATION" in error.remedy
+    assert error.position.line == 6
+
+
+def test_an_unknown_algorithm_is_named_with_the_known(tmp_path: Path) -> None:
+    (error,) = errors(tmp_path, training('algorithm: "SARSA"'))
+    assert error.field_path == "ai.training.rl_config.algorithm"
+    assert error.message == "There is no algorithm 'SARSA'."
+    assert error.allowed == ("SAC", "PPO")
+    assert error.remedy == 'Write algorithm: "SAC".'
+
+
+def test_a_batch_that_never_fills_is_refused(tmp_path: Path) -> None:
+    (error,) = errors(tmp_path, training("n_steps: 8 batch_size: 64"))
+    assert (
+        "a batch of 64 samples is larger than what 4 environments collect in 8 steps, 32"
+        in error.message.lower()
+    )
+
+
+def test_a_run_of_sac_cannot_be_continued(tmp_path: Path) -> None:
+    (error,) = errors(tmp_path, training('algorithm: "SAC" resume_run: "runs/a"'))
+    assert "hold no replay buffer" in error.message
+
+
+def test_folders_are_relative_to_the_file() -> None:
+    from joshua.plugins.block_context import BlockContext
+
+    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(resume_run="runs/a"))
+    made = TrainerSettings.from_block(block, context=BlockContext(folder="/robots"))
+    assert (made.output_folder, made.resume_run) == ("/robots/runs", "/robots/runs/a")
+
+
+def test_what_is_omitted_suits_the_environment() -> None:
+    ours = settings().suitable("joshua/SoArm100Reach-v0")
+    assert {name: getattr(ours, name) for name in vars(Suitable())} == vars(
+        SUITABLE["joshua/SoArm100Reach-v0"]
+    )
+    assert settings().suitable("acme/Other-v0").normalize_observations is True
+    chosen = settings(
+        n_steps=5, hidden_sizes=[7], normalize_rewards=False, entropy_weight=0.0, gae_lambda=0.0
+    )
+    other = chosen.suitable("joshua/Ant-v0")
+    assert (other.n_steps, other.hidden_sizes, other.normalize_rewards) == (5, (7,), False)
+    assert (other.entropy_weight, other.gae_lambda) == (0.0, 0.0)
