@@ -74,6 +74,8 @@ def main() -> int:
             try:
                 cores, memory = watched(run, folder, seconds)
                 run.wait(60)
+            except subprocess.TimeoutExpired:
+                print("the run did not end")
             finally:
                 if run.poll() is None:
                     run.terminate()

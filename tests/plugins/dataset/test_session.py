@@ -42,6 +42,15 @@ def test_an_episode_is_recorded_anew() -> None:
     assert one.kept == 0
 
 
+def test_the_last_episode_is_kept_where_it_ended_early() -> None:
+    one = session(episode_duration_s=10.0, reset_duration_s=5.0, num_episodes=1)
+    one.start(0.0)
+    assert one.stop(3.0) == [Step.END]
+    assert one.phase is Phase.RESET
+    assert one.tick(8.0) == [Step.KEEP]
+    assert (one.phase, one.kept) == (Phase.DONE, 1)
+
+
 def test_durations_drive_a_session_to_its_end() -> None:
     one = session(episode_duration_s=10.0, reset_duration_s=5.0, warmup_s=2.0, num_episodes=2)
     assert one.start(0.0) == []

@@ -176,6 +176,8 @@ class Recorder:
                 raise RefusedError(str(error)) from error
             steps = self._session.start(time.monotonic())
             self._phase_began_s = time.monotonic()
+        if self._session.phase is Phase.DONE:
+            return self._answer(self._do(steps))
         kept = self._answer(self._do(steps))
         started = f"episode {self._number} starts: {self._session.task_text or 'no task'}"
         return f"{kept}; {started}" if kept else started

@@ -121,7 +121,7 @@ class Sampler:
             if now_ns - since_ns < LOST_S * NS_PER_S + self._wait_ns:
                 continue
             stream = self._streams[key]
-            if stream.is_stale:
+            if stream.age_s > max(0.3, 2 * stream.period_s):
                 why = f"no message received on {stream.feature.topic} for {stream.age_s:.1f} s"
             else:
                 ahead_s = (stream.stamp_ns - now_ns) / NS_PER_S

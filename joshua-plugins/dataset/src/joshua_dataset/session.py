@@ -58,10 +58,12 @@ class Session:
         return self.phase in (Phase.RECORDING, Phase.REVIEW, Phase.RESET)
 
     def start(self, now_s: float) -> list[Step]:
-        """Start an episode; one that waits for a decision is kept. Raises RefusedError."""
+        """Start an episode; one that waits is kept, and may be the last. Raises RefusedError."""
         if self.phase in (Phase.WARM_UP, Phase.RECORDING):
             raise RefusedError(f"an episode is in the phase {self.phase.value}: stop it first")
         steps = self._keep()
+        if self.phase is Phase.DONE and steps:
+            return steps
         if self.phase is Phase.DONE:
             raise RefusedError(f"all {self.settings.num_episodes} episodes are recorded")
         return steps + self._begin(now_s)
