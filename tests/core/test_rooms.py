@@ -26,12 +26,11 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     # The process beside an actuator, the driver's link to it, and the judge of silence.
     "guardian": ("ipc",),
     "devices": ("node",),
-    "mock": ("devices",),
     "models": ("plugins", "features"),
     "modes": ("config", "plugins"),
     "planner": ("modes", "config", "plugins", "features", "transport"),
     "supervisor": ("plan", "transport", "ipc", "guardian", "config"),
-    "cli": ("planner", "supervisor", "mock", "models"),
+    "cli": ("planner", "supervisor", "models", "devices"),
     "testing": ("cli",),
     # What editors, dashboards, scripts and the commands of plugins use.
     "tools": ("cli",),

@@ -15,10 +15,10 @@ from joshua.devices.actuator import JointLimits, JointReading
 from joshua.devices.errors import DeviceError
 from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
 from joshua.messages.make import joint_state
-from joshua.mock.actuator import MockActuator
-from joshua.mock.settings import MockMotorSettings
 from joshua.node.verbs import verb
 from joshua.schema import config_pb2
+from joshua_mock.actuator import MockActuator
+from joshua_mock.settings import MockMotorSettings
 
 
 def settings(**fields: Any) -> MockMotorSettings:

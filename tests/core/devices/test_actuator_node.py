@@ -11,12 +11,12 @@ from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import RAMP_SPEED_RAD_S
 from joshua.messages.make import joint_state
-from joshua.mock.settings import MockMotorSettings
 from joshua.node.verbs import RefusedError
 from joshua.plan import JointRange, NodeKind, NodeSpec, TopicSpec
 from joshua.plugins.targets import TargetError
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from joshua_mock.settings import MockMotorSettings
 from stepped_time import SteppedTime
 
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=200.0)
@@ -34,8 +34,8 @@ def spec(role: str = "ACTION_FOLLOWER", block: dict[str, Any] | None = None, **f
             "kind": NodeKind.ACTUATOR,
             "role": role,
             "behaviour": "joshua.devices.actuator_node:ActuatorNode",
-            "implementation": "joshua.mock.actuator:MockActuator",
-            "settings_type": "joshua.mock.settings:MockMotorSettings",
+            "implementation": "joshua_mock.actuator:MockActuator",
+            "settings_type": "joshua_mock.settings:MockMotorSettings",
             "settings": settings.model_dump(mode="json"),
             "facts": {"joints": settings.joints(), "external": (COMMAND.name,), **facts},
             "frame_id": "base",
@@ -371,7 +371,7 @@ def test_types_that_an_actuator_does_not_speak_are_refused(fields: dict[str, Any
             r"/arm: acme_gone\.driver:Arm cannot be imported: .*pip install acme-arm",
         ),
         (
-            {"implementation": "joshua.mock.sensors:MockCamera"},
+            {"implementation": "joshua_mock.sensors:MockCamera"},
             "does not derive from joshua.devices.actuator",
         ),
     ],

@@ -8,10 +8,10 @@ import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.diagnostics import DiagnosticStatus, diagnostic_array
 from joshua.messages import decode, encode
-from joshua.mock.settings import MockMotorSettings
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from joshua_mock.settings import MockMotorSettings
 
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=100.0)
 
@@ -25,8 +25,8 @@ def actuator() -> tuple[RecordingContext, ActuatorNode]:
         role="ACTION_LEADER",
         block="mock_motor_config",
         behaviour="",
-        implementation="joshua.mock.actuator:MockActuator",
-        settings_type="joshua.mock.settings:MockMotorSettings",
+        implementation="joshua_mock.actuator:MockActuator",
+        settings_type="joshua_mock.settings:MockMotorSettings",
         settings=settings.model_dump(mode="json"),
         publishers=(STATE,),
     )

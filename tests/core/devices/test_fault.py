@@ -13,12 +13,12 @@ from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceDisconnected, DeviceError, DeviceSilent, SafetyTripped
 from joshua.guardian.latch import EstopFiles, LatchFolder
 from joshua.messages.make import joint_state
-from joshua.mock.actuator import MockActuator
-from joshua.mock.settings import MockMotorSettings
 from joshua.node.verbs import RefusedError
 from joshua.plan import ActuatorFacts, NodeKind, NodeSpec, RunFacts, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from joshua_mock.actuator import MockActuator
+from joshua_mock.settings import MockMotorSettings
 
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=200.0)
 COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
@@ -36,8 +36,8 @@ class Node:
             kind=NodeKind.ACTUATOR,
             role=role,
             behaviour="",
-            implementation="joshua.mock.actuator:MockActuator",
-            settings_type="joshua.mock.settings:MockMotorSettings",
+            implementation="joshua_mock.actuator:MockActuator",
+            settings_type="joshua_mock.settings:MockMotorSettings",
             settings=settings.model_dump(mode="json"),
             facts=ActuatorFacts(
                 joints=settings.joints(),

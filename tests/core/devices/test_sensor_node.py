@@ -15,12 +15,12 @@ from joshua.devices.sensor import Reading, Sensor
 from joshua.devices.sensor_node import SensorNode
 from joshua.messages import message_class
 from joshua.messages.make import pixels
-from joshua.mock.pattern import frame_number
-from joshua.mock.settings import MockCameraSettings
 from joshua.node.errors import Cancelled
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from joshua_mock.pattern import frame_number
+from joshua_mock.settings import MockCameraSettings
 
 IMAGE = "sensor_msgs/msg/Image"
 
@@ -279,8 +279,8 @@ def test_a_mock_camera_runs_at_its_rate_without_losing_a_frame() -> None:
         name="camera_top",
         kind=NodeKind.SENSOR,
         behaviour="",
-        implementation="joshua.mock.sensors:MockCamera",
-        settings_type="joshua.mock.settings:MockCameraSettings",
+        implementation="joshua_mock.sensors:MockCamera",
+        settings_type="joshua_mock.settings:MockCameraSettings",
         settings=MockCameraSettings.from_block(block).model_dump(mode="json"),
         frame_id="optical",
         publishers=(TopicSpec(name="/image", type_name=IMAGE, rate_hz=50.0),),
@@ -313,8 +313,8 @@ def test_each_picture_has_its_calibration_beside_it(topics: dict[str, str], info
         name="camera_top",
         kind=NodeKind.SENSOR,
         behaviour="",
-        implementation="joshua.mock.sensors:MockCamera",
-        settings_type="joshua.mock.settings:MockCameraSettings",
+        implementation="joshua_mock.sensors:MockCamera",
+        settings_type="joshua_mock.settings:MockCameraSettings",
         settings=MockCameraSettings.from_block(block).model_dump(mode="json"),
         frame_id="optical",
         publishers=tuple(

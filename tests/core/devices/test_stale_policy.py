@@ -13,10 +13,10 @@ from joshua.devices.errors import DeviceDisconnected
 from joshua.devices.goal import GoalGenerator, GoalState, StalePolicy
 from joshua.devices.joint_command import JointCommand
 from joshua.messages.make import joint_state
-from joshua.mock.settings import MockMotorSettings
 from joshua.plan import ActuatorFacts, NodeKind, NodeSpec, OnStale, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
+from joshua_mock.settings import MockMotorSettings
 
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=100.0)
 COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
@@ -110,8 +110,8 @@ def node() -> Iterator[ActuatorNode]:
         kind=NodeKind.ACTUATOR,
         role="ACTION_FOLLOWER",
         behaviour="",
-        implementation="joshua.mock.actuator:MockActuator",
-        settings_type="joshua.mock.settings:MockMotorSettings",
+        implementation="joshua_mock.actuator:MockActuator",
+        settings_type="joshua_mock.settings:MockMotorSettings",
         settings=settings.model_dump(mode="json"),
         facts=ActuatorFacts(
             joints=settings.joints(),

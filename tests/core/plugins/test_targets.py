@@ -5,11 +5,11 @@ from typing import Annotated, Any
 
 import pytest
 from joshua.devices.sensor import Sensor
-from joshua.mock.sensors import MockLidar
 from joshua.plugins import ActuatorSpec, SensorSpec
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import ActuatorSettings, BlockSettings, FromField
 from joshua.plugins.targets import TargetError, check_targets, load_target
+from joshua_mock.sensors import MockLidar
 
 
 def sensor(implementation: str, **more: Any) -> SensorSpec:
@@ -30,7 +30,7 @@ def test_what_is_wrong_with_an_import_string_is_said() -> None:
 
 
 def test_base_classes_are_checked_deeply() -> None:
-    assert check_targets(sensor("joshua.mock.sensors:MockLidar")) == []
+    assert check_targets(sensor("joshua_mock.sensors:MockLidar")) == []
     assert check_targets(sensor("pathlib:PurePosixPath")) == [
         "implementation: pathlib:PurePosixPath is a class derived from pathlib.PurePath, "
         "not a class derived from joshua.devices.sensor:Sensor"
@@ -51,7 +51,7 @@ def test_a_behaviour_of_its_own_may_use_any_implementation() -> None:
 def test_the_tools_of_a_bus_are_checked_like_the_rest() -> None:
     arm = ActuatorSpec(
         block="sts3215_config",
-        implementation="joshua.mock.actuator:MockActuator",
+        implementation="joshua_mock.actuator:MockActuator",
         bus_tools="joshua_sts3215.bus_tools:Sts3215BusTools",
     )
     assert check_targets(arm) == []
@@ -104,7 +104,7 @@ def test_a_constructor_that_the_runtime_cannot_call_is_named() -> None:
 
 
 def test_settings_are_held_against_their_block() -> None:
-    driver = "joshua.mock.sensors:MockLidar"
+    driver = "joshua_mock.sensors:MockLidar"
     assert check_targets(sensor(driver, settings=f"{__name__}:Misspelt")) == [
         "settings: Misspelt.stroke_mm reads the field stroke_mm, which joshua.LidarConfig does not have; "
         "fields there: comm, angle_min, angle_max, range_min, range_max, display, model, scan_mode",
@@ -116,7 +116,7 @@ def test_settings_are_held_against_their_block() -> None:
 
 def test_the_settings_of_an_actuator_name_its_joints() -> None:
     def problems(settings: str) -> list[str]:
-        implementation = "joshua.mock.actuator:MockActuator"
+        implementation = "joshua_mock.actuator:MockActuator"
         return check_targets(
             ActuatorSpec(block="mock_motor_config", implementation=implementation, settings=settings)
         )
@@ -125,4 +125,4 @@ def test_the_settings_of_an_actuator_name_its_joints() -> None:
     assert problems(f"{__name__}:MadeByHand") == [
         "settings: MadeByHand does not derive from joshua.api.ActuatorSettings"
     ]
-    assert problems("joshua.mock.settings:MockMotorSettings") == []
+    assert problems("joshua_mock.settings:MockMotorSettings") == []

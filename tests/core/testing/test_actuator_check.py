@@ -58,10 +58,10 @@ from broken_actuators import (
 )
 from joshua.devices.actuator import Actuator, JointReading
 from joshua.devices.errors import DeviceDisconnected, DeviceError
-from joshua.mock.actuator import MockActuator
 from joshua.plugins import ActuatorSpec, PluginRow, PluginStatus, Registry
 from joshua.schema import config_pb2
 from joshua.testing import ConformanceError, actuator_check, check_actuator
+from joshua_mock.actuator import MockActuator
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from typing import Any
 
 from broken_actuators import settings
 from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
-from joshua.mock.actuator import MockActuator
 from joshua.testing import check_actuator
+from joshua_mock.actuator import MockActuator
 
 
 def test_what_the_factory_opens_is_not_held_against_the_driver() -> None:

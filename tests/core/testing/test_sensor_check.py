@@ -14,10 +14,10 @@ from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import message_class
 from joshua.messages.make import header
-from joshua.mock.sensors import MockCamera, MockEncoder, MockLidar
-from joshua.mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 from joshua.schema import config_pb2
 from joshua.testing import ConformanceError, check_sensor
+from joshua_mock.sensors import MockCamera, MockEncoder, MockLidar
+from joshua_mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 
 CAMERA = MockCameraSettings.from_block(config_pb2.MockCameraConfig(width=32, height=32, fps=200))
 NODE = config_pb2.Node()

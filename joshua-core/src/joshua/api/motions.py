@@ -1,5 +1,5 @@
 """Motions of mock and simulated devices."""
 
-from joshua.mock.motion import FileMotion as FileMotion
-from joshua.mock.motion import Motion as Motion
-from joshua.mock.motion import SineMotion as SineMotion
+from joshua.devices.motion import FileMotion as FileMotion
+from joshua.devices.motion import Motion as Motion
+from joshua.devices.motion import SineMotion as SineMotion

@@ -82,7 +82,7 @@ VALUE_FIELD_NUMBER: _ClassVar[int]
 value: _descriptor.FieldDescriptor
 
 class FieldRule(_message.Message):
-    __slots__ = ("unit", "min", "max", "above", "default", "required", "kind", "allowed", "example", "min_items", "max_items", "required_unless", "may_repeat", "forms", "overridden_by", "needs_published")
+    __slots__ = ("unit", "min", "max", "above", "default", "required", "kind", "allowed", "example", "min_items", "max_items", "required_unless", "may_repeat", "forms", "overridden_by", "needs_published", "only_with")
     UNIT_FIELD_NUMBER: _ClassVar[int]
     MIN_FIELD_NUMBER: _ClassVar[int]
     MAX_FIELD_NUMBER: _ClassVar[int]
@@ -99,6 +99,7 @@ class FieldRule(_message.Message):
     FORMS_FIELD_NUMBER: _ClassVar[int]
     OVERRIDDEN_BY_FIELD_NUMBER: _ClassVar[int]
     NEEDS_PUBLISHED_FIELD_NUMBER: _ClassVar[int]
+    ONLY_WITH_FIELD_NUMBER: _ClassVar[int]
     unit: str
     min: float
     max: float
@@ -115,7 +116,18 @@ class FieldRule(_message.Message):
     forms: _containers.RepeatedCompositeFieldContainer[ValueForm]
     overridden_by: Override
     needs_published: str
-    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: _Optional[bool] = ..., forms: _Optional[_Iterable[_Union[ValueForm, _Mapping]]] = ..., overridden_by: _Optional[_Union[Override, _Mapping]] = ..., needs_published: _Optional[str] = ...) -> None: ...
+    only_with: Condition
+    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: _Optional[bool] = ..., forms: _Optional[_Iterable[_Union[ValueForm, _Mapping]]] = ..., overridden_by: _Optional[_Union[Override, _Mapping]] = ..., needs_published: _Optional[str] = ..., only_with: _Optional[_Union[Condition, _Mapping]] = ...) -> None: ...
+
+class Condition(_message.Message):
+    __slots__ = ("field", "value", "required")
+    FIELD_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    REQUIRED_FIELD_NUMBER: _ClassVar[int]
+    field: str
+    value: str
+    required: bool
+    def __init__(self, field: _Optional[str] = ..., value: _Optional[str] = ..., required: _Optional[bool] = ...) -> None: ...
 
 class Override(_message.Message):
     __slots__ = ("field", "because")

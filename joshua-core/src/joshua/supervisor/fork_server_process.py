@@ -32,8 +32,6 @@ PRELOADED = (
     "joshua.transport.zenoh.transport",
     "joshua.devices.actuator_node",
     "joshua.devices.sensor_node",
-    "joshua.mock.actuator",
-    "joshua.mock.sensors",
     "joshua_inference.node",
 )
 

@@ -33,13 +33,6 @@ def _is_not_commanded(action: Any, mode: int) -> bool:
     return action.action_type == pb.ACTION_LEADER or not action.node.subscriptions
 
 
-def _motion(field: str, needed: int) -> _Unused:
-    value = f"motion: {pb.MockMotion.Name(needed)}"
-    return _Unused(
-        field, lambda block, _: block.motion != needed, f"it belongs to {value}", f"Remove it, or set {value}"
-    )
-
-
 _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
     pb.QoSSettings: (
         _Unused(
@@ -48,11 +41,6 @@ _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
             "KEEP_ALL keeps every message",
             "Remove depth, or set history: KEEP_LAST",
         ),
-    ),
-    pb.MockMotorConfig: (
-        _motion("motion_file", pb.MOCK_MOTION_FILE),
-        _motion("motion_amplitude_rad", pb.MOCK_MOTION_SINE),
-        _motion("motion_frequency_hz", pb.MOCK_MOTION_SINE),
     ),
     pb.SingleModel: (
         _Unused(
@@ -104,15 +92,15 @@ def check(context: Context) -> Iterator[Diagnostic]:
         for row in _UNUSED.get(type(block.message), ()):
             if context.is_set(block, row.field) and row.test(block.message, mode):
                 yield _note(context, block, row.field, row.reason, row.remedy)
-        if isinstance(block.message, pb.MockMotorConfig):
-            yield from _motion_file(context, block)
-        elif isinstance(block.message, pb.SingleAction):
+        if isinstance(block.message, pb.SingleAction):
             yield from _safe_state(context, block.message, block.path)
         for facts in block.facts:
             other = facts.overridden_by
             if other and getattr(block.message, other) and context.is_set(block, facts.name):
                 remedy = f"Remove {facts.name} or {other}"
                 yield _note(context, block, facts.name, facts.overridden_because, remedy)
+            if facts.only_with is not None:
+                yield from _condition(context, block, facts)
             if facts.message_type is pb.JointControl.DESCRIPTOR:
                 yield from _controls(context, block, facts)
 
@@ -122,15 +110,20 @@ def _note(context: Context, block: Block, name: str, reason: str, remedy: str) -
     return context.note("field-unused", f"{name} has no effect: {reason}", path, remedy=remedy)
 
 
-def _motion_file(context: Context, block: Block) -> Iterator[Diagnostic]:
-    if block.message.motion == pb.MOCK_MOTION_FILE and not block.message.motion_file:
-        yield context.error(
-            "required-missing",
-            "MOCK_MOTION_FILE requires motion_file, the CSV file that is replayed",
-            block.field_path("motion_file"),
-            position=context.position(block.field_path("motion")),
-            remedy='Add motion_file: "motions/wave.csv"',
-        )
+def _condition(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
+    """A field that counts with one value of an enum beside it."""
+    needed, path = facts.only_with, block.field_path(facts.name)
+    assert needed is not None
+    enum = block.message.DESCRIPTOR.fields_by_name[needed.field].enum_type
+    met = getattr(block.message, needed.field) == enum.values_by_name[needed.value].number
+    text = f"{needed.field}: {needed.value}"
+    if not met and context.is_set(block, facts.name):
+        remedy = f"Remove it, or set {text}"
+        yield _note(context, block, facts.name, f"it belongs to {text}", remedy)
+    elif met and needed.required and not getattr(block.message, facts.name):
+        place = context.position(block.field_path(needed.field))
+        message, remedy = f"{text} requires {facts.name}", f"Add {facts.sample()}"
+        yield context.error("required-missing", message, path, position=place, remedy=remedy)
 
 
 def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:

@@ -1,4 +1,4 @@
-"""Motion of a mock actuator's own, as of an arm that a person moves."""
+"""Motions of virtual arms, as of an arm that a person moves: none, a sine, a file."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from joshua.devices.errors import DeviceError
 from joshua.devices.units import rad_to_ticks, ticks_to_rad
-from joshua.mock.actuator import VELOCITY_MAX_RAD_S, follow
 from joshua.schema import config_pb2
+from joshua_mock.actuator import VELOCITY_MAX_RAD_S, follow
 from stepped_time import SteppedTime
 
 

@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from joshua.devices.context import SensorContext
-from joshua.devices.errors import DeviceError
-from joshua.devices.sensor import Reading, Sensor
-from joshua.devices.units import ticks_to_rad
+from joshua.api import DeviceError, Reading, Sensor, SensorContext
+from joshua.api.calibration import ticks_to_rad
+from joshua.api.clocks import ros_time
 from joshua.messages import message_class
 from joshua.messages.make import header, image, joint_state
-from joshua.mock.pattern import MovingPattern, frame_number
-from joshua.mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
-from joshua.node import ros_time
+
+from joshua_mock.pattern import MovingPattern, frame_number
+from joshua_mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 
 NS_PER_S = 1_000_000_000
 

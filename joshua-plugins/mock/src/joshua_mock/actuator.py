@@ -5,12 +5,11 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from joshua.api import Actuator, ActuatorContext, DeviceError, FloatArray, JointReading
+from joshua.api.calibration import rad_to_ticks, ticks_to_rad
+from joshua.api.motions import FileMotion, Motion, SineMotion
 
-from joshua.devices.actuator import Actuator, DeviceError, FloatArray, JointReading
-from joshua.devices.context import ActuatorContext
-from joshua.devices.units import rad_to_ticks, ticks_to_rad
-from joshua.mock.motion import FileMotion, Motion, SineMotion
-from joshua.mock.settings import MockMotorSettings
+from joshua_mock.settings import MockMotorSettings
 
 NS_PER_S = 1_000_000_000
 

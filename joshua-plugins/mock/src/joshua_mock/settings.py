@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from joshua.api import ActuatorSettings, BlockContext, BlockSettings, FieldError, FromField, JointRange
+from joshua.api.calibration import ticks_to_rad
 from pydantic import model_validator
-
-from joshua.devices.units import ticks_to_rad
-from joshua.plan.joints import JointRange
-from joshua.plugins.block_context import BlockContext
-from joshua.plugins.settings import ActuatorSettings, BlockSettings, FieldError, FromField
 
 if TYPE_CHECKING:  # children, which the settings reach as plain values, need no protobuf
     from google.protobuf.message import Message
-
-    from joshua.schema.calibration_pb2 import MotorCalibration
+    from joshua.api.schema import calibration_pb2
 
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
 
@@ -95,7 +91,7 @@ class MockMotorSettings(ActuatorSettings):
 
 
 def _joint_range(
-    number: int, calibrated: MotorCalibration | None, low_rad: float, high_rad: float
+    number: int, calibrated: calibration_pb2.MotorCalibration | None, low_rad: float, high_rad: float
 ) -> JointRange:
     if calibrated is None:
         return JointRange(f"joint_{number}", low_rad, high_rad)

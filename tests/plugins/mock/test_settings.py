@@ -6,17 +6,17 @@ import sys
 from typing import Any
 
 import pytest
-from joshua.mock.settings import (
-    MockCameraSettings,
-    MockEncoderSettings,
-    MockLidarSettings,
-    MockMotorSettings,
-)
 from joshua.plugins import ActuatorSpec, PluginSpec, SensorSpec, load_registry
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.settings import make_settings
 from joshua.schema import config_pb2
 from joshua.schema.calibration_pb2 import ArmCalibration
+from joshua_mock.settings import (
+    MockCameraSettings,
+    MockEncoderSettings,
+    MockLidarSettings,
+    MockMotorSettings,
+)
 from pydantic import ValidationError
 
 
@@ -114,5 +114,5 @@ def test_settings_are_frozen() -> None:
 
 
 def test_settings_load_without_numpy() -> None:
-    code = "import sys, joshua.mock.settings; sys.exit('numpy' in sys.modules)"
+    code = "import sys, joshua_mock.settings; sys.exit('numpy' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], timeout=60, check=True)

@@ -10,8 +10,9 @@ import pytest
 from joshua.devices.errors import DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.messages import decode, encode
-from joshua.mock.pattern import MovingPattern, frame_number
-from joshua.mock.sensors import (
+from joshua.schema import config_pb2
+from joshua_mock.pattern import MovingPattern, frame_number
+from joshua_mock.sensors import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
     IMAGE,
@@ -23,8 +24,7 @@ from joshua.mock.sensors import (
     MockLidar,
     cast_rays,
 )
-from joshua.mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
-from joshua.schema import config_pb2
+from joshua_mock.settings import MockCameraSettings, MockEncoderSettings, MockLidarSettings
 from stepped_time import SteppedTime
 
 pytestmark = pytest.mark.usefixtures("stepped_time")
