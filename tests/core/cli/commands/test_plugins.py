@@ -66,9 +66,9 @@ def test_the_core_is_listed_with_what_it_provides(capsys: pytest.CaptureFixture[
 
 def test_the_list_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--json") == 0
-    core = next(row for row in json.loads(capsys.readouterr().out) if row["name"] == "joshua-core")
-    assert core["status"] == "ok"
-    camera = next(item for item in core["provides"] if item["block"] == "mock_camera_config")
+    mock = next(row for row in json.loads(capsys.readouterr().out) if row["name"] == "joshua-mock")
+    assert mock["status"] == "ok"
+    camera = next(item for item in mock["provides"] if item["block"] == "mock_camera_config")
     assert camera["kind"] == "sensor"
     assert camera["enum_values"] == ["PERCEPTION_CAMERA"]
     assert camera["data_types"][0] == "sensor_msgs/msg/Image"

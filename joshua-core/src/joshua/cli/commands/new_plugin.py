@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "name", metavar="NAME", help="name of the distribution and its folder, such as acme-hand"
     )
-    parser.add_argument("--kind", choices=KINDS, default="actuator", help="kind of device (actuator)")
+    parser.add_argument("--kind", choices=tuple(KINDS), default="actuator", help="kind of device (actuator)")
 
 
 def run(arguments: argparse.Namespace) -> int:
