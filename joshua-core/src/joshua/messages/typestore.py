@@ -129,7 +129,8 @@ def _add_services(humble: bool) -> None:
     from joshua.messages.services import service_definitions
 
     messages, others = service_definitions()
-    _load(humble, ("byte", "char")).register(messages)
+    store = _load(humble, ("byte", "char"))
+    store.register({name: fields for name, fields in messages.items() if name not in store.types})
     for store in (_load(humble), _load(humble, ("byte", "char")), _load(False, ("char",))):
         store.fielddefs.update(messages)
         store.fielddefs.update(others)
