@@ -17,7 +17,8 @@ from joshua_emulator import EmulatedBus
 from joshua_serial.port import SerialPort
 from joshua_servo import safe_stop
 from joshua_servo.safe_stop import ServoStopRequest
-from servo_families import Kind
+from joshua_sts3215.safe_stop import Sts3215StopRequest
+from servo_families import STS3215_KIND, Kind
 
 SYNC_WRITE = 0x83  # the instruction, in the protocols of both families
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -82,6 +83,58 @@ def moving_arm(kind: Kind, arm_emulator: EmulatedBus) -> EmulatedBus:
         arm.write(np.full(6, 0.5))
     arm.disconnect()
     return arm_emulator
+
+
+GRIP_DRIVER = """
+import contextlib, sys, json
+from joshua.devices.errors import DeviceSilent
+from servo_families import STS3215_KIND as kind
+arm = kind.actuator(kind.settings_type.model_validate_json(sys.argv[1]))
+arm.connect()
+arm.enable()
+print(json.dumps(arm.safe_stop_request("HOLD", timeout_s=40.0).to_values()), flush=True)
+goal = arm.read().position_rad
+goal[5] = max(goal[5] - 0.6, arm.limits.position_min_rad[5])
+while True:
+    with contextlib.suppress(DeviceSilent):  # on a busy machine
+        arm.read()
+    arm.write(goal)
+"""
+
+
+@pytest.mark.timing
+def test_hold_keeps_the_grip_of_a_driver_that_was_killed() -> None:
+    with STS3215_KIND.emulated_arm() as emulator:
+        emulator.ask("set", id=6, object_ticks=emulator.servo(6)["present_position"] - 50)
+        process = subprocess.Popen(
+            [sys.executable, "-c", GRIP_DRIVER, json.dumps(STS3215_KIND.settings_of(emulator))],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(SUPPORT)},
+        )
+        assert process.stdout is not None
+        try:
+            request = json.loads(process.stdout.readline())
+            deadline_s = time.monotonic() + 60
+            while emulator.ask("registers", id=6)["registers"]["torque_limit"] != 200:  # it grips
+                assert time.monotonic() < deadline_s
+                time.sleep(0.05)
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+
+        report = perform(Sts3215StopRequest, request)
+
+        assert report["complete"]
+        assert set(report["joints"].values()) == {"held"}
+        time.sleep(2.5)  # a gripper that presses on trips within 2.2 s
+        servo = emulator.servo(6)
+        assert servo["energised"]
+        assert 0 < servo["present_position"] - servo["goal_position"] <= 33
+        assert 150 <= abs(servo["present_load"]) <= 200
+        for servo in emulator.servos()[:5]:
+            assert abs(servo["present_position"] - servo["goal_position"]) <= 2
 
 
 def test_release_takes_the_torque_off_and_reads_it_back(kind: Kind, moving_arm: EmulatedBus) -> None:

@@ -417,6 +417,8 @@ class ServoArm(Actuator):
             device_root=endpoint.device_root,
             park_ticks=park,
             eeprom=self._tuning.before,
+            grips=self._grips.stops,
+            torque_limit=self._grips.limit_register,
             timeout_s=timeout_s,
         )
 

@@ -56,6 +56,11 @@ class Grip:
         self._gives_way = False
         self.direction = 0
 
+    @property
+    def squeeze_ticks(self) -> int:
+        """How far the goal is beyond the position while it holds an object."""
+        return self._rule.squeeze_ticks
+
     def look(self, reading: Feedback, wanted: int, now_s: float) -> None:
         """Takes a reading; ``wanted`` is the goal in ticks that the commander asks for."""
         rule, load = self._rule, abs(reading.load)
@@ -111,6 +116,19 @@ class Grips:
                 self._grips[index] = Grip(GripRule.of(joint))
                 free = round((joint.torque_limit_percent or 100) * steps)
                 self._limits[index] = (servo_id, free, round(joint.grip_torque_percent * steps))
+
+    @property
+    def stops(self) -> dict[int, tuple[int, int]]:
+        """What holds an object without this driver, by servo id: squeeze in ticks, and torque limit."""
+        return {
+            self._limits[index][0]: (grip.squeeze_ticks, self._limits[index][2])
+            for index, grip in self._grips.items()
+        }
+
+    @property
+    def limit_register(self) -> tuple[int, int]:
+        """Address and width of the register of the torque limit."""
+        return self._register.address, self._register.width
 
     def reset(self) -> None:
         """All joints are free, and their servos have the torque limits of their settings."""

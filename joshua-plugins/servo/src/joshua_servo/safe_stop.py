@@ -38,6 +38,9 @@ class ServoStopRequest(SafeStopRequest):
         path, serial_number, vid_pid, device_root, baudrate: the port.
         park_ticks: pose of PARK_THEN_RELEASE by servo id; park_speed_ticks_s: how fast.
         eeprom: what the driver changed in the EEPROM, as it was before, by servo id.
+        grips: joints that may hold an object, by servo id: the squeeze beyond the position in ticks, and the
+            value of the torque limit. HOLD keeps that much of a goal in front of them.
+        torque_limit: address and width of the register of that limit.
     """
 
     family: ClassVar[ServoFamily]
@@ -52,13 +55,17 @@ class ServoStopRequest(SafeStopRequest):
     park_ticks: Mapping[int, int] = field(default_factory=dict)
     park_speed_ticks_s: int = PARK_SPEED_TICKS_S
     eeprom: Mapping[int, Sequence[StoredRegister]] = field(default_factory=dict)
+    grips: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    torque_limit: tuple[int, int] = (0, 0)
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Self:
         """Reads what ``to_values`` wrote: JSON has lists for tuples, and names for numbers as keys."""
         park = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
         eeprom = {int(key): [tuple(row) for row in rows] for key, rows in values.get("eeprom", {}).items()}
-        return cls(**{**values, "ids": tuple(values["ids"]), "park_ticks": park, "eeprom": eeprom})
+        grips = {int(key): tuple(grip) for key, grip in values.get("grips", {}).items()}
+        typed = {"ids": tuple(values["ids"]), "park_ticks": park, "eeprom": eeprom, "grips": grips}
+        return cls(**{**values, **typed, "torque_limit": tuple(values.get("torque_limit", (0, 0)))})
 
     def run(self) -> SafeStopResult:
         """Takes the port, applies the safe state and verifies it; never raises for what a device does."""
@@ -193,8 +200,11 @@ class _SafeStop:
                 elif seeded.get(servo_id) == goal:
                     self.report.joints[servo_id] = "held"
                 else:
-                    seeded.setdefault(servo_id, present)
+                    squeeze, _ = self.request.grips.get(servo_id, (0, 0))
+                    ahead = max(-squeeze, min(squeeze, goal - present))
+                    seeded.setdefault(servo_id, present + ahead)
             waiting = tuple(i for i in waiting if self.report.joints[i] == "not verified")
+            self._limit_grips([i for i in waiting if i in seeded])
             self._send_goals({i: seeded[i] for i in waiting if i in seeded})
             if not self._time_left():
                 return
@@ -223,6 +233,13 @@ class _SafeStop:
         if goals_ticks:
             rows = {i: goal.encode(ticks) for i, ticks in goals_ticks.items()}
             self._bus.sync_write(goal.address, goal.width, rows)
+
+    def _limit_grips(self, ids: Sequence[int]) -> None:
+        """Lowers the torque of joints that may hold an object, or pressing on it would trip them."""
+        address, width = self.request.torque_limit
+        grips = self.request.grips
+        if rows := {i: grips[i][1].to_bytes(width, "little") for i in ids if i in grips}:
+            self._bus.sync_write(address, width, rows)
 
     def _send_release(self) -> None:
         torque = self._family.torque_enable
