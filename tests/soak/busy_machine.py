@@ -89,7 +89,7 @@ def run(seconds: float, *, realtime: bool) -> list[str]:
                 print(f"{name}: torque by servo: {[servo['energised'] for servo in rig.follower.servos()]}")
                 time.sleep(5.0)  # on a busy machine the log is late
             log = "".join(path.read_text() for path in (Path(folder) / "log").glob("*.jsonl"))
-            caught_s = hang(rig)
+            caught_s = math.inf if rig.gone(rig.driver) else hang(rig)
         rig.stop()
     print(
         f"{name}: {teleoperated_s:.0f} s, of which the follower's loop waited {share:.0%} for a processor;",

@@ -325,6 +325,16 @@ class SlowStart(Quiet):
         time.sleep(1000)
 
 
+class SlowLoad(Quiet):
+    """Computes for longer than a start without progress may take."""
+
+    def configure(self) -> None:
+        super().configure()
+        end_s = time.process_time() + 2.5
+        while time.process_time() < end_s:
+            pass
+
+
 class IgnoresStop(Quiet):
     """Does not come back from its deactivate step."""
 
