@@ -68,6 +68,7 @@ class Loop:
     def __init__(self) -> None:
         self.now_s = 1.0
         self.time: ThreadTime | None = ThreadTime(0, 0, False)
+        self.ran_ns_per_look = 0
         clock = AwakeClock(lambda: self.now_s, WATCHER_LOOK_S)
         self.judge = SilenceJudge(0.2, clock, lambda: self.time)
 
@@ -75,6 +76,8 @@ class Loop:
         """Whether it counts as hung in looks up to a time."""
         while self.now_s < end_s:
             self.now_s += TICK_S
+            if self.time is not None:
+                self.time = self.time._replace(ran_ns=self.time.ran_ns + self.ran_ns_per_look)
             if self.judge.hung():
                 return True
         return False
@@ -102,8 +105,17 @@ def test_a_loop_that_waits_for_a_processor_does_not_hang_yet() -> None:
     assert loop.hangs_until(2.1), "but not for ever"
 
 
+def test_a_loop_that_ran_after_its_heartbeat_and_waits_since_then_does_not_hang_yet() -> None:
+    """The kernel adds the time of a wait up only when it ends."""
+    loop = Loop()
+    loop.time = ThreadTime(1_000_000, 90_000_000, True)
+    assert not loop.hangs_until(1.9)
+    assert loop.hangs_until(2.1), "but not for ever"
+
+
 def test_a_loop_that_is_busy_with_something_else_hangs() -> None:
     loop = Loop()
+    loop.ran_ns_per_look = 5_000_000
     loop.time = ThreadTime(200_000_000, 0, True)
     assert loop.hangs_until(1.25)
 

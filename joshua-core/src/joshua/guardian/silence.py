@@ -126,6 +126,7 @@ class SilenceJudge:
         self._heard_s = self._clock.now_s()
         self._heard_at_s = self._clock.looked_s
         self._then = self._loop()
+        self._ran_ns: int | None = None  # by the last look after the limit
 
     def left_s(self) -> float:
         """Time left until the limit."""
@@ -147,6 +148,7 @@ class SilenceJudge:
         then, now = self._then, self._loop()
         if then is None or now is None:
             return 0.0
-        if now.runnable and now.ran_ns == then.ran_ns:
+        ran_ns, self._ran_ns = self._ran_ns, now.ran_ns
+        if now.runnable and ran_ns in (None, now.ran_ns):
             return self.silence_s()  # still waiting, which the kernel adds up only afterwards
         return (now.waited_ns - then.waited_ns) / 1e9
