@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import sys
-import time
 import venv
 
 import pytest
@@ -248,25 +247,6 @@ def test_a_reader_thread_that_hangs_is_named(robot):
 
     assert report.exit_code == 1
     assert "its thread 'reader' has not run" in report.reason
-
-
-@pytest.mark.parametrize("duration_s", [1.0, 5.0])
-def test_no_start_that_hangs_outlives_the_duration(robot, duration_s):
-    began_s = time.monotonic()
-    report = robot.run(robot.node("SlowStart"), robot.node("Quiet"), duration_s=duration_s)
-
-    assert report.exit_code == 1
-    assert re.search(r"/slowstart: not ready after \d s: it is still in its configure step", report.reason)
-    assert "/quiet" not in report.reason
-    assert robot.ui.tables == []
-    assert time.monotonic() - began_s < 15.0  # 20 s are for a start that gets on
-
-
-def test_a_start_that_computes_may_outlive_the_duration(robot):
-    report = robot.run(robot.node("SlowLoad"), duration_s=0.3)
-
-    assert report.exit_code == 0
-    assert "slowload activate" in robot.noted()
 
 
 def test_a_node_that_does_not_get_ready_is_named_with_what_it_waits_for(robot):

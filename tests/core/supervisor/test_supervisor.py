@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import time
 
 import pytest
 from joshua.plan import NodeKind, TopicSpec
@@ -183,3 +185,22 @@ def test_nodes_keep_the_order_of_the_plan(robot):
     report = robot.run(*(robot.node("Quiet", name) for name in names))
 
     assert [node.full_name for node in report.nodes] == ["/c", "/a", "/b"]
+
+
+@pytest.mark.parametrize("duration_s", [1.0, 5.0])
+def test_no_start_that_hangs_outlives_the_duration(robot, duration_s):
+    began_s = time.monotonic()
+    report = robot.run(robot.node("SlowStart"), robot.node("Quiet"), duration_s=duration_s)
+
+    assert report.exit_code == 1
+    assert re.search(r"/slowstart: not ready after \d s: it is still in its configure step", report.reason)
+    assert "/quiet" not in report.reason
+    assert robot.ui.tables == []
+    assert time.monotonic() - began_s < 15.0  # 20 s are for a start that gets on
+
+
+def test_a_start_that_computes_may_outlive_the_duration(robot):
+    report = robot.run(robot.node("SlowLoad"), duration_s=0.3)
+
+    assert report.exit_code == 0
+    assert "slowload activate" in robot.noted()
