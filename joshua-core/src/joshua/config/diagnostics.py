@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 from joshua.plan import Diagnostic, Position, Severity
+from joshua.plan.diagnostic import masked
 
 TAB_WIDTH = 4
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
@@ -154,7 +155,7 @@ def _source(
     if item.position is None:
         return []
     known, number = lines.get(item.position.file, []), item.position.line
-    line = known[number - 1].rstrip("\r") if 1 <= number <= len(known) else ""
+    line = masked(known[number - 1]).rstrip("\r") if 1 <= number <= len(known) else ""
     if not line.strip():
         return []
     gutter = max(len(str(item.position.line)), 3)

@@ -71,9 +71,8 @@ def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
     """An upload needs neither a robot nor a simulated one."""
     if config.ai.data_store.operation != pb.DATA_STORE_UPLOAD:
         return spec
-    return replace(
-        spec, devices=False, services=(DATA_STORE.needed(),), blocks=("simulation",), idle="an upload"
-    )
+    service = replace(DATA_STORE.needed(), restart="stop-run")  # it was patient already
+    return replace(spec, devices=False, services=(service,), blocks=("simulation",), idle="an upload")
 
 
 SPEC = ModeSpec("MODE_DATA_STORE", check, services=(DATA_STORE.needed(), SIMULATION), for_file=_for_file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import Enum
 
@@ -63,6 +64,19 @@ class Diagnostic:
     allowed: tuple[str, ...] = ()
     remedy: str = ""
     related: tuple[Related, ...] = ()
+
+
+#: Passwords, tokens and keys in an address.
+_SECRET = re.compile(
+    r"(?<=://)[^/\s\"@]*(?=@)|hf_\w{8,}|(?:AKIA|ASIA)[A-Z0-9]{12,}"
+    r"|(?:(?<=token=)|(?<=secret=)|(?<=word=)|(?<=key=)|(?<=sig=)|(?<=ature=))[^\"&\s]+",
+    re.IGNORECASE,
+)
+
+
+def masked(text: str) -> str:
+    """A text without secrets, equally long."""
+    return _SECRET.sub(lambda match: "*" * len(match[0]), text)
 
 
 # Programs that a remedy may begin with: they keep their lower case.

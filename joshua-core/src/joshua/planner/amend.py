@@ -75,6 +75,8 @@ def simulate(
     config = loaded.config
     physical = physical_nodes(loaded, registry)
     chosen = [want for want in physical if _fits(registry, want, emulated=emulated)]
+    if not (chosen or config.robot.actions or config.robot.perceptions):
+        return Simulated(loaded)  # such as an upload, which needs no robot
     if not chosen:
         raise SimAdapterError(
             "--sim has nothing to replace: every actuator and camera of the file is virtual already"

@@ -149,6 +149,7 @@ def service_node(draft: Draft, resolved: ResolvedService, told: Mapping[str, Any
         folder=resolved.folder,
         physics_socket=draft.request.physics_socket if service.kind is SimulatorSpec else "",
         environment=resolved.environment,
+        stop_timeout_s=getattr(settings, "stop_timeout_s", 0.0),
         **(told if service.kind is StoreSpec else {}),
     )
     if service.kind is StoreSpec and not getattr(spec, "all_topics", False):

@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from typing_extensions import Self
 
 from joshua.plan import Diagnostic, Position, Severity
-from joshua.plan.diagnostic import as_instruction, as_sentence
+from joshua.plan.diagnostic import as_instruction, as_sentence, masked
 from joshua.plan.joints import JointRange
 from joshua.plan.model_needs import Compute, ModelNeeds
 from joshua.plugins.block_context import BlockContext
@@ -223,7 +223,7 @@ def settings_diagnostics(
                 message=as_sentence(_begun(str(problem))),
                 position=positions.nearest(path) if positions is not None else None,
                 field_path=path,
-                found="" if found is None else _as_text(found),
+                found="" if found is None else masked(_as_text(found)),
                 allowed=problem.allowed,
                 remedy=as_instruction(remedy),
             )

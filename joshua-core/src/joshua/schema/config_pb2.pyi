@@ -106,6 +106,13 @@ class DataStoreOperation(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     DATA_STORE_UPLOAD: _ClassVar[DataStoreOperation]
     DATA_STORE_REPLAY: _ClassVar[DataStoreOperation]
 
+class UploadTime(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    UPLOAD_UNSPECIFIED: _ClassVar[UploadTime]
+    AFTER_EACH_EPISODE: _ClassVar[UploadTime]
+    AT_END: _ClassVar[UploadTime]
+    MANUAL: _ClassVar[UploadTime]
+
 class MissingPolicy(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     MISSING_UNSPECIFIED: _ClassVar[MissingPolicy]
@@ -247,6 +254,10 @@ DATA_STORE_OPERATION_UNSPECIFIED: DataStoreOperation
 DATA_STORE_RECORD: DataStoreOperation
 DATA_STORE_UPLOAD: DataStoreOperation
 DATA_STORE_REPLAY: DataStoreOperation
+UPLOAD_UNSPECIFIED: UploadTime
+AFTER_EACH_EPISODE: UploadTime
+AT_END: UploadTime
+MANUAL: UploadTime
 MISSING_UNSPECIFIED: MissingPolicy
 MISSING_DROP: MissingPolicy
 MISSING_HOLD: MissingPolicy
@@ -813,7 +824,7 @@ class SmolVlaConfig(_message.Message):
     def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ...) -> None: ...
 
 class DataStore(_message.Message):
-    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed", "record_button", "keep_button", "discard_button", "spoken_cues")
+    __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed", "record_button", "keep_button", "discard_button", "spoken_cues", "upload")
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     STORAGE_FIELD_NUMBER: _ClassVar[int]
     DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
@@ -841,6 +852,7 @@ class DataStore(_message.Message):
     KEEP_BUTTON_FIELD_NUMBER: _ClassVar[int]
     DISCARD_BUTTON_FIELD_NUMBER: _ClassVar[int]
     SPOKEN_CUES_FIELD_NUMBER: _ClassVar[int]
+    UPLOAD_FIELD_NUMBER: _ClassVar[int]
     format: DataFormat
     storage: StorageBackend
     dataset_name: str
@@ -868,7 +880,8 @@ class DataStore(_message.Message):
     keep_button: str
     discard_button: str
     spoken_cues: bool
-    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: _Optional[bool] = ...) -> None: ...
+    upload: UploadTime
+    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: _Optional[bool] = ..., upload: _Optional[_Union[UploadTime, str]] = ...) -> None: ...
 
 class Training(_message.Message):
     __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id")

@@ -5,6 +5,9 @@ from __future__ import annotations
 from joshua.api import DeviceError, NodeContext, Store
 from joshua.features import EpisodeError
 
+from joshua_dataset.cloud.errors import RemoteError
+from joshua_dataset.cloud.node import UploadRun, Uploads
+from joshua_dataset.reader import DatasetError
 from joshua_dataset.recorder import Recorder
 from joshua_dataset.replayer import Replayer
 from joshua_dataset.settings import StoreSettings
@@ -16,8 +19,16 @@ class DataStore(Store):
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
         self._settings = StoreSettings.model_validate(context.spec.settings)
-        kind = Replayer if self._settings.operation == "replay" else Recorder
-        self._work = kind(context, self._settings, self.facts)
+        operation = self._settings.operation
+        self._uploads = Uploads(context, self._settings) if self._settings.upload != "manual" else None
+        self._work: Recorder | Replayer | UploadRun
+        if operation == "upload":
+            self._work = UploadRun(context, self._settings)
+        else:
+            kind = Replayer if operation == "replay" else Recorder
+            self._work = kind(context, self._settings, self.facts)
+        if isinstance(self._work, Recorder) and self._uploads is not None:
+            self._work.on_kept = self._uploads.kept
 
     def verb_providers(self) -> tuple[object, ...]:
         """See ``NodeBehaviour``."""
@@ -25,22 +36,26 @@ class DataStore(Store):
 
     def configure(self) -> None:
         """See ``NodeBehaviour``. Raises DeviceError."""
-        if self._settings.operation == "upload":
-            raise DeviceError(
-                "joshua-dataset cannot upload data sets yet. Use the tool of the remote, such as `hf upload`"
-            )
         try:
             self._work.configure()
-        except EpisodeError as error:
+            if self._uploads is not None:
+                self._uploads.configure()
+        except RemoteError:
+            raise  # which names its exit code
+        except (EpisodeError, DatasetError) as error:
             raise DeviceError(str(error)) from error
 
     def activate(self) -> None:
         """See ``NodeBehaviour``."""
         self._work.activate()
+        if self._uploads is not None:
+            self._uploads.activate()
 
     def deactivate(self) -> None:
         """See ``NodeBehaviour``."""
         self._work.deactivate()
+        if self._uploads is not None:
+            self._uploads.finish()
 
     def cleanup(self) -> None:
         """See ``NodeBehaviour``."""

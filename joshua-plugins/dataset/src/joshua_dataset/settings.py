@@ -11,6 +11,8 @@ from typing import Any, Literal
 from joshua.api import BlockContext, BlockSettings, FieldError
 from pydantic import model_validator
 
+from joshua_dataset.cloud.address import Address, AddressError
+
 #: LeRobot's names of robots, and how people write them: lower-case letters and digits only.
 LEROBOT_ROBOTS = frozenset(
     {
@@ -59,6 +61,18 @@ OPERATIONS = {
     "DATA_STORE_UPLOAD": "upload",
     "DATA_STORE_REPLAY": "replay",
 }
+UPLOADS = {
+    "UPLOAD_UNSPECIFIED": "at_end",
+    "AFTER_EACH_EPISODE": "each",
+    "AT_END": "at_end",
+    "MANUAL": "manual",
+}
+
+#: Time that the upload at the end of a recording may take; a second Ctrl-C ends it.
+UPLOAD_TIMEOUT_S = 7 * 24 * 3600.0
+
+_STORAGE = "Set storage: STORAGE_CLOUD and remote_url"
+_ADDRESS = 'Write an address such as remote_url: "hf://datasets/my-name/my-data"'
 
 
 class StoreSettings(BlockSettings):
@@ -71,6 +85,7 @@ class StoreSettings(BlockSettings):
         episode_duration_s: 0 for episodes that end when they are stopped; num_episodes: 0 for any number.
         episodes: to replay, () for all; speed: of a replay.
         buttons: of a gamepad, by what they do: ``record``, ``keep`` or ``discard``.
+        is_cloud: whether there is a remote copy; remote: its address; upload: when a recording is sent there.
     """
 
     folder: str
@@ -93,6 +108,14 @@ class StoreSettings(BlockSettings):
     speed: float = 1.0
     buttons: dict[str, str] = {}  # noqa: RUF012 (pydantic copies it)
     spoken_cues: bool = False
+    is_cloud: bool = False
+    remote: str = ""
+    upload: Literal["each", "at_end", "manual"] = "manual"
+
+    @property
+    def stop_timeout_s(self) -> float:
+        """Time that the node may take to stop; 0 for the usual one."""
+        return UPLOAD_TIMEOUT_S if self.operation == "record" and self.upload != "manual" else 0.0
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -115,6 +138,7 @@ class StoreSettings(BlockSettings):
         }
         first = values.get("task") or values.get("dataset_name") or ""
         path = os.path.expanduser(values.get("local_path") or "")  # noqa: PTH111 (as the checks)
+        is_cloud = values.get("storage") == "STORAGE_CLOUD"
         return {
             **plain,
             "folder": str(Path(context.folder or ".") / path) if path else "",
@@ -131,6 +155,9 @@ class StoreSettings(BlockSettings):
             },
             "tasks": (first, *(values.get("more_tasks") or ())),
             "episodes": tuple(values.get("episodes") or ()),
+            "is_cloud": is_cloud,
+            "remote": str(values.get("remote_url") or "") if is_cloud else "",
+            "upload": UPLOADS.get(str(values.get("upload")), "at_end") if is_cloud else "manual",
         }
 
     @model_validator(mode="after")
@@ -148,6 +175,38 @@ class StoreSettings(BlockSettings):
                 f"{list(self.buttons)[-1]}_button",
                 f"the button {twice[0]!r} has two meanings",
                 remedy="Name another button",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _reaches_its_remote(self) -> StoreSettings:
+        if not self.is_cloud:
+            if self.operation == "upload":
+                raise FieldError(
+                    "storage", "an upload goes to a remote", allowed=("STORAGE_CLOUD",), remedy=_STORAGE
+                )
+            return self
+        if self.remote:
+            try:
+                Address.parse(self.remote)
+            except AddressError as error:
+                message = f"remote_url cannot be used: {error}"
+                raise FieldError(
+                    "remote_url", message, allowed=error.allowed, remedy=error.remedy or _ADDRESS
+                ) from None
+        elif self.operation != "upload":  # which a check of the mode asks for it
+            raise FieldError("remote_url", "STORAGE_CLOUD needs remote_url, the address", remedy=_ADDRESS)
+        if not self.folder and self.operation == "record":
+            raise FieldError(
+                "local_path",
+                "a recording is written to this machine before it is uploaded, and needs local_path",
+                remedy='Add local_path: "datasets/my_data"',
+            )
+        if not self.folder and self.operation == "replay":
+            raise FieldError(
+                "local_path",
+                "a replay reads the data set from this machine, and needs local_path",
+                remedy="Run `joshua dataset download` with remote_url and a folder, and set local_path to it",
             )
         return self
 

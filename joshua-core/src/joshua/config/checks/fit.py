@@ -149,18 +149,10 @@ def _unused(context: Context, path: str, needed: str, type_path: str) -> Diagnos
 
 def _data_store(context: Context) -> Iterator[Diagnostic]:
     store, path = context.config.ai.data_store, "ai.data_store"
-    plugin_fields = [
-        (field, value)
-        for field, number, value in (
-            ("format", pb.FORMAT_PLUGIN, "FORMAT_PLUGIN"),
-            ("storage", pb.STORAGE_PLUGIN, "STORAGE_PLUGIN"),
-        )
-        if getattr(store, field) == number
-    ]
-    if plugin_fields and not store.HasField("plugin_config"):
-        field, value = plugin_fields[0]
-        yield _lacks_plugin(context, path, f"{path}.{field}", value)
-    elif store.HasField("plugin_config") and store.format and store.storage and not plugin_fields:
+    chosen = [name for name in ("format", "storage") if getattr(store, name) == pb.FORMAT_PLUGIN]  # of both
+    if chosen and not store.HasField("plugin_config"):
+        yield _lacks_plugin(context, path, f"{path}.{chosen[0]}", f"{chosen[0].upper()}_PLUGIN")
+    elif store.HasField("plugin_config") and store.format and store.storage and not chosen:
         yield _unused(context, f"{path}.plugin_config", "FORMAT_PLUGIN", f"{path}.format")
 
 

@@ -33,6 +33,10 @@ def _is_not_commanded(action: Any, mode: int) -> bool:
     return action.action_type == pb.ACTION_LEADER or not action.node.subscriptions
 
 
+def _belongs(field: str, value: str, test: Callable[[Any, int], bool]) -> _Unused:
+    return _Unused(field, test, f"it belongs to {value}", f"Remove it, or set {value}")
+
+
 _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
     pb.QoSSettings: (
         _Unused(
@@ -57,13 +61,18 @@ _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
             "it says what MODE_DATA_STORE does, and the mode is another",
             "Remove it, or set mode: MODE_DATA_STORE in general",
         ),
-        _Unused(
+        _belongs(
             "episodes",
+            "operation: DATA_STORE_REPLAY",
             lambda block, mode: (
                 block.operation != pb.DATA_STORE_REPLAY and not (block.operation and mode not in _STORE_MODES)
             ),
-            "it belongs to operation: DATA_STORE_REPLAY",
-            "Remove it, or set operation: DATA_STORE_REPLAY",
+        ),
+        _belongs("remote_url", "storage: STORAGE_CLOUD", lambda block, _: block.storage == pb.STORAGE_LOCAL),
+        _Unused(
+            "upload",
+            lambda block, _: block.storage == pb.STORAGE_LOCAL or block.operation > pb.DATA_STORE_RECORD,
+            "it says when a recording with storage: STORAGE_CLOUD is uploaded",
         ),
     ),
     pb.SingleAction: (
@@ -75,11 +84,10 @@ _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
             "joints that hold go on holding",
             "Remove it, or set on_stale: RELEASE or on_stale: PARK_THEN_RELEASE",
         ),
-        _Unused(
+        _belongs(
             "park_pose_rad",
+            "safe_state: PARK_THEN_RELEASE",
             lambda block, _: pb.PARK_THEN_RELEASE not in (block.safe_state, block.on_stale),
-            "it belongs to safe_state: PARK_THEN_RELEASE",
-            "Remove it, or set safe_state: PARK_THEN_RELEASE",
         ),
     ),
 }

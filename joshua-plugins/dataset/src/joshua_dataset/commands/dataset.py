@@ -1,4 +1,4 @@
-"""``joshua dataset``: look at, check, repair and change data sets."""
+"""``joshua dataset``: look at, check, repair, change, upload and download data sets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-SUMMARY = "look at, check, repair and change data sets"
+from joshua_dataset.commands import transfers
+
+SUMMARY = "look at, check, repair, change, upload and download data sets"
 
 FORMATS = ("lerobot", "parquet", "csv", "jsonl")
 
@@ -55,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remove = one(actions, "delete", "remove episodes; the others are counted anew")
     episodes(remove)
     workers(remove)
+    transfers.add_actions(actions)
 
 
 def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
@@ -94,6 +97,8 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua_dataset.reader import DatasetError
 
     try:
+        if arguments.action in transfers.ACTIONS:
+            return transfers.run(arguments)
         return int(globals()[f"_{arguments.action}"](arguments))
     except (DatasetError, EpisodeError) as error:
         sys.stderr.write(f"joshua dataset {arguments.action}: {error}\n")

@@ -1,0 +1,119 @@
+"""Checksums of local files, and what is known to stand at remotes, kept from one transfer to the next."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joshua_dataset.lock import PRIVATE
+from joshua_dataset.metadata import INFO
+
+NAME = "transfers.json"
+
+_BLOCK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Digest:
+    """Checksums of a content: ``blob`` is that of git. Hexadecimal."""
+
+    size: int
+    sha256: str
+    md5: str
+    blob: str
+
+    @classmethod
+    def of(cls, path: Path) -> Digest:
+        """Read a file. Raises OSError."""
+        size = path.stat().st_size
+        sha256, md5 = hashlib.sha256(), hashlib.md5(usedforsecurity=False)
+        blob = hashlib.sha1(f"blob {size}\0".encode(), usedforsecurity=False)
+        with path.open("rb") as file:
+            while block := file.read(_BLOCK):
+                for one in (sha256, md5, blob):
+                    one.update(block)
+        return cls(size, sha256.hexdigest(), md5.hexdigest(), blob.hexdigest())
+
+
+def etag_in_parts(path: Path, part: int) -> str:
+    """The ETag that S3 gives to an object uploaded in parts of a size. Raises OSError."""
+    digests = []
+    with path.open("rb") as file:
+        while block := file.read(part):
+            digests.append(hashlib.md5(block, usedforsecurity=False).digest())
+    return f"{hashlib.md5(b''.join(digests), usedforsecurity=False).hexdigest()}-{len(digests)}"
+
+
+class Ledger:
+    """Remembers checksums in the private folder of a data set; without it they are computed again.
+
+    Args:
+        folder: of the data set.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._path = folder, folder / PRIVATE / NAME
+        self._lock = threading.Lock()
+        self._digests: dict[str, Any] = {}
+        self._remotes: dict[str, dict[str, Any]] = {}
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            record = json.loads(self._path.read_text(encoding="utf-8"))
+            digests, remotes = dict(record["digests"]), dict(record["remotes"])
+            self._digests, self._remotes = digests, {key: dict(value) for key, value in remotes.items()}
+
+    def digest(self, name: str) -> Digest:
+        """Checksums of a file of the data set. Raises OSError."""
+        path = self._folder / name
+        state = path.stat()
+        key = [state.st_size, state.st_mtime_ns]
+        known = self._digests.get(name)
+        if isinstance(known, list) and len(known) == 5 and known[:2] == key:
+            return Digest(state.st_size, *map(str, known[2:]))
+        found = Digest.of(path)
+        with self._lock:
+            self._digests[name] = [*key, found.sha256, found.md5, found.blob]
+        return found
+
+    def proven(self, remote: str, name: str, state: str) -> str:
+        """SHA-256 of a remote file that was read back in this state; "" if none was."""
+        known = self._remotes.get(remote, {}).get(name)
+        return str(known[1]) if isinstance(known, list) and state and known[0] == state else ""
+
+    def prove(self, remote: str, name: str, state: str, sha256: str) -> None:
+        """Remember what a remote file holds."""
+        with self._lock:
+            self._remotes.setdefault(remote, {})[name] = [state, sha256]
+
+    def save(self) -> None:
+        """Write it; a folder that cannot be written keeps none."""
+        with self._lock, contextlib.suppress(OSError):
+            self._path.parent.mkdir(exist_ok=True)
+            fresh = self._path.with_suffix(".new")
+            fresh.write_text(
+                json.dumps({"digests": self._digests, "remotes": self._remotes}), encoding="utf-8"
+            )
+            fresh.replace(self._path)
+
+
+def names_of(folder: Path) -> Iterator[str]:
+    """The files of a data set, data before metadata, without ``meta/info.json`` and hidden files."""
+    found = []
+    for place, folders, files in os.walk(folder):
+        folders[:] = sorted(item for item in folders if not item.startswith("."))
+        for file in sorted(files):
+            path = Path(place) / file
+            if not file.startswith(".") and path.suffix != ".new" and path.is_file():
+                found.append(path.relative_to(folder).as_posix())
+    yield from sorted((name for name in found if name != INFO.as_posix()), key=rank)
+
+
+def rank(name: str) -> tuple[int, str]:
+    """Order in which files are moved: a reader finds nothing named that is not there."""
+    return (0 if not name.startswith("meta/") else 1 if name.startswith("meta/episodes") else 2, name)

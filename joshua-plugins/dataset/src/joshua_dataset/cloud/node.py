@@ -1,0 +1,149 @@
+"""Uploads in a run: one that is the whole run, and those of what a recorder has kept."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from joshua.api import NodeContext
+
+from joshua_dataset.cloud.errors import RemoteError, StoppedError
+from joshua_dataset.cloud.store import Store, Tally
+from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.settings import StoreSettings
+
+#: Silence of an upload that counts as a hang: the libraries of remotes wait long for a network.
+HANG_S = 600.0
+
+
+class UploadRun:
+    """Carries ``DATA_STORE_UPLOAD`` out, and ends the run.
+
+    Args:
+        context: of the node; settings: of the block.
+    """
+
+    def __init__(self, context: NodeContext, settings: StoreSettings) -> None:
+        self._context, self._settings = context, settings
+        self._store: Store | None = None
+
+    def configure(self) -> None:
+        """Look for data set and library. Raises EpisodeError, DatasetError."""
+        Dataset.read(Path(self._settings.folder))
+        self._store = _store_of(self._settings.remote)
+
+    def activate(self) -> None:
+        """Start the thread."""
+        self._context.spawn_thread(self._upload, name="upload", hang_after_s=HANG_S)
+
+    def deactivate(self) -> None:
+        """The thread ends by itself."""
+
+    def cleanup(self) -> None:
+        """Nothing is open."""
+
+    def _upload(self) -> None:
+        from joshua_dataset.cloud.upload import upload
+
+        assert self._store is not None
+        tally = tally_of(self._context, lambda: self._context.stopping)
+        try:
+            done = upload(Path(self._settings.folder), self._store, tally)
+        except StoppedError:
+            self._context.log.warning(
+                "%d of %d files are there; the same run goes on with the others",
+                tally.done_files,
+                tally.files,
+            )
+        except (RemoteError, DatasetError) as error:
+            self._context.fail_with(error)
+        else:
+            self._context.end_run(str(done))
+
+
+class Uploads:
+    """Sends the episodes of a recording, each when it is kept or all at the end; the recording goes on.
+
+    Args:
+        context: of the node; settings: of the block.
+    """
+
+    def __init__(self, context: NodeContext, settings: StoreSettings) -> None:
+        self._context, self._settings = context, settings
+        self._store: Store | None = None
+        self._news = threading.Event()
+        self._has_kept = False
+
+    def configure(self) -> None:
+        """Look for the library of the remote. Raises RemoteError."""
+        self._store = _store_of(self._settings.remote)
+
+    def activate(self) -> None:
+        """Start the thread."""
+        if self._settings.upload == "each":
+            self._context.spawn_thread(self._follow, name="uploads", hang_after_s=HANG_S)
+
+    def kept(self) -> None:
+        """An episode is complete on the disk; any thread."""
+        self._has_kept = True
+        self._news.set()
+
+    def finish(self) -> None:
+        """Send what is not there yet, after the recorder has ended. Raises RemoteError."""
+        if not self._has_kept:
+            return
+        self._context.log.info(
+            "uploading to %s; press Ctrl-C again to leave it for `joshua dataset upload`",
+            self._settings.remote,
+        )
+        try:
+            self._send(lambda: False)
+        except (RemoteError, DatasetError) as error:
+            folder, remote = self._settings.folder, self._settings.remote
+            raise RemoteError(
+                f"{error}. Every episode is in {folder}: run `joshua dataset upload {folder} {remote}`"
+            ) from error
+
+    def _follow(self) -> None:
+        while not self._context.stopping:
+            if not self._news.wait(0.2):
+                continue
+            self._news.clear()
+            try:
+                self._send(lambda: self._context.stopping)
+            except StoppedError:
+                return
+            except (RemoteError, DatasetError) as error:
+                self._context.log.warning("%s; the recording goes on, and the next upload tries again", error)
+
+    def _send(self, stopping: Callable[[], bool]) -> None:
+        from joshua_dataset.cloud.upload import upload
+
+        assert self._store is not None
+        done = upload(Path(self._settings.folder), self._store, tally_of(self._context, stopping))
+        self._context.log.info("%s", done)
+
+
+def tally_of(context: NodeContext, stopping: Callable[[], bool]) -> Tally:
+    """A tally that reports to the run."""
+    shown = 1e6
+
+    def show(tally: Tally) -> None:
+        if tally.bytes:
+            context.progress(
+                "upload",
+                round(tally.done_bytes / shown, 3),
+                round(tally.bytes / shown, 3),
+                unit="MB",
+                rate=round(tally.rate / shown, 3),
+                remaining_s=tally.remaining_s,
+            )
+
+    return Tally(show, stopping, lambda text: context.log.warning("%s", text))
+
+
+def _store_of(remote: str) -> Store:
+    from joshua_dataset.cloud.copies import store_of
+
+    return store_of(remote)

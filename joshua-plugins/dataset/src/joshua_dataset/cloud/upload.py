@@ -1,0 +1,151 @@
+"""Uploads of data sets: what is there already stays, what is sent is proven by its checksum."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from joshua_dataset.cloud.copies import (
+    INFO_NAME,
+    JOBS,
+    SUMS,
+    Summary,
+    differences,
+    episode_of,
+    is_counted,
+    is_ours,
+    is_safe,
+    remote_dataset,
+    summary,
+)
+from joshua_dataset.cloud.errors import RemoteError
+from joshua_dataset.cloud.ledger import Digest, Ledger, names_of
+from joshua_dataset.cloud.store import Outgoing, RemoteFile, Store, Tally, read_back
+from joshua_dataset.metadata import INFO
+from joshua_dataset.reader import Dataset
+
+
+def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replace: bool = False) -> Summary:
+    """Make a remote equal to a data set of this machine.
+
+    Args:
+        tally: of this transfer; jobs: files side by side.
+        replace: what differs there is replaced, and what is not here is removed.
+
+    Raises:
+        DatasetError: the folder holds no data set; RemoteError.
+    """
+    # The metadata of this moment: a recorder may add episodes meanwhile.
+    dataset = Dataset.read(folder)
+    content = (folder / INFO).read_bytes()
+    ledger = Ledger(folder)
+    names = [name for name in names_of(folder) if is_counted(name, dataset.episodes, is_ours(dataset.info))]
+    if SUMS in names:
+        names.remove(SUMS)
+    with tempfile.TemporaryDirectory(prefix="joshua-upload-") as scratch:
+        info = Path(scratch) / "info.json"
+        info.write_bytes(content)
+        files = {name: Outgoing(name, folder / name, ledger.digest(name)) for name in names}
+        last = {INFO_NAME: Outgoing(INFO_NAME, info, Digest.of(info))}
+        if store.keeps_sums:
+            sums = Path(scratch) / SUMS
+            rows = [f"{item.digest.sha256}  {name}\n" for name, item in [*files.items(), *last.items()]]
+            sums.write_text("".join(sorted(rows, key=lambda row: row[66:])), encoding="utf-8")
+            last = {SUMS: Outgoing(SUMS, sums, Digest.of(sums)), **last}
+        tally.begin(len(files) + len(last), sum(i.digest.size for i in [*files.values(), *last.values()]))
+        tally.patiently(store.prepare)
+        there = tally.patiently(store.listing)
+        try:
+            fitting = _Comparison(store, ledger, there, tally)
+            if not replace:
+                _check_remote(store, dataset, there, files, fitting, tally)
+            else:
+                spare = [name for name in there if name not in files and name not in last and _may_go(name)]
+                if spare:
+                    tally.patiently(lambda: store.remove(spare))
+            todo = []
+            for item in files.values():
+                if fitting.same(item):
+                    tally.skip(item.digest.size)
+                else:
+                    todo.append(item)
+            _send(store, todo, tally, jobs, ledger)
+            for item in last.values():
+                if fitting.same(item):
+                    tally.skip(item.digest.size)
+                else:
+                    _send(store, [item], tally, 1, ledger)
+            if tally.moved_files:
+                tally.patiently(lambda: store.published(dataset.version))
+        finally:
+            ledger.save()
+    return summary(store, tally)
+
+
+class _Comparison:
+    """Tells which files a remote has: by its checksums, by what was proven before, else by reading them."""
+
+    def __init__(self, store: Store, ledger: Ledger, there: Mapping[str, RemoteFile], tally: Tally) -> None:
+        self._store, self._ledger, self._there, self._tally = store, ledger, there, tally
+        self._known: dict[str, bool] = {}
+
+    def same(self, item: Outgoing) -> bool:
+        """Whether the remote has this file."""
+        if item.name not in self._known:
+            found = self._there.get(item.name)
+            self._known[item.name] = found is not None and self._compare(found, item)
+        return self._known[item.name]
+
+    def _compare(self, found: RemoteFile, item: Outgoing) -> bool:
+        same = self._store.same(found, item.path, item.digest)
+        if same is None:
+            remote = str(self._store.address)
+            sha256 = self._ledger.proven(remote, item.name, found.state)
+            if not sha256:
+                sha256 = read_back(self._store, found, self._tally)
+                self._ledger.prove(remote, item.name, found.state, sha256)
+            same = sha256 == item.digest.sha256
+        return same
+
+
+def _send(store: Store, files: list[Outgoing], tally: Tally, jobs: int, ledger: Ledger) -> None:
+    digests = {item.name: item.digest for item in files}
+    for found in store.send(files, tally, jobs):
+        if found.state:
+            ledger.prove(str(store.address), found.name, found.state, digests[found.name].sha256)
+        if tally.moved_files % 50 == 0:
+            ledger.save()
+
+
+def _check_remote(
+    store: Store,
+    dataset: Dataset,
+    there: Mapping[str, RemoteFile],
+    files: Mapping[str, Outgoing],
+    fitting: _Comparison,
+    tally: Tally,
+) -> None:
+    """Refuse to write over a data set that is another one, or has more."""
+    remedy = "Name another remote_url, or replace the remote copy with `joshua dataset upload --replace`"
+    if INFO_NAME not in there:
+        return
+    remote = remote_dataset(store, there, tally)
+    if different := differences(dataset, remote):
+        raise RemoteError(f"{store.address} holds a data set that differs: {'; '.join(different)}. {remedy}")
+    if remote.episodes > dataset.episodes:
+        raise RemoteError(
+            f"{store.address} has {remote.episodes} episodes, and {dataset.folder} has {dataset.episodes}: "
+            f"an upload would lose some. Download it into another folder first. {remedy}"
+        )
+    if not is_ours(dataset.info):
+        return  # another program appends to its files
+    for name, item in files.items():
+        number = episode_of(name)
+        if number is not None and number < remote.episodes and name in there and not fitting.same(item):
+            raise RemoteError(f"{store.address} has another episode {number}: {name} differs. {remedy}")
+
+
+def _may_go(name: str) -> bool:
+    """Whether a file that is not in the folder is removed from a remote: not what the remote itself keeps."""
+    return is_safe(name) and name != "README.md"
