@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import draw_chunks
 import draw_diagrams
 import draw_middle_pose
 import draw_pictures
@@ -18,6 +19,7 @@ MADE = {
     *draw_pictures.PICTURES,
     *draw_diagrams.DIAGRAMS,
     draw_rooms.PICTURE.name,
+    draw_chunks.PICTURE.name,
     *(path.name for path in draw_middle_pose.PICTURES),
 }
 PICTURE = re.compile(r'!\[(.+?)\]\((\S+?)\)|(?:src|srcset)="(\S+?)"', re.DOTALL)

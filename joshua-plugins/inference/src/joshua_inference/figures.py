@@ -20,6 +20,7 @@ class InferenceFigures:
         age_p50_s, age_p99_s: of the observation behind an action when it is published.
         periods, gaps: since the first action, and those of them without one.
         skipped: steps that were late when their chunk arrived.
+        borders: chunks that followed another one.
         border_rad, border_rad_s: largest difference of a new chunk from the plan before it, and largest
             change of speed there; border_mean_rad: the mean of all borders.
         episodes, successes: that have ended.
@@ -36,6 +37,7 @@ class InferenceFigures:
     periods: int
     gaps: int
     skipped: int
+    borders: int
     border_rad: float
     border_mean_rad: float
     border_rad_s: float
@@ -83,6 +85,7 @@ class FigureKeeper:
             periods=self.periods,
             gaps=self.gaps,
             skipped=self.skipped,
+            borders=self._borders,
             border_rad=self._jump,
             border_mean_rad=self._jump_sum / max(1, self._borders),
             border_rad_s=self._change,
