@@ -5,7 +5,6 @@ Nothing of a data set is trusted: paths stay inside its folder, sizes are checke
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -21,34 +20,25 @@ import pyarrow.parquet as pq
 from joshua.features import FeatureSet
 
 from joshua_dataset import statistics
-from joshua_dataset.metadata import INFO, MESSAGES, OURS, STATS, TASKS
+from joshua_dataset.decoding import DatasetError as DatasetError
+from joshua_dataset.decoding import Pictures, pictures_of_video
+from joshua_dataset.decoding import picture_of as picture_of
+from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS
 from joshua_dataset.statistics import Statistics
 
-#: Largest picture that is decoded, pixels.
-LARGEST_PICTURE = 8192 * 8192
+#: Largest file of metadata that is read, and largest line of one, bytes.
+LARGEST_JSON, LARGEST_LINE = 256 << 20, 16 << 20
 
-#: Largest file of metadata that is read, bytes.
-LARGEST_JSON = 256 << 20
+#: Most rows of a table that is read: a compressed one can hold any number.
+MOST_ROWS = 20_000_000
+
+#: Types of the numbers of a feature.
+NUMBER_TYPES = (
+    *("float32", "float64", "float16", "bool", "int64", "int32", "int16", "int8"),
+    *("uint8", "uint16", "uint32", "uint64"),
+)
 
 VERSIONS = ("v3.0", "v2.1", "v2.0")
-
-
-class DatasetError(Exception):
-    """A data set cannot be read; the message says where, what was found and what to do."""
-
-
-@dataclass(frozen=True)
-class Pictures:
-    """Where the pictures of one feature of an episode stand.
-
-    Attributes:
-        path: of a video, a folder of picture files, or the table that holds them.
-        from_s: time in the video at which the episode begins; frames: pictures of the episode.
-    """
-
-    path: Path
-    from_s: float
-    frames: int
 
 
 @dataclass(frozen=True)
@@ -137,6 +127,12 @@ class Dataset:
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise DatasetError(f"{folder / INFO} is not valid: {type(error).__name__}: {error}") from error
+        for feature in features.numbers:
+            if feature.dtype not in NUMBER_TYPES:
+                raise DatasetError(
+                    f"{folder / INFO}: {feature.key} has the dtype {feature.dtype!r}; "
+                    f"allowed: {', '.join(NUMBER_TYPES)}"
+                )
         if found.fps <= 0 or found.episodes < 0 or found.frames < 0:
             raise DatasetError(f"{folder / INFO} has a negative count, or no fps")
         return found
@@ -182,6 +178,9 @@ class Dataset:
             found[name] = _array(table.column(name))
         if self.format == "csv":
             found = self._gathered(found)
+        for name in (name for name in INDEX_COLUMNS if name in found):
+            if found[name].ndim != 1 or found[name].dtype.kind not in "iuf":
+                raise DatasetError(f"{episode.table}: the column {name} holds no numbers")
         for feature in self.features.numbers:
             values = found.get(feature.key)
             if values is None:
@@ -201,11 +200,11 @@ class Dataset:
         height, width, _ = self.features[key].shape
         where = episode.pictures[key]
         try:
-            if self.pictures == "table":
+            if self._kind(key) == "table":
                 for value in self._table(episode).column(key):
                     yield picture_of(value.as_py()["bytes"], where.path, height, width)
-            elif self.pictures == "video":
-                yield from _video(where, self.fps, height, width)
+            elif self._kind(key) == "video":
+                yield from pictures_of_video(where, self.fps, height, width)
             else:
                 suffix = ".png" if self.pictures == "png" else ".jpg"
                 for number in range(where.frames):
@@ -213,6 +212,12 @@ class Dataset:
                     yield picture_of(path.read_bytes(), path, height, width)
         except (OSError, av.FFmpegError, TypeError, KeyError, ValueError) as error:
             raise DatasetError(f"{where.path}: {error}") from error
+
+    def _kind(self, key: str) -> str:
+        """How the pictures of a feature are kept; LeRobot decides for each camera."""
+        if OURS in self.info:
+            return self.pictures
+        return "table" if self.info["features"][key]["dtype"] == "image" else "video"
 
     def _table(self, episode: Episode) -> pa.Table:
         path = episode.table
@@ -223,6 +228,9 @@ class Dataset:
                 with path.open(encoding="utf-8") as file:
                     table = pa.Table.from_pylist([json.loads(line) for line in file])
             else:
+                rows = pq.read_metadata(path).num_rows
+                if rows > MOST_ROWS:
+                    raise DatasetError(f"{path} has {rows} rows; at most {MOST_ROWS} are read")
                 table = pq.read_table(path, filters=[("episode_index", "=", episode.index)])
             if "episode_index" not in table.column_names:
                 raise DatasetError(f"{path} lacks the column episode_index")
@@ -273,7 +281,7 @@ class Dataset:
         pictures = {}
         for feature in self.features.pictures if self.pictures != MESSAGES else ():
             key, path, from_s = feature.key, table, 0.0
-            if self.pictures != "table":
+            if self._kind(key) != "table":
                 if self.version == "v3.0":
                     names = ("chunk_index", "file_index")
                     file = {name: int(row[f"videos/{key}/{name}"]) for name in names}
@@ -327,7 +335,9 @@ def _json(path: Path, folder: Path) -> Any:
 def _lines(path: Path, needed: bool) -> Iterator[dict[str, Any]]:
     try:
         with path.open(encoding="utf-8") as file:
-            for line in file:
+            for line in iter(lambda: file.readline(LARGEST_LINE), ""):
+                if len(line) >= LARGEST_LINE:
+                    raise DatasetError(f"{path} has a line above {LARGEST_LINE >> 20} MB")
                 if line.strip():
                     yield dict(json.loads(line))
     except FileNotFoundError as error:
@@ -346,46 +356,3 @@ def _array(column: pa.ChunkedArray) -> npt.NDArray[Any]:
             return np.asarray(flat).reshape(len(values), -1)
         return np.asarray(values.to_pylist(), dtype=object)
     return np.asarray(values.to_numpy(zero_copy_only=False))
-
-
-def picture_of(data: bytes, path: Path, height: int, width: int) -> npt.NDArray[np.uint8]:
-    """Decodes a picture of a known size. Raises DatasetError and av.FFmpegError."""
-    container: Any
-    with av.open(io.BytesIO(data)) as container:
-        _fits(container.streams.video[0], path, height, width)
-        for picture in container.decode(video=0):
-            return _rgb(picture)
-    raise DatasetError(f"{path} holds no picture")
-
-
-def _video(where: Pictures, fps: int, height: int, width: int) -> Iterator[npt.NDArray[np.uint8]]:
-    with av.open(str(where.path)) as container:
-        stream = container.streams.video[0]
-        _fits(stream, where.path, height, width)
-        stream.thread_type = "AUTO"
-        half_s = 0.5 / fps
-        if where.from_s > 0 and stream.time_base is not None:
-            container.seek(int((where.from_s - half_s) / stream.time_base), stream=stream)
-        count = 0
-        for picture in container.decode(stream):
-            if picture.time is not None and picture.time < where.from_s - half_s:
-                continue
-            if count == where.frames:
-                return
-            yield _rgb(picture)
-            count += 1
-
-
-def _fits(stream: Any, path: Path, height: int, width: int) -> None:
-    if stream.codec_context is None:
-        raise DatasetError(f"{path} has pictures of an unknown codec")
-    found = (stream.codec_context.height, stream.codec_context.width)
-    if found[0] * found[1] > LARGEST_PICTURE or found != (height, width):
-        raise DatasetError(
-            f"{path} has pictures of {found[1]} x {found[0]}, and {width} x {height} is described"
-        )
-
-
-def _rgb(picture: Any) -> npt.NDArray[np.uint8]:
-    found: npt.NDArray[np.uint8] = picture.to_ndarray(format="rgb24")
-    return found

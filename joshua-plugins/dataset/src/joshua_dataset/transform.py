@@ -201,7 +201,12 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
             shutil.copytree(where.path, path)
         else:
             shutil.copyfile(where.path, path)
-        return statistics.from_json(known)
+        try:
+            return statistics.from_json(known)
+        except (TypeError, ValueError) as error:
+            raise EpisodeError(
+                f"episode {episode.index} of {job.folder}: the statistics of {key} are not valid: {error}"
+            ) from error
     height, width, _ = layout.features[key].shape
     target = (
         Video(path, width, height, layout.fps, layout.codec)

@@ -1,0 +1,92 @@
+"""Decodes pictures of data sets that anybody may have written: no size is believed before it is checked."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import numpy.typing as npt
+
+#: Largest picture that is decoded, pixels.
+LARGEST_PICTURE = 8192 * 8192
+
+
+class DatasetError(Exception):
+    """A data set cannot be read; the message says where, what was found and what to do."""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Where the pictures of one feature of an episode stand.
+
+    Attributes:
+        path: of a video, a folder of picture files, or the table that holds them.
+        from_s: time in the video at which the episode begins; frames: pictures of the episode.
+    """
+
+    path: Path
+    from_s: float
+    frames: int
+
+
+def picture_of(data: bytes, path: Path, height: int, width: int) -> npt.NDArray[np.uint8]:
+    """Decodes a picture of a known size. Raises DatasetError and av.FFmpegError."""
+    container: Any
+    with av.open(io.BytesIO(data)) as container:
+        _fits(container.streams.video[0], path, height, width)
+        for picture in container.decode(video=0):
+            return _rgb(picture, path, height, width)
+    raise DatasetError(f"{path} holds no picture")
+
+
+def pictures_of_video(where: Pictures, fps: int, height: int, width: int) -> Iterator[npt.NDArray[np.uint8]]:
+    """Yield the pictures of an episode in a video. Raises DatasetError and av.FFmpegError."""
+    with av.open(str(where.path)) as container:
+        stream = container.streams.video[0]
+        _fits(stream, where.path, height, width)
+        stream.thread_type = "AUTO"
+        half_s = 0.5 / fps
+        if where.from_s > 0 and stream.time_base is not None:
+            container.seek(int((where.from_s - half_s) / stream.time_base), stream=stream)
+        count = 0
+        for picture in container.decode(stream):
+            if picture.time is not None and picture.time < where.from_s - half_s:
+                continue
+            if count == where.frames:
+                return
+            yield _rgb(picture, where.path, height, width)
+            count += 1
+
+
+def _fits(stream: Any, path: Path, height: int, width: int) -> None:
+    if stream.codec_context is None:
+        raise DatasetError(f"{path} has pictures of an unknown codec")
+    found = (stream.codec_context.height, stream.codec_context.width)
+    if height * width > LARGEST_PICTURE:
+        raise DatasetError(f"{path} has pictures of {width} x {height}, which are too large to decode")
+    if 0 in found:
+        raise DatasetError(
+            f"{path} has pictures of no size, or too large a one; {width} x {height} is described"
+        )
+    if found != (height, width):
+        raise _other_size(path, found[0], found[1], height, width)
+    # a stream can change its size between two pictures; decoders need some pixels more than they show
+    stream.codec_context.options = {"max_pixels": str((height + 256) * (width + 256))}
+
+
+def _other_size(path: Path, found_height: int, found_width: int, height: int, width: int) -> DatasetError:
+    return DatasetError(
+        f"{path} has pictures of {found_width} x {found_height}, and {width} x {height} is described"
+    )
+
+
+def _rgb(picture: Any, path: Path, height: int, width: int) -> npt.NDArray[np.uint8]:
+    if (picture.height, picture.width) != (height, width):
+        raise _other_size(path, picture.height, picture.width, height, width)
+    found: npt.NDArray[np.uint8] = picture.to_ndarray(format="rgb24")
+    return found
