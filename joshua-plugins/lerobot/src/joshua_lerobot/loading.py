@@ -7,7 +7,7 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from joshua.api import ModelError
 from joshua.api.models import Compute
@@ -41,23 +41,28 @@ class LoadedPolicy:
         return torch.autocast(self.device.type, self.dtype) if self.dtype is not None else nullcontext()
 
 
-def require(module: str, what: str) -> Any:
-    """Imports a module. Raises ModelError with the command that installs it."""
+class LibraryMissing(ModelError):
+    """A library that a model runs on is not installed."""
+
+    exit_code: ClassVar[int] = 3
+
+
+def require(module: str, what: str, command: str = "") -> Any:
+    """Imports a module. Raises LibraryMissing with the command that installs it."""
+    command = command or install("joshua-lerobot", "policies")
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         missing = error.name or module
-        raise ModelError(
+        raise LibraryMissing(
             f"{what} needs {missing}, which is not installed for {sys.executable}: "
-            f"{install('joshua-lerobot', 'policies')}. It brings PyTorch, 1 to 9 GB. If it is installed in "
-            "another "
-            'environment, name its interpreter in the node: python: "/path/to/bin/python"'
+            f"{command}. It brings PyTorch, 1 to 9 GB. If it is installed in another environment, name its "
+            'interpreter in the node: python: "/path/to/bin/python"'
         ) from error
     except (ImportError, OSError, RuntimeError) as error:
-        raise ModelError(
-            f"{what} needs {module}, which cannot be imported for {sys.executable}: {error}. Install "
-            "versions that "
-            f"go together: {install('joshua-lerobot', 'policies')}"
+        raise LibraryMissing(
+            f"{what} needs {module}, which cannot be imported for {sys.executable}: {error}. "
+            f"Install versions that go together: {command}"
         ) from error
 
 

@@ -167,7 +167,8 @@ class PolicySettings(ModelSettings):
     def unit_of(self, checkpoint: Checkpoint) -> str:
         """Unit of the joints in a checkpoint. Raises FieldError where the file says another one.
 
-        What its data set says; else radians where the statistics stay within a turn, else LeRobot's.
+        What its data set says; else radians for networks trained here and where the statistics stay within a
+        turn, else LeRobot's.
         """
         said = checkpoint.described(STATE)[1] or checkpoint.described(ACTION)[1]
         reach = extent(checkpoint)
@@ -186,7 +187,8 @@ class PolicySettings(ModelSettings):
                 f"({_TURN_RAD:.4g} rad), and the file says UNIT_RADIANS",
                 "Write units: UNIT_LEROBOT, or the unit of its data set",
             )
-        return self.unit or said or ("rad" if 0 < reach <= _TURN_RAD else "lerobot")
+        in_radians = checkpoint.type == "mlp" or 0 < reach <= _TURN_RAD
+        return self.unit or said or ("rad" if in_radians else "lerobot")
 
     def _check_choices(self, checkpoint: Checkpoint) -> None:
         kind, config = checkpoint.type, checkpoint.config

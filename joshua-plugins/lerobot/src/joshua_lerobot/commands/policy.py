@@ -29,7 +29,7 @@ def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry the action out. Exit code 0; 1 for a checkpoint that cannot be used; 3 for a missing plugin."""
+    """Carry the action out. Exit code 0; 1 for a checkpoint that cannot be used; 3 for a missing library."""
     from joshua.api import ModelError
     from joshua.tools import ExitCode
 
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         return int(globals()[f"_{arguments.action}"](arguments))
     except (CheckpointError, ModelError) as error:
         sys.stderr.write(f"joshua policy {arguments.action}: {error}\n")
-        return ExitCode.FAILED
+        return int(getattr(error, "exit_code", ExitCode.FAILED))
 
 
 def _show(arguments: argparse.Namespace) -> int:

@@ -1,0 +1,1 @@
+"""Policies as ONNX: exported once, run by onnxruntime without PyTorch."""
