@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from typing import Any
 
 import pytest
@@ -17,6 +18,8 @@ from joshua.devices.actuator_node import ActuatorNode
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.testing.recording_context import RecordingContext
 from joshua_emulator import EmulatedBus
+from joshua_servo.errors import NoReply
+from joshua_sts3215.registers import GOAL_POSITION
 
 STATE = TopicSpec(name="/arm/state", type_name="sensor_msgs/msg/JointState", rate_hz=50.0)
 COMMAND = TopicSpec(name="/arm/command", type_name="sensor_msgs/msg/JointState")
@@ -139,4 +142,33 @@ def test_a_bus_that_stands_still_for_a_moment_is_borne(arm_emulator: EmulatedBus
     assert "readings did not come since the last report" in rows[0].message
     assert int(next(pair.value for pair in rows[-1].values if pair.key == "retries")) > 0
     node.deactivate()
+    node.cleanup()
+
+
+@pytest.mark.timing
+def test_a_mute_servo_among_six_delays_the_hold_of_the_others_by_a_second_at_most(
+    arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    context = RecordingContext(spec(arm_emulator, make_arm))
+    node = ActuatorNode(context)
+    node.configure()
+    node.activate()
+    context.tick("control")
+    arm_emulator.fault("silent", 3)
+    mute_ns = time.monotonic_ns()
+
+    def control() -> None:
+        while True:
+            context.tick("control")
+            time.sleep(0.02)
+
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+        control()
+    with pytest.raises(NoReply):  # after the others hold
+        node.deactivate()
+    writes = arm_emulator.log("sync_write")
+    rows = bytes.fromhex(writes[-1]["parameters"])
+    assert rows[0] == GOAL_POSITION.address
+    assert list(rows[2::3]) == [1, 2, 4, 5, 6]
+    assert writes[-1]["wire_end_ns"] - mute_ns < 1.2e9  # 0.5 s where the machine is not busy
     node.cleanup()
