@@ -55,13 +55,13 @@ def share() -> Path:
 class Peer:
     """A process of rclpy; its attributes are the commands of ``peer.py``."""
 
-    def __init__(self, domain_id: int) -> None:
+    def __init__(self, domain_id: int, **variables: str) -> None:
         self.process = subprocess.Popen(
             [PYTHON, str(PEER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=environment(ROS_DOMAIN_ID=str(domain_id)),
+            env=environment(ROS_DOMAIN_ID=str(domain_id), **variables),
         )
         assert self._answer() == "ready"
 
@@ -91,12 +91,12 @@ class Peer:
 
 
 @pytest.fixture
-def start_peer(share: Path, domain_id: int) -> Iterator[Callable[[], Peer]]:
+def start_peer(share: Path, domain_id: int) -> Iterator[Callable[..., Peer]]:
     """Starts processes of rclpy in the domain of the test."""
     started: list[Peer] = []
 
-    def start() -> Peer:
-        started.append(Peer(domain_id))
+    def start(**variables: str) -> Peer:
+        started.append(Peer(domain_id, **variables))
         return started[-1]
 
     yield start
@@ -106,5 +106,5 @@ def start_peer(share: Path, domain_id: int) -> Iterator[Callable[[], Peer]]:
 
 
 @pytest.fixture
-def peer(start_peer: Callable[[], Peer]) -> Peer:
+def peer(start_peer: Callable[..., Peer]) -> Peer:
     return start_peer()

@@ -73,6 +73,21 @@ def test_each_side_lists_the_nodes_types_and_qos_of_the_other(dds_spec, opener, 
     assert (endpoint.qos.reliability, endpoint.qos.durability) == ("RELIABLE", "TRANSIENT_LOCAL")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("ours", "theirs"), [("LOCALHOST", "LOCALHOST"), ("LOCALHOST", "SUBNET"), ("SUBNET", "SUBNET")]
+)
+def test_these_discovery_ranges_meet_on_one_machine(dds_spec, opener, start_peer, eventually, ours, theirs):
+    """The table of guides/transport.md."""
+    peer = start_peer(ROS_AUTOMATIC_DISCOVERY_RANGE=theirs)
+    transport = opener(dds_spec.model_copy(update={"discovery_range": ours}))
+    publisher = transport.create_node("ours", "/left").create_publisher("/left/said", STRING, QosProfile())
+    peer.subscribe("/left/said", STRING, {})
+    eventually(lambda: publisher.publish(string("a")) or peer.count("/left/said"))
+    eventually(lambda: "/left/ours" in peer.graph()["nodes"])
+    eventually(lambda: any(node.name == "peer" for node in transport.nodes()))
+
+
 def test_every_type_goes_through_ros_2_and_comes_back_equal(dds_spec, opener, peer, eventually):
     types = peer.known(type_names())
     assert len(types) > 90

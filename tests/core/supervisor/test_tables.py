@@ -197,15 +197,18 @@ def test_the_start_says_who_sees_it():
         TransportSettings(listen_endpoints=("tls/0.0.0.0:7447",))
     )
     near = visible_to(TransportSettings(kind="dds"))
-    assert near.startswith("on this machine, with ROS_DOMAIN_ID=0 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; ")
+    assert near.startswith("on this machine, with ROS_DOMAIN_ID=0, and for Cyclone DDS ROS_AUTOMATIC_")
     assert near.endswith("start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET")
     assert visible_to(TransportSettings(kind="dds", discovery_range="SUBNET")) == (
-        "in the local network, with ROS_DOMAIN_ID=0"
+        "in the local network, with ROS_DOMAIN_ID=0 and their default discovery range"
     )
     assert "hides the run" in visible_to(TransportSettings(kind="dds", discovery_range="OFF"))
     limited = TransportSettings(kind="dds", discovery_range="SUBNET", limits="No services: use `joshua call`")
     table = start_table_of(Plan(source="r", mode="m", transport=limited), [], 0.1, ())
-    assert table.visible == "in the local network, with ROS_DOMAIN_ID=0. No services: use `joshua call`"
+    assert table.visible == (
+        "in the local network, with ROS_DOMAIN_ID=0 and their default discovery range. No services: use "
+        "`joshua call`"
+    )
 
 
 def test_what_a_node_tells_people_comes_first_in_the_status_line():

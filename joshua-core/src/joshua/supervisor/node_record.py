@@ -202,10 +202,10 @@ def visible_to(transport: TransportSettings) -> str:
         return "none; ROS_AUTOMATIC_DISCOVERY_RANGE=OFF hides the run, set LOCALHOST or SUBNET"
     if transport.discovery_range == "LOCALHOST":
         return (
-            f"on this machine, with {domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; for those with their "
-            "defaults and for other machines, start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
+            f"on this machine, with {domain}, and for Cyclone DDS ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; "
+            "for other machines, start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
         )
-    return f"in the local network, with {domain}"
+    return f"in the local network, with {domain} and their default discovery range"
 
 
 def priority_notes(records: Sequence[NodeRecord]) -> list[str]:

@@ -133,7 +133,10 @@ def visible_nodes(transport: Transport, wait_s: float, *, hidden: bool = True) -
         other = "dds" if settings.kind == "zenoh" else "zenoh"
         wider = ""
         if settings.kind == "dds" and settings.discovery_range == "LOCALHOST":
-            wider = ", ROS 2 nodes with their default range need ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET here"
+            wider = (
+                ", those of other machines, and of Cyclone DDS with its default range, "
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET here"
+            )
         sys.stderr.write(
             f"no ROS 2 node was found on {place_of(transport)}. {_running_hint(settings)}"
             "Nodes of another domain need its ROS_DOMAIN_ID, "

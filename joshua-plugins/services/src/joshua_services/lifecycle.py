@@ -70,5 +70,5 @@ def _change(node: ExtendedNode, request: Any) -> dict[str, Any]:
         return {"success": False}
     reply = node.ask("resume", {})
     if not reply.ok:
-        node.context.log.warning("a ROS 2 node asked for the transition activate: %s", reply.text)
+        node.context.log.warning("a ROS 2 node asked for the transition activate, refused: %s", reply.text)
     return {"success": reply.ok}
