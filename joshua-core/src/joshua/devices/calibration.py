@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from typing_extensions import Self
 
-from joshua.schema import calibration_pb2
+if TYPE_CHECKING:  # a driver gets its calibration as values
+    from joshua.schema import calibration_pb2
 
 LARGEST_OFFSET = 2047  # servos keep the offset in eleven bits and a sign
 
@@ -72,6 +73,8 @@ class ArmCalibration(BaseModel):
 
     def to_block(self, node_name: str) -> calibration_pb2.ArmCalibration:
         """The entry of a ``calibration`` block for the node that drives the arm."""
+        from joshua.schema import calibration_pb2
+
         return calibration_pb2.ArmCalibration(
             node_name=node_name,
             device_identity=self.device_identity,

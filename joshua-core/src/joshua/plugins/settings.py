@@ -77,7 +77,12 @@ class BlockSettings(BaseModel):
     A settings module is imported while a file is validated: it imports no driver and nothing heavy.
     """
 
-    model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        defer_build=True,  # a process needs those of its own devices alone
+    )
 
     @classmethod
     def from_block(

@@ -33,6 +33,7 @@ PRELOADED = (
     "joshua.devices.actuator_node",
     "joshua.devices.sensor_node",
     "joshua_inference.node",
+    "joshua_services.offer",
 )
 
 #: Message types whose codecs are compiled. The frequent types have fast paths.
