@@ -55,6 +55,13 @@ def write(folder: Path, block: str) -> str:
     return str(path)
 
 
+def ready(joshua: JoshuaProgram, *arguments: str) -> Any:
+    run = joshua.start(*arguments, "--duration", "200")
+    assert run.stdout is not None
+    assert any(" ready after " in line for line in run.stdout)
+    return run
+
+
 def figures(joshua: JoshuaProgram) -> dict[str, Any]:
     reply = joshua("call", "policy", "figures", "--format", "json")
     assert reply.returncode == 0, reply.stderr
@@ -62,9 +69,7 @@ def figures(joshua: JoshuaProgram) -> dict[str, Any]:
 
 
 def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_path: Path) -> None:
-    run = joshua.start("--config", write(tmp_path, "reads_task: true"), "--duration", "200")
-    assert run.stdout is not None
-    assert any(" ready after " in line for line in run.stdout)
+    run = ready(joshua, "--config", write(tmp_path, "reads_task: true"))
     assert figures(joshua)["chunks"] == 0
     missing = joshua("task", "--node", "polisy", "wave")
     assert (missing.returncode, missing.stderr) == (
@@ -105,3 +110,24 @@ def test_a_model_that_fails_says_so_and_the_arm_holds(
     assert said in output
     assert "Traceback" not in output
     assert "/arm: commands stopped: the joints hold their position" in output
+
+
+def test_a_cut_link_to_a_model_on_another_machine_ends_in_a_hold(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
+    path = write(tmp_path, "")
+    Path(path).write_text(FILE.replace('"policy" node_id: 2', '"policy" node_id: 2 host: "desk"') % "")
+    robot = ready(joshua, "--config", path)
+    desk = ready(joshua, "--config", path, "--host", "desk")
+    eventually(lambda: figures(joshua)["chunks"] > 2)
+
+    def commands_hz() -> float:
+        systems = json.loads(joshua("status", "--format", "json").stdout)
+        nodes = [node for system in systems for node in system["nodes"] if node["full_name"] == "/arm"]
+        return float(nodes[0]["received_hz"]["/ai/actions"])
+
+    eventually(lambda: commands_hz() > 0)
+    desk.kill()
+    eventually(lambda: commands_hz() == 0)
+    output, errors = joshua.stop(robot)
+    assert "/arm: commands stopped: the joints hold their position" in output + errors

@@ -26,7 +26,7 @@ robot {
 }
 ai { models {
   model_type: MODEL_PLUGIN
-  node { node_name: "policy" node_id: 3
+  node { node_name: "policy" node_id: 3 %(host)s
     publishers { data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 30 }
     subscriptions { data_type: IMAGE topic_name: "/camera/top/image_raw" } }
   plugin_config { [type.example.org/toy.PolicyConfig] { %(block)s } }
@@ -42,10 +42,13 @@ LEADER = """actions { node { node_name: "guide" node_id: 9
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(str(TOY))
 
-    def examined(*, block: str = "", entry: str = "", robot: str = "") -> PipelineResult:
+    def examined(
+        *, block: str = "", entry: str = "", robot: str = "", host: str = "", here: str = ""
+    ) -> PipelineResult:
         path = tmp_path / "robot.pbtxt"
-        path.write_text(FILE % {"block": block, "entry": entry, "robot": robot})
-        return examine(Request(str(path)))
+        values = {"block": block, "entry": entry, "robot": robot, "host": host and f'host: "{host}"'}
+        path.write_text(FILE % values)
+        return examine(Request(str(path), host=here))
 
     yield examined
     for name in [name for name in sys.modules if name == "toy_policy.plugin"]:
@@ -137,3 +140,24 @@ def test_an_arm_that_a_person_can_take_over_says_so_to_the_model(robot: Any) -> 
     arm = next(node for node in result.plan.nodes if node.name == "arm")
     assert arm.facts.intervention
     assert policy(robot()).facts.interventions == ()
+
+
+def test_pictures_travel_as_jpeg_to_a_model_on_another_machine(robot: Any) -> None:
+    there = policy(robot(host="desk", here="desk"))
+    topics = [(topic.name, topic.type_name.rpartition("/")[2]) for topic in there.subscriptions]
+    assert topics == [
+        ("/camera/top/image_raw/compressed", "CompressedImage"),
+        ("/arm/joint_states", "JointState"),
+    ]
+    assert there.facts.features[0].topic == "/camera/top/image_raw/compressed"
+    assert there.facts.features[0].key == "observation.images.top"
+    result = robot(host="desk")
+    camera = next(node for node in result.plan.nodes if node.name == "camera_top")
+    assert [topic.name for topic in camera.publishers] == [
+        "/camera/top/image_raw",
+        "/camera/top/image_raw/compressed",
+    ]
+    assert camera.publishers[1].rate_hz == 10
+    said = finding(result, "pictures-compressed").message
+    assert said == "policy runs on another machine than camera_top: pictures travel as JPEG."
+    assert policy(robot()).subscriptions[0].name == "/camera/top/image_raw"

@@ -8,15 +8,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from joshua.config.checks.device_table import messages_of
 from joshua.config.input_paths import folder_of
 from joshua.features.derive import features_of
 from joshua.features.feature_set import FeatureSet
 from joshua.features.needs import unmet
-from joshua.plan import Compute, Diagnostic, Execution, JointRange, ModelFacts, ModelNeeds
+from joshua.plan import (
+    Compute,
+    Diagnostic,
+    Execution,
+    JointRange,
+    ModelFacts,
+    ModelNeeds,
+    NodeSpec,
+    TopicSpec,
+)
 from joshua.plan.feature import IMAGES, Feature
 from joshua.plan.graph import Endpoint, NodeEntry
 from joshua.plugins.block_context import ModelContext
 from joshua.schema import data_type_pb2
+
+_IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 if TYPE_CHECKING:
     from joshua.planner.draft import Draft
@@ -136,6 +148,46 @@ def _renamed(draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: M
         picture = features[key].is_picture and "." not in row.model
         found[key] = replace(features[key], key=f"{IMAGES}{row.model}" if picture else row.model)
     return FeatureSet(found.values())
+
+
+def with_compressed_pictures(draft: Draft, specs: Sequence[NodeSpec]) -> list[NodeSpec]:
+    """Send pictures from one machine to a model on another as JPEG, where the camera can make it.
+
+    The camera gets a further topic below its own, to which the model subscribes in place of the raw one.
+    """
+    entries = {entry.full_name: entry for entry in draft.graph.entries}
+    hosts = {topic.name: spec for spec in specs for topic in spec.publishers if topic.type_name == _IMAGE}
+    changed = {spec.full_name: spec for spec in specs}
+    for model in specs:
+        facts = model.facts
+        for topic in model.subscriptions if isinstance(facts, ModelFacts) else ():
+            camera = hosts.get(topic.name)
+            if topic.type_name != _IMAGE or camera is None or camera.host == model.host:
+                continue
+            offered = messages_of(entries[camera.full_name].owner).publishes or ()
+            if data_type_pb2.COMPRESSED_IMAGE not in offered:
+                continue
+            raw = next(item for item in camera.publishers if item.name == topic.name)
+            small = raw.model_copy(update={"name": f"{topic.name}/compressed", "type_name": _COMPRESSED})
+            changed[camera.full_name] = _with_topic(changed[camera.full_name], small)
+            changed[model.full_name] = _instead(changed[model.full_name], topic.name, small)
+            message = f"{model.name} runs on another machine than {camera.name}: pictures travel as JPEG"
+            draft.findings.append(draft.note("pictures-compressed", message, found=topic.name))
+    return list(changed.values())
+
+
+def _with_topic(camera: NodeSpec, topic: TopicSpec) -> NodeSpec:
+    known = any(item.name == topic.name for item in camera.publishers)
+    return camera if known else camera.model_copy(update={"publishers": (*camera.publishers, topic)})
+
+
+def _instead(model: NodeSpec, name: str, topic: TopicSpec) -> NodeSpec:
+    """The node of a model with another topic in the place of one of its subscriptions."""
+    facts = model.facts_as(ModelFacts)
+    features = tuple(replace(f, topic=topic.name) if f.topic == name else f for f in facts.features)
+    own = topic.model_copy(update={"rate_hz": 0.0})
+    topics = tuple(own if item.name == name else item for item in model.subscriptions)
+    return model.model_copy(update={"subscriptions": topics, "facts": replace(facts, features=features)})
 
 
 def _joints(draft: Draft, item: Resolved) -> Iterator[JointRange]:

@@ -50,6 +50,10 @@ def make_plan(draft: Draft, nodes: list[Resolved], services: list[ResolvedServic
     specs = node_specs(draft, nodes, physics_of(services))
     stores = any(resolved.service.kind is StoreSpec for resolved in services)
     told = store_facts(draft, nodes) if stores else {}
+    if draft.graph.models:
+        from joshua.planner.model_planner import with_compressed_pictures
+
+        specs = with_compressed_pictures(draft, specs)
     specs += [service_node(draft, resolved, told) for resolved in services]
     if config.simulation.use_sim_time:
         specs = [spec.model_copy(update={"facts": replace(spec.facts, use_sim_time=True)}) for spec in specs]
