@@ -53,7 +53,10 @@ def watched(run: subprocess.Popen[str], folder: Path, seconds: float) -> tuple[f
     began_s, before_s, memory = time.monotonic(), used_s(recorder), []
     while time.monotonic() < began_s + seconds - 4:
         time.sleep(1)
-        memory.append(memory_mb(recorder))
+        try:
+            memory.append(memory_mb(recorder))
+        except FileNotFoundError:  # the episode ended early, and with it the run
+            return 0.0, memory
     return (used_s(recorder) - before_s) / (time.monotonic() - began_s), memory
 
 
@@ -81,11 +84,15 @@ def main() -> int:
                     run.terminate()
                     run.wait(30)
             log.seek(0)
+            said = log.read()
             if run.returncode:
-                print(log.read())
+                print(said)
                 return 1
         (episode,) = Dataset.read(folder).episode_list()
         columns = Dataset.read(folder).columns(episode)
+    if episode.length < 0.95 * seconds * FPS:
+        print(f"the episode ended after {episode.length / FPS:.0f} s:\n{said}")
+        return 1
     distance_ms = np.abs(columns["acquisition_ns"] - columns["stamp_ns"][:, None]) / 1e6
     p99_ms = float(np.quantile(distance_ms, 0.99))
     tenth = max(1, len(memory) // 10)

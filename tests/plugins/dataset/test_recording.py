@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -18,8 +19,10 @@ from eventually import eventually
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
 from joshua_dataset.reader import Dataset
+from joshua_dataset.writer import LeRobotWriter
 from processes import descendants_of, title_of
 from rosbags.rosbag2 import Reader
+from small_dataset import layout
 
 ROBOT = """
 robot {{
@@ -185,6 +188,37 @@ def test_a_data_set_that_exists_is_refused_before_anything_moves(
         r"/follower +out /follower/joint_states +50 Hz +0\.00 Hz", refused.stdout
     )  # never active
     assert [path.name for path in (tmp_path / "waves").iterdir()] == ["mine.txt"]
+
+
+def test_a_leader_alone_is_recorded_with_a_warning(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    path = write(tmp_path)
+    head, _, rest = path.read_text().partition('  actions {\n    node { node_name: "follower"')
+    path.write_text(head + "  perceptions {" + rest.partition("  perceptions {")[2])
+    (tmp_path / "waves").mkdir()
+    with contextlib.closing(LeRobotWriter(layout(tmp_path / "waves", resume=True))) as other:
+        other.open()  # another recorder of the same folder
+        refused = joshua("--config", str(path), "--duration", "20")
+    assert refused.returncode != 0
+    assert re.search(r"waves is being written by process \d+ on .* since", refused.stderr)
+    run = joshua("--config", str(path), "--duration", "1")
+    assert "no action is recorded, because no actuator of the file takes commands" in run.stdout
+    assert run.returncode == 0
+
+
+def test_an_episode_needs_every_topic(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    process = started(joshua, write(tmp_path))
+    cameras = [pid for pid in descendants_of(process.pid) if "camera_top" in title_of(pid)]
+    for pid in cameras:
+        os.kill(pid, signal.SIGSTOP)  # its topic does not come
+    eventually(lambda: not status(joshua)["rates_hz"][TOP], "the camera is silent")
+    refused = joshua("record", "start")
+    for pid in cameras:
+        with contextlib.suppress(ProcessLookupError):  # taken for hung meanwhile
+            os.kill(pid, signal.SIGCONT)
+    assert refused.returncode == 1
+    assert "no message received on /top/image_raw: an episode needs every topic" in refused.stderr
+    joshua.stop(process)
+    assert not (tmp_path / "waves").exists()
 
 
 def test_a_camera_that_is_lost_ends_the_episode(joshua: JoshuaProgram, tmp_path: Path) -> None:

@@ -143,6 +143,30 @@ def test_folder_belongs_to_one_writer_and_goes_with_its_last_episode(tmp_path: P
     assert not (tmp_path / "set").exists()
 
 
+def test_what_open_would_refuse_is_found_without_writing(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    LeRobotWriter(layout(folder)).check()
+    assert not folder.exists()
+    write(folder)
+    before = digests(folder)
+    with pytest.raises(EpisodeError, match="is not empty, and data sets are never overwritten"):
+        LeRobotWriter(layout(folder)).check()
+    LeRobotWriter(layout(folder, resume=True)).check()
+    with pytest.raises(EpisodeError, match=r"cannot be appended to, because it differs: .*shape"):
+        LeRobotWriter(layout(folder, 64, resume=True)).check()
+    LeRobotWriter(layout(folder, 0, resume=True)).check()  # a camera that has not shown its size yet
+    with contextlib.closing(LeRobotWriter(layout(folder, resume=True))) as writer:
+        writer.open()
+        with pytest.raises(EpisodeError, match=r"is being written by process \d+"):
+            LeRobotWriter(layout(folder, resume=True)).check()
+    assert digests(folder) == before
+    (tmp_path / "file").write_text("")
+    with pytest.raises(EpisodeError, match=r"cannot be written: .*file is not a folder\. Name another"):
+        LeRobotWriter(layout(tmp_path / "file" / "set")).check()
+    with pytest.raises(EpisodeError, match=r"cannot be written: .* is not writable|Read-only|No such"):
+        LeRobotWriter(layout(Path("/proc/sys/set"))).check()
+
+
 def test_lock_of_a_killed_owner_is_free(tmp_path: Path) -> None:
     (tmp_path / "set" / PRIVATE).mkdir(parents=True)
     (tmp_path / "set" / PRIVATE / "lock").write_text('{"process": 1, "host": "here", "since": "then"}')

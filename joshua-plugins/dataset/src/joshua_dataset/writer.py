@@ -94,15 +94,15 @@ class DatasetWriter(EpisodeWriter):
         check_layout(self.layout, self.format, whole=False)
         folder = self.layout.folder
         try:
+            there = next(path for path in (folder, *folder.parents) if path.exists())
+            if not os.access(there, os.W_OK | os.X_OK) or not there.is_dir():
+                what = "not writable" if there.is_dir() else "not a folder"
+                raise EpisodeError(f"{folder} cannot be written: {there} is {what}. {_ANOTHER}")
             found = self._found()
             self._lock.require_free()
             self._require_finished()
             if found:
                 self._readable()
-            there = next(path for path in (folder, *folder.parents) if path.exists())
-            if not os.access(there, os.W_OK | os.X_OK) or not there.is_dir():
-                what = "not writable" if there.is_dir() else "not a folder"
-                raise EpisodeError(f"{folder} cannot be written: {there} is {what}. {_ANOTHER}")
         except OSError as error:
             raise self._unwritable(error) from error
 
