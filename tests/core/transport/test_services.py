@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import threading
+from concurrent.futures import Future
 
 import pytest
 from joshua.messages import decode, encode, message_class, type_hash
@@ -58,6 +60,34 @@ def test_a_service_that_fails_says_so_and_the_next_call_is_served(zenoh_spec, ro
     with pytest.raises(TransportError, match="/one/go failed: ValueError: no such joint"):
         node.call_service("/one/go", TRIGGER, REQUEST, 5.0)
     assert decode(f"{TRIGGER}_Response", node.call_service("/one/go", TRIGGER, REQUEST, 5.0)).success
+
+
+def test_an_answer_may_come_later_and_keeps_no_other_waiting(zenoh_spec, router, opener):
+    transport = opener(zenoh_spec)
+    node, caller = transport.create_node("one"), transport.create_node("caller")
+    later: Future[bytes] = Future()
+    asked = threading.Event()
+
+    def serve(request):
+        if asked.is_set():
+            return response("at once")
+        asked.set()
+        return later
+
+    node.create_service("/one/go", TRIGGER, serve)
+    said = []
+
+    def call():
+        answer = caller.call_service("/one/go", TRIGGER, REQUEST, 20.0)
+        said.append(decode(f"{TRIGGER}_Response", answer).message)
+
+    waiting = threading.Thread(target=call)
+    waiting.start()
+    assert asked.wait(20)
+    call()
+    later.set_result(response("later"))
+    waiting.join()
+    assert said == ["at once", "later"]
 
 
 def test_an_independent_client_and_server_understand_ours(zenoh_spec, router, opener, program, eventually):
