@@ -53,14 +53,14 @@ class Simulation:
             self.arrivals.arrived(self.now_ns)
         self.now_ns = max(self.now_ns, to_ns)
 
-    def run(self, seconds: float, start_ms: float = 0.0) -> None:
+    def run(self, seconds: float, start_ms: float = 0.0, read_ns: int = READ_NS) -> None:
         deadline_ns = round(start_ms * MS)
         while self.now_ns < seconds * 1e9:
             self.advance(deadline_ns)
             self.begins_ns.append(self.now_ns)
             deadline_ns += self._period_ns
             self.arrivals.begin()
-            self.advance(self.now_ns + READ_NS)
+            self.advance(self.now_ns + read_ns)
             self.arrivals.wait()
             if self._newest is not None:
                 self.latencies_ms.append((self.now_ns - self._newest) / MS)
@@ -96,6 +96,14 @@ def test_a_regular_command_is_written_as_it_arrives(
     loop.run(5.0)
     assert max(loop.latencies_ms[20:]) < 0.1
     assert loop.rate_hz == pytest.approx(1e3 / period_ms, rel=0.01)
+
+
+def test_a_reading_may_take_more_than_half_of_the_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Six servos at 200 Hz: the reading would still run when the command comes."""
+    loop = Simulation(monkeypatch, 5.0, regular(5.0, 5.0))
+    loop.run(5.0, read_ns=3 * MS)
+    assert max(loop.latencies_ms[20:]) < 0.1
+    assert loop.rate_hz == pytest.approx(200.0, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,9 @@ _FOLLOWS = 0.08
 #: A reading should be complete this long before the command is expected.
 _MARGIN_NS = 500_000
 
+#: A cycle begins this share of its period before the command, at most; the rest is for its write.
+_LONGEST_LEAD = 0.75
+
 #: Longest wait for a command that is late, as a share of the interval.
 _LATE = 0.4
 
@@ -88,7 +91,7 @@ class Arrivals:
             reference_ns = self._expected_ns or self._began_ns + self._lead_ns
             self._expected_ns = self._expect(reference_ns + self._period_ns)
             if self._expected_ns is not None:
-                lead_ns = min(self._lead_ns + _MARGIN_NS, self._interval_ns / 2)
+                lead_ns = min(self._lead_ns + _MARGIN_NS, _LONGEST_LEAD * self._period_ns)
                 timer.schedule(round(self._expected_ns - lead_ns))
 
     def _expect(self, at_ns: float) -> float | None:
