@@ -141,7 +141,7 @@ def mjx(session: nox.Session) -> None:
 def learn(session: nox.Session) -> None:
     """Real LeRobot, Gymnasium's own environments: requirements that fit no other session.
 
-    ``-- bench`` prints how fast data sets are written and read, ours and LeRobot's in the same run.
+    ``-- bench`` prints how fast data sets and policies are, ours and LeRobot's in the same run.
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
@@ -151,7 +151,8 @@ def learn(session: nox.Session) -> None:
     folders = (str(ROOT / "tests" / name) for name in ("learn", "support"))
     environment = {"PYTHONPATH": os.pathsep.join(folders), "HF_HUB_OFFLINE": "1"}
     if session.posargs == ["bench"]:
-        session.run("python", "tests/learn/bench_datasets.py", env=environment)
+        for script in sorted(ROOT.glob("tests/learn/bench_*.py")):
+            session.run("python", str(script.relative_to(ROOT)), env=environment)
         return
     session.run(
         "pytest",

@@ -64,6 +64,18 @@ TERMINALS = {
         ),
         before=("joshua new demo --from test_mock_hardware",),
     ),
+    "checkpoint.svg": Terminal(
+        "A checkpoint knows another camera than the robot has: the message names both, and the rename",
+        (
+            Type("joshua policy show act"),
+            Type(f"{JOSHUA} robot.pbtxt --validate-only"),
+        ),
+        before=(
+            f'PYTHONPATH={ROOT}/tests/support python -c "from pathlib import Path; import checkpoints as c; '
+            "c.write_checkpoint(Path('act'), cameras={'top': (640, 480)}); "
+            "c.write_robot(Path('robot.pbtxt'), 'act', cameras={'front': (640, 480)})\"",
+        ),
+    ),
     "encoders.svg": Terminal(
         "The end of a run with three emulated encoders: every check passes",
         (emulated("wheel_encoders", "--duration 4"),),

@@ -46,8 +46,8 @@ def test_a_checkpoint_is_fetched_once_and_then_known_offline(served: Hub, tmp_pa
     assert not any("code.py" in path for path in served.asked)
     offline = policy(served, tmp_path / "home", "show", "acme/act", HF_ENDPOINT="http://127.0.0.1:9")
     assert offline.returncode == 0, offline.stderr
-    assert "sees  observation.images.top  64 x 48" in offline.stdout
-    assert "does  action  6 lerobot  MEAN_STD" in offline.stdout
+    assert "sees  observation.images.top  64 x 48    IDENTITY" in offline.stdout
+    assert "does  action                  6 lerobot  MEAN_STD" in offline.stdout
 
 
 @pytest.mark.parametrize(

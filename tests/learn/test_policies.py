@@ -19,6 +19,7 @@ from joshua_lerobot.policy import LeRobotModel
 from joshua_lerobot.settings import LeRobotSettings
 from joshua_smolvla.model import SmolVla
 from joshua_smolvla.settings import SmolVlaSettings
+from safetensors.torch import save_file
 
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 ENDS = np.array([[-1.9, 1.9], [-1.7, 1.6], [-1.6, 1.6], [-1.65, 1.65], [-2.7, 2.8], [-0.2, 1.7]])
@@ -233,3 +234,13 @@ def test_without_memory_the_message_names_what_takes_less(act: Any, monkeypatch:
     model.close()
     with pytest.raises(ModelError, match="the policy is not loaded"):
         model.act(observation())
+
+
+def test_a_checkpoint_without_statistics_warns(copy: Path, caplog: pytest.LogCaptureFixture) -> None:
+    for path in copy.glob("policy_p*_processor.safetensors"):
+        save_file({}, path)
+    model = model_of(
+        LeRobotModel, LeRobotSettings, changed(copy, temporal_ensemble_coeff=0.01, n_action_steps=1)
+    )
+    assert "has no statistics of observation.state, observation.images.top" in caplog.text
+    model.close()

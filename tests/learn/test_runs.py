@@ -77,3 +77,15 @@ def test_smolvla_drives_the_arm_by_its_task(folder: Path) -> None:
     done = run(robot)
     assert done.returncode == 0, done.stdout + done.stderr
     assert actions(done) > 30, done.stdout
+
+
+def test_a_checkpoint_of_the_hub_for_other_cameras_is_refused_before_anything_moves(folder: Path) -> None:
+    tiny_policies.make_act(folder / "act", ("side",))
+    with hub() as served:
+        served.folders["acme/act"] = folder / "act"
+        robot = write_robot(folder / "robot.pbtxt", "acme/act", cameras=CAMERAS)
+        done = run(robot, HF_ENDPOINT=served.endpoint, HF_HOME=str(folder / "hf"), HF_HUB_OFFLINE="0")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "needs observation.images.side" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert actions(done) == 0

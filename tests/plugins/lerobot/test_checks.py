@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from checkpoints import write_checkpoint, write_dataset, write_robot
+from checkpoints import write_checkpoint, write_dataset, write_robot, write_tensors
 from joshua.tools import check, plan, render_text
 
 
@@ -270,3 +270,35 @@ def test_the_findings_of_a_file_read_well(tmp_path: Path, weights: Path):
     result = check(write_robot(tmp_path / "robot.pbtxt", "act", cameras={"front": (64, 48)}))
     text = render_text(result.diagnostics, dict(result.sources))
     assert "[model-unfit]" in text
+
+
+def test_show_prints_what_a_checkpoint_needs(tmp_path: Path, weights: Path, capsys):
+    from joshua.cli.main import main
+
+    write_dataset(weights)
+    assert main(["policy", "show", str(weights)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{weights}: act",
+        "  sees  observation.state       6 lerobot  MEAN_STD  "
+        "shoulder_pan, shoulder_lift, elbow_flex, wrist_flex, wrist_roll, gripper",
+        "  sees  observation.images.top  64 x 48    IDENTITY",
+        "  does  action                  6 lerobot  MEAN_STD  "
+        "shoulder_pan, shoulder_lift, elbow_flex, wrist_flex, wrist_roll, gripper",
+        "  chunk of 20 actions at 30 Hz",
+    ]
+    assert main(["policy", "show", str(tmp_path / "none")]) == 1
+    assert capsys.readouterr().err == (
+        f"joshua policy show: {tmp_path / 'none'} does not exist. Name the folder that holds config.json and "
+        "model.safetensors\n"
+    )
+
+
+def test_show_names_what_has_no_statistics(weights: Path, capsys):
+    from joshua.cli.main import main
+
+    (state,) = weights.glob("policy_preprocessor_step*")
+    write_tensors(state, {})
+    (state,) = weights.glob("policy_postprocessor_step*")
+    write_tensors(state, {})
+    assert main(["policy", "show", str(weights)]) == 0
+    assert "no statistics of observation.state, action: fine-tune it" in capsys.readouterr().out

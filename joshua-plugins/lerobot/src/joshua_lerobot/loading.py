@@ -7,7 +7,7 @@ import sys
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from joshua.api import ModelError
 from joshua.api.models import Compute
@@ -44,7 +44,7 @@ class LoadedPolicy:
 class LibraryMissing(ModelError):
     """A library that a model runs on is not installed."""
 
-    exit_code: ClassVar[int] = 3
+    exit_code = 3
 
 
 def require(module: str, what: str, command: str = "") -> Any:

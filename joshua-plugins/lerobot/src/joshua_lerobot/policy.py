@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ from joshua.features import FeatureSet, JointUnits, Unit
 from joshua_lerobot.checkpoint import Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch, is_hub_id
 from joshua_lerobot.loading import LoadedPolicy, load_policy, out_of_memory
-from joshua_lerobot.settings import PolicySettings
+from joshua_lerobot.settings import PolicySettings, without_statistics
 
 FloatArray = npt.NDArray[np.float64]
+
+_LOG = logging.getLogger(__name__)
 
 _NS_PER_S = 1_000_000_000
 
@@ -52,6 +55,19 @@ class LeRobotModel(Model):
         """Fetches and loads the policy. Raises ModelError."""
         self._checkpoint, self._unit = open_checkpoint(self.settings)
         self._loaded = load_policy(self._checkpoint, self.settings)
+        if lacking := without_statistics(self._checkpoint):
+            _LOG.warning(
+                "%s has no statistics of %s, which are not normalised: fine-tune it on data of your robot",
+                self._checkpoint.folder,
+                ", ".join(lacking),
+            )
+        coefficient = self._checkpoint.config.get("temporal_ensemble_coeff")
+        if coefficient is not None:
+            _LOG.info(
+                "the checkpoint was evaluated with execution { strategy: TEMPORAL_ENSEMBLE "
+                "ensemble_coefficient: %s }",
+                coefficient,
+            )
 
     def needs(self) -> ModelNeeds:
         """See ``Model``; by the files that were loaded."""

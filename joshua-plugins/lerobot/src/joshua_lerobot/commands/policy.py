@@ -97,15 +97,17 @@ def description(folder: Path) -> Iterator[str]:
     checkpoint = read_checkpoint(folder)
     unit = LeRobotSettings(weights=str(folder)).unit_of(checkpoint)
     yield f"{folder}: {checkpoint.type}"
+    rows = []
     for side, features in (("sees", checkpoint.inputs), ("does", checkpoint.outputs)):
         for item in features:
-            names, _ = checkpoint.described(item.key)
             size = f"{item.shape[-1]} x {item.shape[-2]}" if item.kind == "VISUAL" else f"{item.shape[0]}"
-            joints = f" {unit}" if item.key in (STATE, ACTION) else ""
-            norm = checkpoint.norms.get(item.key, "")
-            yield f"  {side}  {item.key}  {size}{joints}  {norm}".rstrip() + (
-                f"  {', '.join(names)}" if names else ""
-            )
+            size += f" {unit}" if item.key in (STATE, ACTION) else ""
+            names = ", ".join(checkpoint.described(item.key)[0])
+            rows.append((side, item.key, size, checkpoint.norms.get(item.key, ""), names))
+    widths = [max(len(row[column]) for row in rows) for column in range(4)] if rows else []
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, (*widths, 0), strict=True))
+        yield f"  {'  '.join(cells)}".rstrip()
     config = checkpoint.config
     if steps := config.get("chunk_size") or config.get("n_action_steps"):
         yield f"  chunk of {steps} actions" + (f" at {checkpoint.fps:g} Hz" if checkpoint.fps else "")
