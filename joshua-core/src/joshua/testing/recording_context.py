@@ -52,6 +52,7 @@ class RecordingContext(NodeContext):
         self.warnings: list[str] = []
         self.failures: list[str] = []
         self.faults: list[str] = []
+        self.fault_reason = ""
         self.shown = ""
         self.progresses: dict[str, Progress] = {}
         self.waits = ""
@@ -123,6 +124,7 @@ class RecordingContext(NodeContext):
         self.ends.append(reason)
 
     def fault(self, reason: str) -> None:
+        self.fault_reason = reason
         self.faults.append(reason)
 
     def show(self, text: str) -> None:
