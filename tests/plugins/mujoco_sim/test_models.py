@@ -267,3 +267,17 @@ def test_malformed_model_says_file_and_line(tmp_path) -> None:
 def test_folder_in_place_of_a_file_is_named(tmp_path) -> None:
     with pytest.raises(ModelError, match="is a folder"):
         model_file(".", tmp_path)
+
+
+@pytest.mark.parametrize("name", [model.mjx for model in PACKAGED_MODELS if model.mjx])
+def test_variants_for_accelerators_solve_well_and_touch_little(name: str) -> None:
+    model = load_model(name)
+    assert model.opt.iterations >= 12
+    assert model.opt.ls_iterations >= 15
+    for geom in (model.geom(index) for index in range(model.ngeom)):
+        if "_pad_" in geom.name:
+            assert (geom.contype[0], geom.conaffinity[0]) == (0, 0), geom.name
+        if geom.name.endswith("_grip"):  # which meets nothing but the cube
+            assert (geom.contype[0], geom.conaffinity[0]) == (8, 0), geom.name
+    met = [model.geom(index).name for index in range(model.ngeom) if model.geom_conaffinity[index] & 8]
+    assert set(met) <= {"cube"}

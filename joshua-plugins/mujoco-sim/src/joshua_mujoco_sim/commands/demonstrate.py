@@ -1,0 +1,181 @@
+"""``joshua demonstrate``: record a data set of a scripted demonstrator at a simulated task."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+SUMMARY = "record a data set of a scripted demonstrator at a simulated task"
+
+#: Failed episodes in a row after which it gives up.
+MOST_FAILED = 20
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``joshua demonstrate``."""
+    parser.add_argument(
+        "environment",
+        metavar="ENVIRONMENT",
+        help="id of the task, with or without joshua/",
+    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the data set; must not exist")
+    parser.add_argument("--episodes", type=_positive, default=50, metavar="N", help="how many (default 50)")
+    parser.add_argument("--seed", type=int, default=0, help="of the first episode (default 0)")
+    parser.add_argument("--cameras", default="", metavar="NAMES", help="cameras to record, such as top,wrist")
+    parser.add_argument("--width", type=_positive, default=128, help="of a picture in pixels (default 128)")
+    parser.add_argument("--height", type=_positive, default=96, help="of a picture in pixels (default 96)")
+    parser.add_argument(
+        "--noise", type=float, default=0.0, metavar="RAD", help="spread of the goals, so that episodes differ"
+    )
+    parser.add_argument("--randomise", action="store_true", help="vary the physics from episode to episode")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Record the data set. Exit code 0; 1 if it fails, 2 for a wrong argument, 3 without joshua-dataset."""
+    from joshua.api.specs import EpisodeWriterSpec
+    from joshua.features import EpisodeError
+    from joshua.tools import ExitCode, load_registry, load_target, nearest_first
+
+    from joshua_mujoco_sim.envs import make_environment
+    from joshua_mujoco_sim.envs.experts import EXPERTS
+    from joshua_mujoco_sim.opengl import RenderingError
+
+    name = arguments.environment
+    name = name if "/" in name else f"joshua/{name}"
+    if name not in EXPERTS:
+        known = ", ".join(nearest_first(name, tuple(EXPERTS)))
+        sys.stderr.write(f"joshua demonstrate: {name} has no demonstrator: choose {known}\n")
+        return ExitCode.INVALID
+    writer = load_registry().find(EpisodeWriterSpec, "data_store", "FORMAT_HUGGINGFACE")
+    if writer is None:
+        sys.stderr.write("joshua demonstrate: requires joshua-dataset: install it, ./run --with dataset\n")
+        return ExitCode.NOT_INSTALLED
+    if arguments.folder.exists():
+        sys.stderr.write(f"joshua demonstrate: {arguments.folder} exists: name another folder\n")
+        return ExitCode.INVALID
+    cameras = tuple(part for part in arguments.cameras.split(",") if part)
+    try:
+        environment = make_environment(
+            name,
+            action_mode="absolute",
+            randomise=arguments.randomise,
+            observation_mode="both" if cameras else "state",
+            cameras=cameras,
+            width=arguments.width,
+            height=arguments.height,
+            disable_env_checker=True,
+        ).unwrapped
+    except ValueError as error:
+        sys.stderr.write(f"joshua demonstrate: {error}\n")
+        return ExitCode.INVALID
+    try:
+        recorder = Recorder(environment, load_target(writer.implementation), arguments.folder, cameras)
+        expert = EXPERTS[name](environment, noise_rad=arguments.noise, seed=arguments.seed)
+        failed = _record(recorder, expert, TASKS[name], arguments)
+    except (EpisodeError, RenderingError) as error:
+        sys.stderr.write(f"joshua demonstrate: {error}\n")
+        return ExitCode.FAILED
+    finally:
+        environment.close()
+    lost = f"; {failed} that failed are left out" if failed else ""
+    sys.stdout.write(f"{recorder.written} episodes in {arguments.folder}{lost}\n")
+    return ExitCode.OK if recorder.written == arguments.episodes else ExitCode.FAILED
+
+
+class Recorder:
+    """Writes episodes of an environment: joints and goals in rad, pictures, reward, success and objects.
+
+    Args:
+        environment: a single one with actions in rad; writer: an ``EpisodeWriter``; folder: of the data set.
+        cameras: that the environment shows.
+    """
+
+    def __init__(self, environment: Any, writer: Any, folder: Path, cameras: tuple[str, ...]) -> None:
+        from joshua.features import ACTION, STATE, DatasetLayout, Feature, FeatureSet, camera_key
+
+        self._environment, self._cameras = environment, {name: camera_key(name) for name in cameras}
+        self.fps = environment.metadata["render_fps"]
+        model = environment.state.model
+        joints = tuple(model.actuator(index).name for index in range(model.nu))
+        self._objects = environment.task.objects
+        _, info = environment.reset(seed=0)
+        features = [
+            Feature.joints(STATE, joints),
+            Feature.joints(ACTION, joints),
+            Feature("next.reward", "float32", (1,)),
+            Feature("next.success", "float32", (1,)),
+            *(Feature(f"info.{key}", "float32", value.shape) for key, value in info["objects"].items()),
+        ]
+        if cameras:
+            space = environment.observation_space
+            features += [Feature.picture(key, *space[name].shape[:2]) for name, key in self._cameras.items()]
+        self._writer = writer(DatasetLayout(folder, "SO-ARM100", self.fps, FeatureSet(features)))
+        self._writer.open()
+
+    @property
+    def written(self) -> int:
+        """Episodes that are written."""
+        return int(self._writer.episodes)
+
+    def episode(self, expert: Any, seed: int, task: str) -> bool:
+        """Plays one episode and writes it if it succeeds. Raises EpisodeError."""
+        import numpy as np
+        from joshua.features import ACTION, STATE, Frame
+
+        environment, state = self._environment, self._environment.state
+        observation, info = environment.reset(seed=seed)
+        expert.reset()
+        for step in range(environment.task.max_steps):
+            frame: dict[str, Any] = {STATE: state.qpos[0, :6].astype(np.float32)}
+            frame |= {key: observation[name] for name, key in self._cameras.items()}
+            frame |= {f"info.{key}": value.astype(np.float32) for key, value in info["objects"].items()}
+            observation, reward, terminated, _, info = environment.step(expert.act())
+            success = info["is_success"]
+            frame[ACTION] = state.ctrl[0].astype(np.float32)
+            frame["next.reward"] = np.array([reward], np.float32)
+            frame["next.success"] = np.array([success], np.float32)
+            self._writer.add_frame(Frame(round(step * 1e9 / self.fps), frame))
+            if terminated:
+                break
+        if success:
+            self._writer.end_episode(task)
+        else:
+            self._writer.drop_episode()
+        return bool(success)
+
+    def close(self) -> None:
+        """Closes the data set."""
+        self._writer.close()
+
+
+#: What the data set calls each task.
+TASKS = {
+    "joshua/SoArm100Reach-v0": "Reach the goal.",
+    "joshua/SoArm100PickPlace-v0": "Put the cube on the goal.",
+}
+
+
+def _record(recorder: Recorder, expert: Any, task: str, arguments: argparse.Namespace) -> int:
+    failed = in_a_row = 0
+    seed = arguments.seed
+    try:
+        while recorder.written < arguments.episodes and in_a_row < MOST_FAILED:
+            if recorder.episode(expert, seed, task):
+                in_a_row = 0
+                sys.stdout.write(f"episode {recorder.written} of {arguments.episodes}\n")
+            else:
+                failed, in_a_row = failed + 1, in_a_row + 1
+            seed += 1
+    except KeyboardInterrupt:
+        sys.stdout.write("stopped; the open episode is left out\n")
+    finally:
+        recorder.close()
+    return failed
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number from 1 on")
+    return int(text)

@@ -1,0 +1,54 @@
+"""``joshua demonstrate``: a data set of the demonstrator whose actions make the same episodes again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from joshua.cli.main import main
+from joshua_mujoco_sim.commands import demonstrate
+from joshua_mujoco_sim.envs import make_environment
+from joshua_mujoco_sim.envs.experts import EXPERTS
+
+
+def test_each_demonstrator_has_a_task() -> None:
+    assert set(demonstrate.TASKS) == set(EXPERTS)
+
+
+def test_recorded_goals_make_the_same_episode_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "reach"
+    assert main(["demonstrate", "SoArm100Reach-v0", str(folder), "--episodes", "2", "--noise", "0.01"]) == 0
+    assert f"2 episodes in {folder}\n" in capsys.readouterr().out
+    table = pq.read_table(folder / "data").to_pydict()
+    environment = make_environment(
+        "joshua/SoArm100Reach-v0", action_mode="absolute", disable_env_checker=True
+    ).unwrapped
+    columns = (table[key] for key in ("episode_index", "observation.state", "action"))
+    rows = list(zip(*columns, strict=True))
+    for episode in (0, 1):
+        _, info = environment.reset(seed=episode)
+        for _, state, action in (row for row in rows if row[0] == episode):
+            assert environment.state.qpos[0] == pytest.approx(state, abs=2e-3)
+            *_, info = environment.step(np.array(action))
+        assert info["is_success"]
+    successes, rewards = table["next.success"], table["next.reward"]
+    assert sum(value[0] for value in successes) == 2
+    assert max(value[0] for value in rewards) > 9
+    assert len(table["info.goal"][0]) == 3
+
+
+def test_what_cannot_be_recorded_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demonstrate", "joshua/Ant-v0", str(tmp_path / "a")]) == 2
+    assert "joshua/Ant-v0 has no demonstrator: choose joshua/" in capsys.readouterr().err
+    assert main(["demonstrate", "SoArm100Reach-v0", str(tmp_path)]) == 2
+    assert f"{tmp_path} exists: name another folder" in capsys.readouterr().err
+    assert main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "b"), "--cameras", "back"]) == 2
+    assert "the model has no camera 'back': choose top, front, wrist" in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
+    with pytest.raises(SystemExit):
+        main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "c"), "--episodes", "0"])
+    assert "'0': expected a whole number from 1 on" in capsys.readouterr().err
