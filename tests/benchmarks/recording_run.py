@@ -88,9 +88,9 @@ def main() -> int:
             if run.returncode:
                 print(said)
                 return 1
-        (episode,) = Dataset.read(folder).episode_list()
+        episode, *others = Dataset.read(folder).episode_list()
         columns = Dataset.read(folder).columns(episode)
-    if episode.length < 0.95 * seconds * FPS:
+    if others or episode.length < 0.95 * seconds * FPS:
         print(f"the episode ended after {episode.length / FPS:.0f} s:\n{said}")
         return 1
     distance_ms = np.abs(columns["acquisition_ns"] - columns["stamp_ns"][:, None]) / 1e6

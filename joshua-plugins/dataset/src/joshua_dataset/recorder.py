@@ -111,8 +111,11 @@ class Recorder:
         if not self._settings.folder:
             raise EpisodeError("a recording needs a folder: set local_path")
         if self._facts.restarted:
-            if read_journal(Path(self._settings.folder)) is not None:
-                context.log.warning(repair(Path(self._settings.folder)))
+            journal = read_journal(Path(self._settings.folder))
+            if journal is not None:
+                done = repair(Path(self._settings.folder))
+                context.log.warning(done)
+                self._session.take_up(int(journal.get("kept", 0)) + ("is completed" in done))
             self._settings = self._settings.model_copy(update={"resume": True})
         self._made().check()
         if self._settings.buttons and not self._pads:
@@ -317,7 +320,7 @@ class Recorder:
         """Take the frames that are complete, and end phases whose time is over (on the node's thread)."""
         now_ns = self._context.now_ns()
         with self._lock:
-            if self._auto and not self._stale():
+            if self._auto and self._session.phase is Phase.IDLE and not self._stale():
                 self._auto = False
                 try:
                     self._require_space()
@@ -409,14 +412,14 @@ class Recorder:
             if step is Step.BEGIN:
                 self._sampler = Sampler(self._streams.values(), self._settings, self._context.now_ns())
                 self._counts = self._sampler.counts
-            task, counts = self._session.task_text, self._counts
+            task, counts, kept = self._session.task_text, self._counts, self._session.kept
             if log and step is Step.KEEP:
                 answer.add_done_callback(self._log)
-            self._work.put(self._carrying_out(step, task, counts, answer))
+            self._work.put(self._carrying_out(step, task, counts, kept, answer))
         return answer
 
     def _carrying_out(
-        self, step: Step, task: str, counts: dict[str, int], answer: Future[str]
+        self, step: Step, task: str, counts: dict[str, int], kept: int, answer: Future[str]
     ) -> Callable[[], None]:
         def carry_out() -> None:
             writer = self._writer
@@ -424,6 +427,7 @@ class Recorder:
             try:
                 if step is Step.BEGIN:
                     writer.task, self._lost = task, False
+                    writer.kept = kept
                     self._busy = (time.monotonic(), 0.0)
                 elif step is Step.KEEP:
                     if writer.open_frames:
@@ -483,10 +487,11 @@ class Recorder:
     def _write(self) -> None:
         """Carry out what waits, until the node has stopped (on a thread of its own)."""
         while True:
+            stopping = self._context.stopping  # asked each time: it is the thread's sign of life
             try:
                 work = self._work.get(timeout=0.2)
             except queue.Empty:
-                if self._context.stopping and self._session.phase is Phase.DONE:
+                if stopping and self._session.phase is Phase.DONE:
                     return
                 continue
             if work is None:

@@ -133,6 +133,12 @@ class Session:
         self.phase = Phase.DONE
         return steps
 
+    def take_up(self, kept: int) -> None:
+        """Go on after a restart, with the episodes that were kept before it."""
+        self.kept = kept
+        if self.settings.num_episodes and kept >= self.settings.num_episodes:
+            self.phase = Phase.DONE
+
     def lost(self) -> None:
         """The open episode cannot be written."""
         self.phase, self.until_s = Phase.IDLE, 0.0

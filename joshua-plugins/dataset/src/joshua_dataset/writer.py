@@ -47,6 +47,7 @@ class DatasetWriter(EpisodeWriter):
     Attributes:
         frames: of all episodes that have ended.
         task: that a repair gives to an episode which was never ended.
+        kept: episodes of the session before the open one.
     """
 
     format: ClassVar[str]
@@ -64,6 +65,7 @@ class DatasetWriter(EpisodeWriter):
         self._open: OpenEpisode | None = None
         self.frames = 0
         self.task = ""
+        self.kept = 0
 
     @property
     def open_frames(self) -> int:
@@ -252,7 +254,7 @@ class DatasetWriter(EpisodeWriter):
 
     def _journal(self) -> dict[str, Any]:
         info = metadata.info(self.layout, self.format, episodes=0, frames=0, tasks=0)
-        return {"task": self.task, "info": info}
+        return {"task": self.task, "info": info, "kept": self.kept}
 
     def _take_up(self, there: Dataset) -> None:
         self.episodes, self.frames = there.episodes, there.frames
