@@ -126,7 +126,7 @@ def test_two_motors_with_one_id_are_named(
 ) -> None:
     follower.fault("duplicate", 4)
     text = refused(leader, follower, tmp_path, joshua_domain_id)
-    assert "two motors share the id 4: connect one alone and give it another id" in text
+    assert "two motors share the id 4: connect one alone and change its id" in text
     assert "joshua motors setup" in text
 
 
@@ -145,7 +145,7 @@ def test_an_arm_without_supply_is_told_from_a_wrong_speed(
 ) -> None:
     follower.fault("silent")
     text = refused(leader, follower, tmp_path, joshua_domain_id)
-    assert "no servo answers, at no line speed: check the supply, and the cable to the first servo" in text
+    assert "no servo answers at any line speed: check the supply, and the cable to the first servo" in text
 
 
 def test_an_arm_without_calibration_gets_no_torque(
@@ -221,7 +221,7 @@ def test_a_power_cut_takes_the_torque_and_is_called_by_its_name(
         watched.wait("nodes ready")
         wait_until(lambda: energised(follower) == {True})
         follower.fault("brown_out")
-        watched.wait("its supply was interrupted")
+        watched.wait("the supply was interrupted")
         wait_until(lambda: energised(follower) == {False})
         process.send_signal(signal.SIGINT)
         _, output = watched.end()

@@ -340,7 +340,7 @@ def test_check_names_every_difference(arm: EmulatedBus, tmp_path: Path, env: dic
     assert is_untouched(arm) is False
     refused = joshua(env, "--config", config)
     assert refused.returncode == 4
-    assert "the calibration is not that of these servos" in refused.stdout + refused.stderr
+    assert "the calibration does not match these servos" in refused.stdout + refused.stderr
 
 
 def test_check_without_the_arm(tmp_path: Path, env: dict[str, str]) -> None:

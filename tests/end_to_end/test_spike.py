@@ -62,8 +62,8 @@ def test_a_hub_that_is_not_there_is_named_with_the_remedy(joshua_run: JoshuaProg
     result = joshua_run("--config", PRESET, "--emulate", "--fault", "spike_hub:unplug", "--duration", "2")
     said = " ".join((result.stdout + result.stderr).split())
     assert result.returncode == 4, said
-    assert "hub 'Pybricks Hub': does not advertise within 8 s; heard: nothing" in said
-    assert "Switch the hub on and bring it near" in said
+    assert "hub 'Pybricks Hub': not found within 8 s; found: nothing" in said
+    assert "Switch the hub on and move it closer" in said
 
 
 @pytest.mark.timing

@@ -108,9 +108,9 @@ def test_a_gamepad_that_is_unplugged_and_plugged_in_again(joshua_run: JoshuaProg
         run.wait("nodes ready")
         run.wait("/gamepad: driving is ON")
         bring_about(run.text, "gamepad", "unplug", replug_after_s=1)
-        run.wait("the gamepad is lost, the arm holds")
+        run.wait("gamepad disconnected; the arm holds")
         run.wait("/gamepad: driving is off: no input device")
-        run.wait("the gamepad is back: Emulated Xbox Controller")
+        run.wait("gamepad reconnected: Emulated Xbox Controller")
         run.process.send_signal(signal.SIGINT)
         code, said = run.end()
     assert code == 0, said
@@ -129,7 +129,7 @@ def test_no_gamepad_is_an_error_that_says_what_to_do(joshua_run: JoshuaProgram, 
         "--config", "robot.pbtxt", "--set", 'robot.perceptions[0].gamepad_config.device="/dev/input/event77"'
     )
     assert result.returncode == 4, result.stdout + result.stderr
-    assert "there is no /dev/input/event77; joshua find-gamepads lists those that are there" in result.stderr
+    assert "there is no /dev/input/event77; run joshua find-gamepads to list the gamepads" in result.stderr
 
 
 def test_the_keyboard_preset_moves_an_emulated_arm(

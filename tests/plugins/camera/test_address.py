@@ -54,7 +54,7 @@ def refusal(camera_at: Maker, source: str) -> str:
 
 def test_a_web_page(web: str, camera_at: Maker) -> None:
     assert refusal(camera_at, f"{web}/page") == (
-        f"{web}/page is no stream of pictures but text/html: copy the address of the stream itself, not of "
+        f"{web}/page is not a video stream but text/html: copy the address of the stream itself, not of "
         "the page that shows it"
     )
 
@@ -68,7 +68,7 @@ def test_a_wrong_path(web: str, camera_at: Maker) -> None:
 
 def test_a_password_is_missing(web: str, camera_at: Maker) -> None:
     assert refusal(camera_at, f"{web}/private") == (
-        f"{web}/private refuses access (HTTP 401 Unauthorized): put user name and password into the address, "
+        f"{web}/private denies access (HTTP 401 Unauthorized): add user name and password to the address, "
         "as in http://USER:PASSWORD@HOST/PATH"
     )
 
@@ -110,7 +110,7 @@ def test_somebody_who_never_answers(camera_at: Maker, monkeypatch: pytest.Monkey
         address = f"{scheme}://127.0.0.1:{silent.getsockname()[1]}/video"
         text = refusal(camera_at, address)
     assert address in text
-    assert ("does not answer as a camera: no answer" in text) or ("it sent nothing within 0.3 s" in text)
+    assert ("does not answer like a camera: no answer" in text) or ("it sent nothing within 0.3 s" in text)
 
 
 def test_labels() -> None:

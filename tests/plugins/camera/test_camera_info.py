@@ -69,16 +69,16 @@ def test_an_uncalibrated_camera_says_so_by_zeros() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is no camera calibration (content: Input should be"),
-        ("[1, 2]", "is no camera calibration"),
+        ("", "is not a camera calibration (content: Input should be"),
+        ("[1, 2]", "is not a camera calibration"),
         ("image_width: 320", "image_height: Field required"),
-        ("a: [", "is no YAML"),
-        ("!!python/object/apply:os.system ['true']", "is no YAML"),
+        ("a: [", "is not valid YAML"),
+        ("!!python/object/apply:os.system ['true']", "is not valid YAML"),
         (CALIBRATION.replace("image_width: 320", "image_width: 640"), "was calibrated at 640 × 240"),
         (CALIBRATION.replace("300.5", ".nan"), "every number must be finite"),
         (CALIBRATION.replace("[300.5, 0, 160, ", "[300.5, "), "camera_matrix has 3 × 3 with 7 numbers"),
         (CALIBRATION.replace("cols: 4", "cols: 3"), "projection_matrix has 3 × 3"),
-        ("x" * 1_100_000, "is larger than a calibration can be"),
+        ("x" * 1_100_000, "is too large for a calibration"),
     ],
 )
 def test_what_is_no_calibration(tmp_path: Path, text: str, message: str) -> None:
@@ -95,5 +95,5 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     ):
         load_intrinsics(str(tmp_path / "none.yaml"), 320, 240)
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(DeviceError, match="is no text"):
+    with pytest.raises(DeviceError, match="is not a text file"):
         load_intrinsics(str(tmp_path / "binary.yaml"), 320, 240)

@@ -101,11 +101,13 @@ def test_files_that_cannot_be_played(tmp_path: Path, camera_at: Maker) -> None:
     text.write_text("no video")
     with pytest.raises(DeviceError) as caught:
         camera_at(str(text)).connect()
-    assert str(caught.value).startswith(f"{text} is no video that can be read: convert it")
+    assert str(caught.value).startswith(f"{text} is not a readable video file: convert it")
     pattern = tmp_path / "%04d.jpg"
     with pytest.raises(DeviceError) as caught:
         camera_at(str(pattern)).connect()
-    assert str(caught.value).startswith(f"{pattern} matches no picture: number the pictures without gaps")
+    assert str(caught.value).startswith(
+        f"{pattern} matches no picture: number the pictures from 0 or 1 without gaps"
+    )
 
 
 def test_pictures_of_another_size(tmp_path: Path, camera_at: Maker) -> None:

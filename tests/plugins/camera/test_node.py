@@ -87,7 +87,7 @@ def test_every_type_carries_the_same_picture(emulator: EmulatedCamera, run: Runn
     assert decoded is not None
     assert read_code(decoded) == read_code(pixels(shared))
     assert infos[0].header.frame_id == "camera_top"
-    assert context.warnings == ["CAMERA_INFO carries no calibration: name a file in intrinsics_file"]
+    assert context.warnings == ["CAMERA_INFO contains no calibration: set intrinsics_file"]
 
 
 def test_a_test_ends_with_results_and_a_picture(
@@ -135,7 +135,7 @@ def test_a_covered_lens_fails_the_test(run: Runner, tmp_path: Path) -> None:
     rows = {name: (passed, text) for name, passed, text in node.test_results()}
     assert rows["picture has content"] == (
         False,
-        "every pixel is near 4 of 255: is the lens covered, or the exposure far off?",
+        "every pixel is near 4 of 255: check whether the lens is covered or the exposure is wrong",
     )
 
 
@@ -196,7 +196,7 @@ def test_a_window_needs_a_display(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     _, context = run(emulator.source, display=True)
     assert context.warnings == [
-        "display: no window, for this machine has no display; over SSH, log in with ssh -X"
+        "display: no window, because this machine has no display; over SSH, log in with ssh -X"
     ]
 
 

@@ -55,7 +55,7 @@ def test_sources_that_can_be_read(source: str) -> None:
 def test_an_unknown_scheme_names_the_nearest() -> None:
     (found,) = diagnose("htp://phone/video")
     assert found.field_path == "robot.perceptions[0].camera_config.source"
-    assert found.message == "htp:// is no address of a camera that can be read."
+    assert found.message == "htp:// is not a supported camera address."
     assert found.allowed[0] == "http://"
     assert found.found == '"htp://phone/video"'
     assert "Copy the stream's address" in found.remedy
@@ -64,5 +64,5 @@ def test_an_unknown_scheme_names_the_nearest() -> None:
 @pytest.mark.parametrize("source", ["http:///video", "http://phone:70000/video", "http://phone:x/video"])
 def test_an_address_without_a_host_or_port(source: str) -> None:
     (found,) = diagnose(source)
-    assert found.message == "The address names no host, or no valid port."
+    assert found.message == "The address lacks a host or has an invalid port."
     assert found.allowed == ("http://HOST:PORT/PATH",)

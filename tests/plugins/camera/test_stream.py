@@ -141,7 +141,9 @@ def test_a_stall_is_reported_and_the_stream_can_be_opened_again(
     emulator.fault("stall")
     error = until_lost(camera)
     assert isinstance(error, DeviceDisconnected)
-    assert str(error) == (f"{emulator.source} has delivered nothing for 2 s: check cable, power and network")
+    assert str(error) == (
+        f"{emulator.source} has delivered no picture for 2 s: check cable, power and network"
+    )
     camera.disconnect()
     emulator.ask("clear_faults")
     camera.connect()
@@ -266,7 +268,7 @@ def test_controls_have_no_effect_on_a_stream(emulator: EmulatedCamera, camera_at
 def test_camera_info_without_calibration_is_a_warning(emulator: EmulatedCamera, camera_at: Maker) -> None:
     camera = camera_at(emulator.source, publishes=(IMAGE, CAMERA_INFO))
     camera.connect()
-    assert camera.warnings == ("CAMERA_INFO carries no calibration: name a file in intrinsics_file",)
+    assert camera.warnings == ("CAMERA_INFO contains no calibration: set intrinsics_file",)
 
 
 def test_closing_does_not_wait_for_a_stalled_stream(
@@ -299,8 +301,8 @@ def test_a_connection_attempt_can_be_cancelled(emulator: EmulatedCamera, camera_
         time.sleep(0.005)
     camera.cancel()
     attempt.join(LONG_S)
-    assert "was closed while it was being opened" in str(errors[0])
-    with pytest.raises(DeviceError, match="is being closed: make a new camera"):
+    assert "was closed while opening" in str(errors[0])
+    with pytest.raises(DeviceError, match="is closing: create a new camera object"):
         camera.connect()
 
 
@@ -332,7 +334,7 @@ def test_a_clock_that_is_set_back_begins_the_stream_anew(
     monkeypatch.setattr("joshua_camera.capture_thread.time", Clock)
     error = until_lost(camera)
     assert isinstance(error, DeviceDisconnected)
-    assert re.search(r"was set back by 3\d{3}\.\d s: http\S+ begins anew", str(error))
+    assert re.search(r"was set back by 3\d{3}\.\d s: http\S+ starts its time stamps again", str(error))
     camera.disconnect()
     camera.connect()
     assert next_reading(camera).stamp_ns < last_ns

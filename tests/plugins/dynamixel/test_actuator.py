@@ -133,7 +133,7 @@ def test_a_hardware_error_trips_and_enabling_reboots(arm_emulator: EmulatedBus, 
     arm_emulator.fault("overload", 3)
     reason = read_until_it_trips(arm)
     assert "elbow_flex: the servo reports: overloaded" in reason
-    assert "The torque of this arm was taken off" in reason
+    assert "The torque of this arm is off" in reason
     assert energised(arm_emulator) == {False}
     with pytest.raises(SafetyTripped, match="Enable it again first"):
         arm.write(POSE)
@@ -160,7 +160,7 @@ def test_a_weak_supply_trips(fault: str, arm_emulator: EmulatedBus, make_arm: An
     arm.enable()
     arm_emulator.fault(fault)
     reason = read_until_it_trips(brisk(arm))
-    assert "V, allowed 3.5 to 7.0 V" in reason or "its supply was interrupted" in reason
+    assert "V, allowed 3.5 to 7.0 V" in reason or "the supply was interrupted" in reason
     assert energised(arm_emulator) == {False}
 
 

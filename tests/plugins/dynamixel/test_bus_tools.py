@@ -58,7 +58,7 @@ def test_what_cannot_be_assigned_is_refused(emulator: EmulatedBus) -> None:
         motor = first(tools, 1_000_000)
         with pytest.raises(AssignmentFailed, match=r"id 2 is taken by another motor at 1000000 bit/s"):
             tools.assign(motor, 2, 1_000_000)
-        with pytest.raises(AssignmentFailed, match=r"253 is no id of a servo: allowed 0 to 252"):
+        with pytest.raises(AssignmentFailed, match=r"253 is not a servo id: allowed 0 to 252"):
             tools.assign(motor, 253, 1_000_000)
         with pytest.raises(AssignmentFailed, match=r"no speed of 500000 bit/s: allowed 1000000, 9600"):
             tools.assign(motor, 9, 500_000)

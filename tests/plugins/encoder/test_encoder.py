@@ -198,7 +198,7 @@ def test_the_state_for_diagnostics(emulator_of: Start, encoder_at: Make) -> None
     emulator.fault("corrupt", 0.05)
     eventually(lambda: readings(encoder, 1) and encoder.diagnostics()[0].level == 1, "the warning")
     link = encoder.diagnostics()[0]
-    assert link.message == "the line damages what comes: check cable and ground"
+    assert link.message == "the line damages data: check cable and ground"
 
 
 @pytest.mark.parametrize(("kind", "baudrate"), [("as5600", 115_200), ("amt21", 2_000_000)])

@@ -94,13 +94,13 @@ def test_nothing_comes(emulator_of: Start, encoder_at: Make) -> None:
 def test_the_wrong_line_speed(emulator_of: Start, encoder_at: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     not_9600(monkeypatch)
     text = refusal(encoder_at(emulator_of("line", baudrate=57_600).port))
-    assert "no line can be read at 115200 bit/s, but at 57600 they can: set baudrate: 57600" in text
+    assert "no line is valid at 115200 bit/s, but lines are at 57600: set baudrate: 57600" in text
 
 
 def test_what_comes_is_something_else(encoder_at: Make) -> None:
     with EmulatedLidar("ld19") as scanner:
         text = refusal(encoder_at(scanner.port, "", 230_400))
-    assert "what comes are no lines of counts" in text
+    assert "the data are not lines of counts" in text
     assert "a line is COUNT, or COUNT,MICROSECONDS" in text
 
 
@@ -110,7 +110,7 @@ def test_counts_are_no_angles(emulator_of: Start, encoder_at: Make) -> None:
         time.sleep(0.01)
     emulator.fault("stall")
     text = refusal(encoder_at(emulator.port, "as5600"))
-    assert "what comes are no lines of angles from 0 to 4095, such as " in text
+    assert "the data are not lines of angles from 0 to 4095, such as " in text
 
 
 def test_no_magnet(emulator_of: Start, encoder_at: Make) -> None:
@@ -156,7 +156,7 @@ def test_the_same_line_again_and_again_is_stale(emulator_of: Start, encoder_at: 
     encoder = encoder_at(emulator.port)
     encoder.connect()
     emulator.fault("freeze")
-    assert "the encoder sends the same time again and again" in loss(encoder)
+    assert "the encoder repeats the same time" in loss(encoder)
 
 
 def test_a_line_speed_that_changes(emulator_of: Start, encoder_at: Make) -> None:
@@ -165,7 +165,7 @@ def test_a_line_speed_that_changes(emulator_of: Start, encoder_at: Make) -> None
     encoder.connect()
     emulator.fault("rate", 9600)
     text = loss(encoder)
-    assert "no line that can be read has come for 1 s" in text or "has sent nothing for 1 s" in text
+    assert "no valid line received for 1 s" in text or "has sent nothing for 1 s" in text
 
 
 def test_a_shaft_that_is_held_is_no_fault(emulator_of: Start, encoder_at: Make) -> None:
@@ -217,7 +217,7 @@ def test_an_amt21_that_answers_only_at_times(
 
     monkeypatch.setattr(Amt21Source, "_answers", missed)
     text = refusal(encoder_at(emulator.port, "amt21", 2_000_000, resolution=16384))
-    assert "the AMT21 at address 84 (0x54) answers only at times: check its power" in text
+    assert "the AMT21 at address 84 (0x54) answers only intermittently: check its power" in text
 
 
 def test_an_amt21_whose_first_answers_come_late_together(emulator_of: Start, encoder_at: Make) -> None:

@@ -52,11 +52,11 @@ def test_encoders_are_asked_at_the_rate_of_the_fastest_publisher() -> None:
         ({"protocol": "as5600", "resolution": 1024}, "resolution", "An AS5600 has 4096 counts"),
         ({"protocol": "amt21", "resolution": 1000}, "resolution", "An AMT21 has 16384 (14 bits) or 4096"),
         ({"protocol": "as5600", "counter_range": 65536}, "counter_range", "would have no effect"),
-        ({"counter_range": 1}, "counter_range", "A counter with one count does not count"),
+        ({"counter_range": 1}, "counter_range", "A counter needs at least two counts"),
         ({"address": [84]}, "address", "has no addresses; address would have no effect"),
         ({"protocol": "amt21", "address": [85]}, "address[0]", "lowest two bits of an AMT21's address are 0"),
         ({"protocol": "amt21", "address": [84, 84]}, "address[1]", "Two encoders have the address 84"),
-        ({"joint_name": ["a", "b"]}, "joint_name", "2 names stand for 1 encoders"),
+        ({"joint_name": ["a", "b"]}, "joint_name", "2 names are given for 1 encoders"),
         (
             {"protocol": "amt21", "address": [84, 88], "joint_name": ["a", "a"]},
             "joint_name[1]",

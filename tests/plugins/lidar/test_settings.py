@@ -36,7 +36,7 @@ def test_the_values_of_a_block() -> None:
 def test_a_line_speed_that_the_model_does_not_have() -> None:
     field, message, allowed = problem(115_200, model="ld19")
     assert field == "comm.serial.baudrate"
-    assert message == "The LD19 talks at 230400 bit/s only."
+    assert message == "The LD19 runs at 230400 bit/s only."
     assert allowed == ("230400",)
 
 
@@ -55,7 +55,7 @@ def test_a_window_and_a_range_without_width() -> None:
 def test_a_scan_mode_where_there_is_none() -> None:
     field, message, _ = problem(230_400, model="ld19", scan_mode="standard")
     assert field == "scan_mode"
-    assert "has one way to send its measurements; scan_mode would have no effect" in message
+    assert "has only one scan mode, so scan_mode has no effect" in message
 
 
 def test_no_port() -> None:

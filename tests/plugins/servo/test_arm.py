@@ -57,7 +57,7 @@ def test_enabling_without_a_first_reading_energises_nothing(arm_emulator: Emulat
     arm.connect()
     arm_emulator.fault("silent", 3)
     arm.bus.reply_margin_s = 0.5
-    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) no longer answers"):
         arm.enable()
     assert energised(arm_emulator) == {False}
 
@@ -195,7 +195,7 @@ def test_a_mute_servo_does_not_keep_the_others_from_holding(arm_emulator: Emulat
     arm_emulator.fault("silent", 3)
     arm.bus.reply_margin_s = BRISK_S
     arm.bus.retries = 100
-    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) no longer answers"):
         arm.hold()
     assert arm.bus.counters.lost[3] <= 10, "however many retries there are"
     for servo in arm_emulator.servos():

@@ -19,5 +19,5 @@ def test_a_servo_that_vanishes_for_good_is_reported_so(kind: Kind) -> None:
     with kind.emulated_bus((1,)) as emulator, kind.open_tools(emulator) as tools:
         motor = next(tools.scan((1_000_000,)))
         emulator.fault("silent")
-        with pytest.raises(AssignmentFailed, match=r"It does not answer any more\. Check its cable"):
+        with pytest.raises(AssignmentFailed, match=r"It no longer answers\. Check its cable"):
             tools.assign(motor, 4, 1_000_000)

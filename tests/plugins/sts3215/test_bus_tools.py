@@ -97,7 +97,7 @@ def test_an_id_that_another_servo_has_is_refused(emulator: EmulatedBus) -> None:
         motor = next(tools.scan((1_000_000,)))
         with pytest.raises(AssignmentFailed, match=r"id 2 is taken by another motor at 1000000 bit/s"):
             tools.assign(motor, 2, 1_000_000)
-        with pytest.raises(AssignmentFailed, match=r"300 is no id of a servo: allowed 0 to 253"):
+        with pytest.raises(AssignmentFailed, match=r"300 is not a servo id: allowed 0 to 253"):
             tools.assign(motor, 300, 1_000_000)
         with pytest.raises(AssignmentFailed, match=r"no speed of 9600 bit/s: allowed 1000000, 500000"):
             tools.assign(motor, 9, 9600)

@@ -69,9 +69,7 @@ def test_the_voltage_and_the_line_speed_are_judged(
     emulator.ask("set_register", slot=2, name="baudrate", value=4)
     assert run(emulator) == 4
     out = capsys.readouterr().out
-    assert (
-        "id 1: 3.5 V, allowed 4.0 to 14.0 V\n         do: use the supply that the motors are made for" in out
-    )
+    assert "id 1: 3.5 V, allowed 4.0 to 14.0 V\n         do: use a supply of the motors' voltage" in out
     assert "different line speeds: 1000000 bit/s: ids 1, 2; 115200 bit/s: id 3" in out
     assert "joshua motors setup gives them one" in out
     emulator.ask("set", volts=4.3)
@@ -83,7 +81,7 @@ def test_a_silent_and_a_busy_port(emulator: EmulatedBus, capsys: pytest.CaptureF
     emulator.fault("silent")
     assert run(emulator) == 0
     assert (
-        "no motor answers, at no line speed\n         do: if this is the adapter of an arm: switch"
+        "no motor answers at any line speed\n         do: if this is the adapter of an arm: switch"
         in capsys.readouterr().out
     )
     port = SerialPort(Endpoint(emulator.port), 1_000_000)
@@ -124,7 +122,7 @@ def test_missing_motors_and_another_calibration_are_errors(
     arm_emulator.ask("set_register", slot=1, name="homing_offset", value=12)
     assert run(arm_emulator, "--config", str(config)) == 4
     out = capsys.readouterr().out
-    assert "the calibration is not that of these servos" in out
+    assert "the calibration does not match these servos" in out
     assert "and 12 in the servo" in out
 
 

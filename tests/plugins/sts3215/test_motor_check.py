@@ -52,7 +52,7 @@ def test_two_motors_with_one_id(emulator: EmulatedBus, open_bus: Any) -> None:
     emulator.fault("duplicate", 2)
     with open_bus(emulator) as bus:
         text = refusal(bus, (1, 2, 3))
-    assert "two motors share the id 2: connect one alone and give it another id" in text
+    assert "two motors share the id 2: connect one alone and change its id" in text
     assert "missing" not in text
 
 
@@ -75,4 +75,4 @@ def test_a_bus_without_supply(emulator: EmulatedBus, open_bus: Any) -> None:
     emulator.fault("silent")
     with open_bus(emulator, reply_margin_s=0.005) as bus:
         text = refusal(bus, (1,))
-    assert "no servo answers, at no line speed: check the supply, and the cable to the first servo" in text
+    assert "no servo answers at any line speed: check the supply, and the cable to the first servo" in text

@@ -117,7 +117,7 @@ def test_two_motors_at_once_and_none_are_refused(new_motors: EmulatedBus) -> Non
     with program("setup", "--port", new_motors.port, "--ids", "1-3") as joshua:
         joshua.wait(PROMPT)
         joshua.enter()
-        assert "no motor answers, at no line speed (is the supply on" in joshua.wait(PROMPT)
+        assert "no motor answers at any line speed (is the supply on" in joshua.wait(PROMPT)
         new_motors.ask("set_register", slot=1, name="id", value=7)
         connect(new_motors, 0, 1)
         joshua.enter()
@@ -146,7 +146,7 @@ def test_a_motor_of_another_model_is_refused() -> None:
         "1 (STS3250, firmware 3.10) is connected, expected a STS3215: connect only the motor of joint_4"
         in text
     )
-    assert "go on with: joshua motors setup --port" in text
+    assert "continue with: joshua motors setup --port" in text
 
 
 def test_without_questions_it_goes_on_when_the_next_motor_comes(new_motors: EmulatedBus) -> None:
@@ -170,7 +170,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_goes_on(new_motors: EmulatedBu
         code, text = joshua.end()
     assert code == 130
     assert "done: joint_3 (id 3)" in text
-    going_on = f"go on with: joshua motors setup --port {new_motors.port} --kind sts3215 --ids 1,2"
+    going_on = f"continue with: joshua motors setup --port {new_motors.port} --kind sts3215 --ids 1,2"
     assert going_on in text
     assert "Traceback" not in text
     connect(new_motors, 2, 0)
@@ -218,7 +218,7 @@ def test_the_motors_of_a_file_are_set_up(new_motors: EmulatedBus, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        ((), 2, "say which motors: --config FILE"),
+        ((), 2, "name the motors: --config FILE"),
         (("--port", "/dev/nope", "--ids", "1-6"), 4, "/dev/nope: no such serial port. Ports here:"),
         (("--port", "/dev/null", "--ids", "1-6"), 4, "/dev/null: is no serial port"),
         (("--port", "/dev/null", "--ids", "200-300"), 2, "cannot have the id 254: allowed 0 to 253"),
@@ -263,7 +263,7 @@ def test_the_adapter_is_pulled_out_meanwhile(new_motors: EmulatedBus) -> None:
         code, text = joshua.end()
     assert code == 4
     assert "the adapter is gone" in text
-    assert "go on with: joshua motors setup" in text
+    assert "continue with: joshua motors setup" in text
 
 
 def test_the_list_names_every_motor_with_its_state(arm_emulator: EmulatedBus) -> None:

@@ -24,7 +24,7 @@ def test_overload_takes_the_torque_off_until_it_is_enabled_again(
     arm.enable()
     arm_emulator.fault("overload", 3)
     with pytest.raises(
-        SafetyTripped, match=r"elbow_flex: the servo reports: overloaded.*torque of this arm was taken off"
+        SafetyTripped, match=r"elbow_flex: the servo reports: overloaded.*torque of this arm is off"
     ):
         arm.read()
     assert energised(arm_emulator) == {False}
@@ -72,7 +72,7 @@ def test_torque_is_read_back(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     assert [joint for joint, torque in arm.read_torque().items() if not torque] == ["elbow_flex"]
     arm_emulator.fault("silent", 4)
     arm.bus.reply_margin_s = BRISK_S
-    with pytest.raises(NoReply, match=r"wrist_flex \(id 4\) does not say whether its torque is off"):
+    with pytest.raises(NoReply, match=r"wrist_flex \(id 4\) does not report its torque"):
         arm.read_torque()
 
 

@@ -35,7 +35,7 @@ def test_watching_shows_our_name_and_the_kernels(pad: EmulatedGamepad) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         watched = Watched(process)
         try:
-            watched.wait("press what you want to know, Ctrl-C ends")
+            watched.wait("press a control to see its name; stop with Ctrl-C")
             pad.fault("dirty")
             watched.wait("ABS_RX               used as right_x")
             watched.wait("BTN_TL               used as left_bumper")

@@ -58,7 +58,7 @@ def test_a_header_says_what_a_device_has() -> None:
 
 @given(st.binary(max_size=200))
 def test_garbage_is_no_gamepad(data: bytes) -> None:
-    with pytest.raises(InputDeviceError, match="is no shared gamepad"):
+    with pytest.raises(InputDeviceError, match="is not a shared gamepad"):
         parse_header(data, "/tmp/x.sock")
 
 
@@ -69,11 +69,11 @@ def test_garbage_is_no_gamepad(data: bytes) -> None:
 def test_impossible_facts_are_refused(found: str, replaced: str) -> None:
     line = header_line(DEVICE).decode().replace(found, replaced)
     assert replaced in line
-    with pytest.raises(InputDeviceError, match="joshua share-gamepad is the program for the other end"):
+    with pytest.raises(InputDeviceError, match="joshua share-gamepad is the program for the other machine"):
         parse_header(line.encode(), "/tmp/x.sock")
 
 
 def test_another_version_is_named() -> None:
     line = header_line(DEVICE).replace(b'"version": 1', b'"version": 2')
-    with pytest.raises(InputDeviceError, match="install the same joshua-teleop-input at both ends"):
+    with pytest.raises(InputDeviceError, match="install the same joshua-teleop-input on both machines"):
         parse_header(line, "/tmp/x.sock")

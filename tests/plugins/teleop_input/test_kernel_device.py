@@ -54,12 +54,12 @@ def test_the_queries_are_those_of_the_kernel(tmp_path: Path) -> None:
 
 
 def test_a_missing_device_is_named() -> None:
-    with pytest.raises(InputDeviceError, match="there is no /dev/input/event99; joshua find-gamepads lists"):
+    with pytest.raises(InputDeviceError, match="there is no /dev/input/event99; run joshua find-gamepads"):
         open_gamepad("/dev/input/event99")
 
 
 def test_something_else_is_no_input_device() -> None:
-    with pytest.raises(InputDeviceError, match=r"/dev/null is no input device .*find-gamepads"):
+    with pytest.raises(InputDeviceError, match=r"/dev/null is not an input device .*find-gamepads"):
         open_gamepad("/dev/null")
 
 
@@ -105,7 +105,7 @@ def answer_queries(monkeypatch: pytest.MonkeyPatch, grab: int) -> None:
 def test_a_device_that_another_program_has_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     answer_queries(monkeypatch, errno.EBUSY)
     with pytest.raises(
-        InputDeviceError, match=r"Some Pad \(/dev/null\) is in use: another program has taken it"
+        InputDeviceError, match=r"Some Pad \(/dev/null\) is in use: another program uses it exclusively"
     ):
         open_gamepad("/dev/null")
 

@@ -106,7 +106,5 @@ def test_what_cannot_be_opened_is_explained() -> None:
 
 def test_it_is_the_way_out_where_the_kernel_shows_no_gamepad() -> None:
     out = run(FALLS_BACK)
-    assert (
-        "(SDL) is read by SDL, because the kernel's devices could not be used: no gamepad is connected" in out
-    )
+    assert "(SDL) uses SDL, because the kernel's devices are not usable: no gamepad is connected" in out
     assert "state: 0.0" in out

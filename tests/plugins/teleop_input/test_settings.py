@@ -62,7 +62,7 @@ def test_driving_needs_the_state_of_the_arm() -> None:
         gamepad_settings(
             node=NODE.replace("subscriptions", "publishers").replace('joint_states"', 'x" publish_rate_hz: 1')
         )
-    assert "does not hear where that is" in str(refusal(caught.value))
+    assert "does not subscribe to their state" in str(refusal(caught.value))
     assert "subscriptions {" in refusal(caught.value).remedy
 
 
@@ -74,15 +74,19 @@ def test_a_joy_alone_needs_nothing() -> None:
 @pytest.mark.parametrize(
     ("block", "field", "text"),
     [
-        ('controls { positive: "dd" joint: "pan" speed_rad_s: 1 }', "controls[0].positive", "is no key"),
-        ('controls { positive: "spce" joint: "pan" speed_rad_s: 1 }', "controls[0].positive", "is no key"),
+        ('controls { positive: "dd" joint: "pan" speed_rad_s: 1 }', "controls[0].positive", "is not a key"),
+        ('controls { positive: "spce" joint: "pan" speed_rad_s: 1 }', "controls[0].positive", "is not a key"),
         (
             'controls { positive: "d" negative: "D" joint: "p" speed_rad_s: 1 }',
             "controls[0].negative",
-            "stands at",
+            "is already used in",
         ),
         ('controls { positive: "?" joint: "pan" speed_rad_s: 1 }', "controls[0].positive", "shows the help"),
-        ('enable_key: "d" controls { positive: "d" joint: "p" speed_rad_s: 1 }', "enable_key", "stands at"),
+        (
+            'enable_key: "d" controls { positive: "d" joint: "p" speed_rad_s: 1 }',
+            "enable_key",
+            "is already used in",
+        ),
     ],
 )
 def test_a_wrong_key_is_found(block: str, field: str, text: str) -> None:

@@ -23,7 +23,7 @@ _PICTURE_TYPES = ("multipart/x-mixed-replace", "image/", "video/", "application/
 
 
 def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Event, timeout_s: float) -> None:
-    """Makes sure that somebody listens at the camera's address.
+    """Make sure that somebody listens at the camera's address.
 
     Args:
         endpoint: host and port.
@@ -49,7 +49,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
             code = probe.connect_ex(address)
             while code in (errno.EINPROGRESS, errno.EALREADY) and time.monotonic() < deadline_s:
                 if stop.is_set():
-                    raise DeviceError(f"{source.label} was closed while it was being opened: open it again")
+                    raise DeviceError(f"{source.label} was closed while opening: open it again")
                 if select.select([], [probe], [], _STEP_S)[1]:
                     code = probe.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if code == 0:
@@ -63,23 +63,23 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
 
 
 def explain(source: CameraSource, waited_s: float, timeout_s: float) -> DeviceError:
-    """Says why an address that answers is no camera, by asking it once more over HTTP."""
+    """Say why an address that answers is no camera, by asking it once more over HTTP."""
     if scheme(source.target) not in ("http", "https"):
         late = waited_s >= timeout_s
-        reason = f"it sent nothing within {timeout_s:g} s" if late else "it sent nothing that can be read"
+        reason = f"it sent nothing within {timeout_s:g} s" if late else "its reply could not be read"
         return DeviceError(
-            f"{source.label} is no stream of pictures: {reason}: check path, user name and password"
+            f"{source.label} is not a video stream: {reason}: check path, user name and password"
         )
     try:
         status, reason, kind = _ask(source.target, timeout_s)
     except (OSError, http.client.HTTPException) as error:
         return DeviceError(
-            f"{source.label} does not answer as a camera: {_reason(error)}: check scheme and port"
+            f"{source.label} does not answer like a camera: {_reason(error)}: check scheme and port"
         )
     if status in (401, 403):
         return DeviceError(
-            f"{source.label} refuses access (HTTP {status} {reason}): "
-            "put user name and password into the address, as in http://USER:PASSWORD@HOST/PATH"
+            f"{source.label} denies access (HTTP {status} {reason}): "
+            "add user name and password to the address, as in http://USER:PASSWORD@HOST/PATH"
         )
     if status != 200:
         return DeviceError(
@@ -88,7 +88,7 @@ def explain(source: CameraSource, waited_s: float, timeout_s: float) -> DeviceEr
         )
     if not kind.startswith(_PICTURE_TYPES):
         return DeviceError(
-            f"{source.label} is no stream of pictures but {kind or 'of no known type'}: "
+            f"{source.label} is not a video stream but {kind or 'of no known type'}: "
             "copy the address of the stream itself, not of the page that shows it"
         )
     return DeviceError(
@@ -120,7 +120,7 @@ def _ask(address: str, timeout_s: float) -> tuple[int, str, str]:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
-        return f"its certificate or its encryption is refused ({error.reason or error})"
+        return f"its certificate or encryption was rejected ({error.reason or error})"
     if isinstance(error, TimeoutError):
         return "no answer"
     if isinstance(error, OSError) and error.strerror:

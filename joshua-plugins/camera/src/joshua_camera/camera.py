@@ -92,7 +92,7 @@ class OpenCvCamera(Sensor):
         return self._figures.figures()
 
     def connect(self) -> None:
-        """Opens the camera and waits for its first picture.
+        """Open the camera and wait for its first picture.
 
         Raises:
             DeviceError: the camera is missing, busy, not allowed, of another size or silent, or the
@@ -105,7 +105,7 @@ class OpenCvCamera(Sensor):
         thread = CaptureThread(_CAPTURES[self.source.kind](self.source, self.settings))
         with self._lock:
             if self._cancelled:
-                raise DeviceError(f"{self.source.label} is being closed: make a new camera to open it again")
+                raise DeviceError(f"{self.source.label} is closing: create a new camera object")
             self._thread = thread
         try:
             thread.open(
@@ -120,7 +120,7 @@ class OpenCvCamera(Sensor):
         self._warnings = (*thread.refused, *thread.notes, *warnings)
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next picture.
+        """Wait for the next picture.
 
         Raises:
             DeviceDisconnected: the camera was unplugged, ended its stream, or stalls.
@@ -143,7 +143,7 @@ class OpenCvCamera(Sensor):
         return None
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes an ``Image`` (rgb8), a ``CompressedImage`` (JPEG) or a ``CameraInfo``."""
+        """Make an ``Image`` (rgb8), a ``CompressedImage`` (JPEG) or a ``CameraInfo``."""
         picture: Picture = reading.data
         if type_name == CAMERA_INFO:
             intrinsics = self._intrinsics or uncalibrated(self.settings.width, self.settings.height)
@@ -154,7 +154,7 @@ class OpenCvCamera(Sensor):
         return image(picture.as_rgb(), frame_id=frame_id, at_ns=reading.stamp_ns)
 
     def cancel(self) -> None:
-        """Ends a ``connect`` or ``read`` that waits, for good and from any thread: the node stops."""
+        """End a ``connect`` or ``read`` that waits, for good and from any thread: the node stops."""
         with self._lock:
             self._cancelled = True
             thread = self._thread
@@ -162,17 +162,17 @@ class OpenCvCamera(Sensor):
             thread.interrupt()
 
     def disconnect(self) -> None:
-        """Closes the camera; a second call does nothing."""
+        """Close the camera; idempotent."""
         with self._lock:
             thread, self._thread = self._thread, None
         if thread is not None:
             thread.close()
 
     def _load_intrinsics(self) -> list[str]:
-        """Reads the calibration; returns what the start-up table must say about it."""
+        """Read the calibration; return what the start-up table must say about it."""
         settings = self.settings
         if settings.intrinsics_file:
             self._intrinsics = load_intrinsics(settings.intrinsics_file, settings.width, settings.height)
         elif CAMERA_INFO in settings.publishes:
-            return ["CAMERA_INFO carries no calibration: name a file in intrinsics_file"]
+            return ["CAMERA_INFO contains no calibration: set intrinsics_file"]
         return []

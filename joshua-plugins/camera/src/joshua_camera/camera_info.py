@@ -73,7 +73,7 @@ def uncalibrated(width: int, height: int) -> Intrinsics:
 
 
 def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
-    """Reads a calibration for pictures of a size.
+    """Read a calibration for pictures of a size.
 
     Raises:
         DeviceError: the file cannot be read, is no calibration, or is of another size.
@@ -85,7 +85,7 @@ def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
         details = error.errors()[:3]
         problems = "; ".join(f"{'.'.join(map(str, d['loc'])) or 'content'}: {d['msg']}" for d in details)
         raise DeviceError(
-            f"{path} is no camera calibration ({problems}): intrinsics_file names {_FILE}"
+            f"{path} is not a camera calibration ({problems}): intrinsics_file names {_FILE}"
         ) from error
     if (file.image_width, file.image_height) != (width, height):
         raise DeviceError(
@@ -110,7 +110,7 @@ def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
 
 
 def camera_info(intrinsics: Intrinsics, header: Any) -> Any:
-    """Makes the ``sensor_msgs/msg/CameraInfo`` of a picture with this header."""
+    """Make the ``sensor_msgs/msg/CameraInfo`` of a picture with this header."""
     region = message_class("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
     return message_class("sensor_msgs/msg/CameraInfo")(
         header,
@@ -138,20 +138,20 @@ def _read(path: str) -> Any:
         reason = (error.strerror or str(error)).lower()
         raise DeviceError(f"{path} cannot be read ({reason}): correct intrinsics_file") from error
     except UnicodeDecodeError as error:
-        raise DeviceError(f"{path} is no text: intrinsics_file names {_FILE}") from error
+        raise DeviceError(f"{path} is not a text file: intrinsics_file names {_FILE}") from error
     if len(text) > _MAX_BYTES:
-        raise DeviceError(f"{path} is larger than a calibration can be: intrinsics_file names {_FILE}")
+        raise DeviceError(f"{path} is too large for a calibration: intrinsics_file names {_FILE}")
     try:
         return YAML(typ="safe", pure=True).load(text)
     except (YAMLError, RecursionError, ValueError) as error:
         text = " ".join(str(error).split())[:200]
-        raise DeviceError(f"{path} is no YAML ({text}): intrinsics_file names {_FILE}") from error
+        raise DeviceError(f"{path} is not valid YAML ({text}): intrinsics_file names {_FILE}") from error
 
 
 def _sized(path: str, name: str, matrix: _Matrix, rows: int, columns: int) -> tuple[float, ...]:
     if (matrix.rows, matrix.cols) != (rows, columns) or len(matrix.data) != rows * columns:
         raise DeviceError(
             f"{path}: {name} has {matrix.rows} × {matrix.cols} with {len(matrix.data)} numbers, and takes "
-            f"{rows} × {columns}: write the calibration anew"
+            f"{rows} × {columns}: create the calibration again"
         )
     return matrix.data

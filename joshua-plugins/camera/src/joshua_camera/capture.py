@@ -27,8 +27,8 @@ class Grab:
         began_ns, ended_ns: when the wait for it began and ended, monotonic clock.
         slept_ns: how much of the time between this thread slept, decoding left out.
         acquired_ns: acquisition time, monotonic clock: the device's own where it has one, else ``ended_ns``.
-        picture: None where the picture is damaged.
-        width, height: of the picture, in pixels; 0 where it is damaged.
+        picture: None if the picture is damaged.
+        width, height: of the picture, in pixels; 0 if it is damaged.
     """
 
     began_ns: int
@@ -63,14 +63,14 @@ class Capture(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Opens the camera and applies the settings. Raises DeviceError."""
+        """Open the camera and apply the settings. Raises DeviceError."""
 
     @abstractmethod
     def interrupt(self) -> None:
-        """Ends a wait inside ``open`` or ``grab`` as soon as the system allows; any thread."""
+        """End a wait inside ``open`` or ``grab`` as soon as the system allows; any thread."""
 
     def grab(self) -> Grab | None:
-        """Waits for the next picture; None when there is none any more, or after ``interrupt``."""
+        """Wait for the next picture; None when there is none any more, or after ``interrupt``."""
         began_ns, worked_ns = time.monotonic_ns(), time.thread_time_ns()
         if self._interrupted.is_set() or not self._video.grab():
             return None
@@ -79,15 +79,15 @@ class Capture(ABC):
         return self._finish(Grab(began_ns, ended_ns, slept_ns, self._acquired_ns(ended_ns)))
 
     def exposure(self) -> str:
-        """The exposure in force, in words; "" where the camera does not say."""
+        """The exposure in force, in words; "" if the camera does not say."""
         return ""
 
     def pixel_format(self) -> str:
-        """Four-character code of what comes from the camera; "" where it is not known."""
+        """Four-character code of what comes from the camera; "" if it is not known."""
         return "JPEG" if self.delivers_jpeg else ""
 
     def close(self) -> None:
-        """Closes the camera; a second call does nothing."""
+        """Close the camera; idempotent."""
         if self._video is not None:
             self._video.release()
             self._video = None
@@ -103,7 +103,7 @@ class Capture(ABC):
         return DeviceError(f"{self.source.label} {problem}: {remedy}")
 
     def _finish(self, grab: Grab) -> Grab:
-        """Takes over the picture that was grabbed."""
+        """Take over the picture that was grabbed."""
         done, data = self._video.retrieve()
         if not done or data is None or not data.size:
             return grab

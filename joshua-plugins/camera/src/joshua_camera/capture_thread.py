@@ -72,10 +72,10 @@ class CaptureThread:
         return tuple(self._capture.notes)
 
     def open(self, timeout_s: float, stopping: Callable[[], bool] = lambda: False) -> None:
-        """Starts the thread and waits for the first picture.
+        """Start the thread and wait for the first picture.
 
         Args:
-            stopping: asked now and then; where it is true the wait ends.
+            stopping: polled; the wait ends when it returns true.
 
         Raises:
             DeviceError: there is none in time; the thread is ended then, as with Cancelled.
@@ -101,15 +101,15 @@ class CaptureThread:
         if failure is not None:
             raise failure
         if stopped:
-            raise DeviceError(f"{label} was closed while it was being opened: open it again")
+            raise DeviceError(f"{label} was closed while opening: open it again")
         raise DeviceError(
             f"{label} delivered no picture within {timeout_s:g} s ({self._what_came()}): check cable and "
-            "power, and that no other program uses it; several cameras at one USB hub need pixel_format "
+            "power, and that no other program uses it; several cameras on one USB hub need pixel_format "
             '"MJPG" or a hub each'
         )
 
     def take(self, timeout_s: float) -> Newest | None:
-        """Waits for a picture that was not taken yet; None when none came in time.
+        """Wait for a picture that was not taken yet; None when none came in time.
 
         Raises:
             DeviceDisconnected: the camera has ended or stalls.
@@ -130,14 +130,14 @@ class CaptureThread:
                 self._changed.wait(min(wait_s, _LOOK_S))
 
     def interrupt(self) -> None:
-        """Ends the waits of ``open`` and ``take``, and the thread; any thread, does not wait."""
+        """End the waits of ``open`` and ``take``, and the thread; any thread, does not wait."""
         with self._changed:
             self._stop.set()
             self._changed.notify_all()
         self._capture.interrupt()
 
     def close(self) -> None:
-        """Ends the thread; a second call does nothing."""
+        """End the thread; idempotent."""
         atexit.unregister(self.close)
         self.interrupt()
         clock = AwakeClock()
@@ -215,8 +215,8 @@ class CaptureThread:
         behind_ns = self._last_stamp_ns - stamp_ns
         if behind_ns > LARGEST_CLOCK_STEP_NS:
             raise DeviceDisconnected(
-                f"the clock of this machine was set back by {behind_ns / _NS_PER_S:.1f} s: "
-                f"{self._capture.source.label} begins anew"
+                f"the system clock was set back by {behind_ns / _NS_PER_S:.1f} s: "
+                f"{self._capture.source.label} starts its time stamps again"
             )
         self._last_stamp_ns = max(stamp_ns, self._last_stamp_ns + 1)
         return self._last_stamp_ns
@@ -233,7 +233,7 @@ class CaptureThread:
             self._heard = (last_ns, now_s)
         elif now_s - self._heard[1] > limit_s:
             raise DeviceDisconnected(
-                f"{self._capture.source.label} has delivered nothing for {limit_s:g} s: check cable, "
+                f"{self._capture.source.label} has delivered no picture for {limit_s:g} s: check cable, "
                 "power and network"
             )
 

@@ -36,7 +36,7 @@ class Applied:
 
 
 def apply_format(cv2: Any, video: Any, settings: CameraSettings) -> list[Applied]:
-    """Sets pixel format, size and rate, in this order: each one limits the choice of the next."""
+    """Set pixel format, size and rate, in this order: each one limits the choice of the next."""
     code = settings.pixel_format
     video.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*code))
     video.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width)
@@ -53,7 +53,7 @@ def apply_format(cv2: Any, video: Any, settings: CameraSettings) -> list[Applied
 
 
 def apply_controls(cv2: Any, video: Any, settings: CameraSettings) -> list[Applied]:
-    """Sets the controls that the settings name and leaves the others as they are."""
+    """Set the controls that the settings name and leave the others as they are."""
     wanted = {
         "brightness": (cv2.CAP_PROP_BRIGHTNESS, settings.brightness),
         "contrast": (cv2.CAP_PROP_CONTRAST, settings.contrast),
@@ -92,12 +92,12 @@ def exposure_text(units: float) -> str:
 
 def describe(applied: Applied, device: v4l2.VideoDevice | None) -> str:
     """One sentence about a setting that the device does not keep, with what it allows where it says so."""
-    text = f"{applied.name} {applied.asked} was asked for, the camera keeps {applied.found}"
+    text = f"{applied.name} {applied.asked}was requested, the camera uses {applied.found}"
     control_id = _CONTROL_IDS.get(applied.name)
     allowed = device.control(control_id) if device is not None and control_id is not None else None
     if allowed is not None:
         step = f" in steps of {allowed.step}" if allowed.step > 1 else ""
         return f"{text} (allowed: {allowed.minimum} to {allowed.maximum}{step})"
     if control_id is not None and device is not None:
-        return f"{applied.name} {applied.asked} was asked for, the camera has no such control"
+        return f"{applied.name} {applied.asked}was requested, but the camera has no such control"
     return text

@@ -21,7 +21,7 @@ class DeviceCapture(Capture):
     """A camera of this machine. On Linux its pictures carry the driver's acquisition time."""
 
     def open(self) -> None:
-        """Opens the device and applies the settings. Raises DeviceError."""
+        """Open the device and apply the settings. Raises DeviceError."""
         cv2 = self._load()
         video = self._video = cv2.VideoCapture()
         if sys.platform == "linux":
@@ -38,7 +38,7 @@ class DeviceCapture(Capture):
         self.has_own_clock = sys.platform == "linux"
 
     def interrupt(self) -> None:
-        """Ends the stream, which wakes a wait for the next picture."""
+        """End the stream, which wakes a wait for the next picture."""
         self._interrupted.set()
         for descriptor in descriptors_of(self.source.target):
             # The device may be gone, or closed by the capture thread meanwhile.

@@ -23,14 +23,14 @@ def explain_device(path: str, error: OSError) -> DeviceError:
         )
     if code == errno.EBUSY:
         found = holders(path)
-        who = f"by {', '.join(found)}" if found else "by another process, perhaps another user's"
+        who = f"by {', '.join(found)}" if found else "by another process, possibly of another user"
         return refuse(path, f"is in use {who}", "end that program, or choose another camera")
     if code in (errno.ENOTTY, errno.EINVAL):
-        return refuse(path, "is no video device", f"choose another; {others(path)}")
+        return refuse(path, "is not a video device", f"choose another; {others(path)}")
     return refuse(
         path,
         f"cannot be opened ({os.strerror(code).lower()})",
-        "unplug it and plug it in again, at another socket if that does not help",
+        "unplug it and plug it in again; if that does not help, use another socket",
     )
 
 
@@ -46,4 +46,4 @@ def others(path: str) -> str:
         for entry in list_devices()
         if entry.path != path
     ]
-    return f"found: {', '.join(found)}" if found else "this machine has no other"
+    return f"found: {', '.join(found)}" if found else "this machine has no other camera"

@@ -20,7 +20,7 @@ class DeviceEntry:
     Attributes:
         index: N of /dev/videoN.
         path: such as ``/dev/video0``.
-        name: of the camera, as the system knows it; "" where it does not say.
+        name: of the camera, as the system knows it; "" if it does not say.
         by_id: names under /dev/v4l/by-id that lead to it.
     """
 
@@ -31,7 +31,7 @@ class DeviceEntry:
 
 
 def list_devices(root: Path = Path("/")) -> list[DeviceEntry]:
-    """Lists the video devices by rising index.
+    """List the video devices by rising index.
 
     Args:
         root: folder that holds ``dev`` and ``sys``.
@@ -54,7 +54,7 @@ def list_devices(root: Path = Path("/")) -> list[DeviceEntry]:
 
 
 def _stable_names(root: Path) -> dict[str, list[str]]:
-    """Names under by-id by the name of the device that they lead to."""
+    """Name under by-id by the name of the device that they lead to."""
     found: dict[str, list[str]] = {}
     folder = root / BY_ID_FOLDER.lstrip("/")
     try:

@@ -13,13 +13,13 @@ HIGH_SPEED_MBIT_S = 480
 
 
 def check_permissions(host: Host) -> Iterator[Finding]:
-    """Compares owner, group and mode of each camera with the user's session."""
+    """Compare owner, group and mode of each camera with the user's session."""
     for path in sorted((host.root / "dev").glob("video[0-9]*")):
         yield may_open(host, str(path))
 
 
 def check_bandwidth(host: Host) -> Iterator[Finding]:
-    """Counts cameras on each USB 2 bus."""
+    """Count cameras on each USB 2 bus."""
     cameras = defaultdict(set)
     for node in (host.root / "sys/class/video4linux").glob("*"):
         place = _usb_place(node)
@@ -39,7 +39,7 @@ def check_bandwidth(host: Host) -> Iterator[Finding]:
 
 
 def _usb_place(node: Path) -> str:
-    """Socket of the USB device behind a node of sysfs; "" where there is none."""
+    """Socket of the USB device behind a node of sysfs; "" if there is none."""
     device = (node / "device").resolve()
     for folder in (device, *device.parents):
         if (folder / "idVendor").is_file():

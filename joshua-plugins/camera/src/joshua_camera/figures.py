@@ -19,9 +19,9 @@ class Figures:
         received: pictures that came; delivered: those that were handed on.
         dropped: those that a newer one replaced before anybody took them.
         stale: those that had waited in a buffer; damaged: those that could not be decoded.
-        latency_p50_s, latency_p99_s: from acquisition to hand-over, decoding included; 0 where none was.
-        exposure: in force, in words; "" where the camera does not say.
-        pixel_format: of what comes from the camera; "" where it is not known.
+        latency_p50_s, latency_p99_s: from acquisition to hand-over, decoding included; 0 if none was.
+        exposure: in force, in words; "" if the camera does not say.
+        pixel_format: of what comes from the camera; "" if it is not known.
         span_ns: first and last of the pictures in ``fps``, on the monotonic clock.
     """
 
@@ -63,12 +63,12 @@ class FigureKeeper:
         self._latencies_ns: deque[int] = deque(maxlen=_WINDOW)
 
     def arrived(self, now_ns: int) -> None:
-        """Counts one picture that came, whatever becomes of it."""
+        """Count one picture that came, whatever becomes of it."""
         self.received += 1
         self._arrivals_ns.append(now_ns)
 
     def handed_over(self, latency_ns: int) -> None:
-        """Counts one picture that was handed on."""
+        """Count one picture that was handed on."""
         self.delivered += 1
         self._latencies_ns.append(latency_ns)
 

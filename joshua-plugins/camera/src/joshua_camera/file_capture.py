@@ -24,7 +24,7 @@ class FileCapture(Capture):
         self._next = 0
 
     def open(self) -> None:
-        """Opens the file. Raises DeviceError."""
+        """Open the file. Raises DeviceError."""
         self._load()
         self._video = self._start()
         rate = self._video.get(self._cv2.CAP_PROP_FPS)
@@ -36,11 +36,11 @@ class FileCapture(Capture):
         self._start_ns = time.monotonic_ns()
 
     def interrupt(self) -> None:
-        """Ends the wait for the time of the next picture."""
+        """End the wait for the time of the next picture."""
         self._interrupted.set()
 
     def grab(self) -> Grab | None:
-        """Waits for the time of the next picture."""
+        """Wait for the time of the next picture."""
         began_ns = time.monotonic_ns()
         due_ns = self._start_ns + round(self._next * self._period_ns)
         if self._interrupted.wait(max(0, due_ns - began_ns) / _NS_PER_S):
@@ -65,11 +65,11 @@ class FileCapture(Capture):
                 return video
             raise self._refuse(
                 "matches no picture",
-                "number the pictures without gaps from 0 or 1 on, and write the pattern with as many digits "
-                "as they have, such as pictures/%04d.jpg",
+                "number the pictures from 0 or 1 without gaps, and use a pattern with the same number of "
+                "digits, such as pictures/%04d.jpg",
             )
         if not Path(target).is_file():
             raise self._refuse("does not exist", "correct the path in source")
         if video.open(target, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1]):
             return video
-        raise self._refuse("is no video that can be read", "convert it, for example to H.264 in an mp4 file")
+        raise self._refuse("is not a readable video file", "convert it, for example to H.264 in an mp4 file")

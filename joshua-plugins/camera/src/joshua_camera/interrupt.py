@@ -28,7 +28,7 @@ def own_sockets() -> set[tuple[int, int]]:
 
 
 def shut_down(sockets: set[tuple[int, int]], port: int) -> None:
-    """Shuts down those sockets that are connected to a port; whoever waits for them is woken."""
+    """Shut down those sockets that are connected to a port; whoever waits for them is woken."""
     for descriptor, inode in sockets:
         try:
             with socket.socket(fileno=os.dup(descriptor)) as peer:

@@ -25,7 +25,7 @@ class JpegFacts:
 
 
 def inspect_jpeg(data: bytes | memoryview) -> JpegFacts | None:
-    """Looks at a picture; None where it is damaged: cut off, without a size, or with stray markers.
+    """Look at a picture; None if it is damaged: cut off, without a size, or with stray markers.
 
     What follows the end of the picture is padding of the device and is not part of its length.
     """
@@ -57,7 +57,7 @@ def inspect_jpeg(data: bytes | memoryview) -> JpegFacts | None:
 
 
 def _end_of_picture(view: bytes, at: int, progressive: bool) -> int:
-    """Where the picture ends; 0 where it does not. A progressive picture has several scans."""
+    """Where the picture ends; 0 if it does not. A progressive picture has several scans."""
     while (match := _AFTER_SCAN.search(view, at)) is not None:
         if view[match.end() - 1] == _END_OF_IMAGE:
             return match.end()

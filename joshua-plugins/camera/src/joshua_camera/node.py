@@ -47,7 +47,7 @@ class CameraNode(SensorNode):
         return self._sensor
 
     def configure(self) -> None:
-        """Opens the camera, declares topics, and says what the camera does otherwise than asked."""
+        """Open the camera, declares topics, and say what the camera does otherwise than asked."""
         super().configure()
         for text in self.camera.warnings:
             self.context.warn(text)
@@ -56,14 +56,14 @@ class CameraNode(SensorNode):
         self.context.create_timer(FIGURES_PERIOD_S, self._log_figures, name="figures")
 
     def deactivate(self) -> None:
-        """Ends a connection attempt that is under way."""
+        """End a connection attempt that is under way."""
         if isinstance(self._sensor, OpenCvCamera):
             self._sensor.cancel()
         if self._preview is not None:
             self._preview.close()
 
     def observe(self, reading: Reading) -> None:
-        """Keeps the newest picture for the window and for the end of a test."""
+        """Keep the newest picture for the window and for the end of a test."""
         self._last_picture = reading.data
         if self._preview is not None:
             self._preview.show(reading.data.as_rgb)
@@ -107,7 +107,7 @@ class CameraNode(SensorNode):
             return ("picture has content", False, "none came")
         level, spread = float(pixels.mean()), float(pixels.std())
         if spread < LEAST_SPREAD:
-            hint = "is the lens covered, or the exposure far off?"
+            hint = "check whether the lens is covered or the exposure is wrong"
             return ("picture has content", False, f"every pixel is near {level:.0f} of 255: {hint}")
         return ("picture has content", True, f"mean {level:.0f} of 255, spread {spread:.0f}")
 
@@ -130,7 +130,7 @@ def _rate(figures: Figures, wanted_hz: float) -> tuple[str, bool, str]:
     most_hz = figures.fps * (last_ns - first_ns) / ran_ns if ran_ns > 0 else figures.fps
     slow, fast = wanted_hz * (1 - RATE_TOLERANCE), wanted_hz * (1 + RATE_TOLERANCE)
     passed = most_hz >= slow and figures.fps <= fast  # a machine that stood still is no fault of the camera
-    hint = "" if passed else ": many cameras are slower in poor light, and at USB hubs that others share"
+    hint = "" if passed else ": many cameras are slower in poor light and on shared USB hubs"
     return ("frame rate", passed, f"{figures.fps:.4g} Hz of {wanted_hz:g} Hz{hint}")
 
 
@@ -142,5 +142,5 @@ def _losses(figures: Figures) -> tuple[str, bool, str]:
 
 def _latency(figures: Figures) -> str:
     if not figures.delivered:
-        return "no picture was handed over"
+        return "no picture was delivered"
     return f"median {figures.latency_p50_s * 1e3:.1f} ms, 99 % within {figures.latency_p99_s * 1e3:.1f} ms"

@@ -17,7 +17,7 @@ _ENVIRONMENT = {
 
 @lru_cache(maxsize=1)
 def load_opencv() -> Any:
-    """Returns the module ``cv2``; settings that the user has made in the environment stay."""
+    """Return the module ``cv2``; settings that the user has made in the environment stay."""
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     import cv2

@@ -38,7 +38,7 @@ class Picture:
         return hash((self.jpeg, None if self.rgb is None else self.rgb.shape))
 
     def as_rgb(self) -> Pixels | None:
-        """The pixels; None where the JPEG file cannot be decoded."""
+        """The pixels; None if the JPEG file cannot be decoded."""
         return self.rgb if self.rgb is not None or self.jpeg is None else decode_jpeg(self.jpeg)
 
     def as_jpeg(self) -> bytes:
@@ -50,7 +50,7 @@ class Picture:
 
 
 def decode_jpeg(data: bytes) -> Pixels | None:
-    """Decodes a JPEG file to shape (H, W, 3), uint8, RGB; None where that fails."""
+    """Decode a JPEG file to shape (H, W, 3), uint8, RGB; None if that fails."""
     cv2 = load_opencv()
     # OpenCV before 4.11 decodes to BGR only. The orientation that a phone notes is part of the picture
     # that its page shows, but not of the size that the stream has.
@@ -64,7 +64,7 @@ def decode_jpeg(data: bytes) -> Pixels | None:
 
 
 def encode_jpeg(rgb: Pixels) -> bytes:
-    """Encodes pixels of shape (H, W, 3), uint8, RGB, as a JPEG file."""
+    """Encode pixels of shape (H, W, 3), uint8, RGB, as a JPEG file."""
     cv2 = load_opencv()
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     done, data = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), options)

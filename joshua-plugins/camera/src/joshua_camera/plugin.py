@@ -7,7 +7,7 @@ from joshua.api import PluginSpec, SensorSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the camera."""
+    """Name the camera."""
     return [
         SensorSpec(
             block="camera_config",

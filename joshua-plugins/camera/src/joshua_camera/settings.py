@@ -49,7 +49,7 @@ class CameraSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds what the node publishes."""
+        """Add what the node publishes."""
         numbers = [publisher.data_type for publisher in getattr(node, "publishers", ())]
         known = tuple(TYPE_NAMES[number] for number in numbers if number in TYPE_NAMES)
         return super().si_values(values, node, context) | {"publishes": known}
@@ -63,14 +63,14 @@ class CameraSettings(BlockSettings):
             near = difflib.get_close_matches(found, SCHEMES, n=1, cutoff=0.5)
             raise FieldError(
                 "source",
-                f"{found}:// is no address of a camera that can be read",
+                f"{found}:// is not a supported camera address",
                 allowed=tuple(f"{name}://" for name in dict.fromkeys((*near, *SCHEMES))),
                 remedy="copy the stream's address from the camera's or the phone's page",
             )
         if not _names_a_host(self.source):
             raise FieldError(
                 "source",
-                "the address names no host, or no valid port",
+                "the address lacks a host or has an invalid port",
                 allowed=("http://HOST:PORT/PATH",),
                 remedy="copy the stream's address from the camera's or the phone's page",
             )

@@ -29,13 +29,13 @@ class StreamCapture(Capture):
         self._before: set[tuple[int, int]] = set()
 
     def open(self) -> None:
-        """Connects and reads the first bytes. Raises DeviceError."""
+        """Connect and read the first bytes. Raises DeviceError."""
         settings, cv2 = self.settings, self._load()
         self._before = own_sockets()
         if self.source.over_tcp:
             connect(self.source, self._endpoint(), self._interrupted, OPEN_TIMEOUT_S)
         if self._interrupted.is_set():
-            raise self._refuse("was closed while it was being opened", "open it again")
+            raise self._refuse("was closed while opening", "open it again")
         video = cv2.VideoCapture()
         self._video = video
         read_timeout_s = stall_limit_s(settings.fps) + _GRACE_S
@@ -47,7 +47,7 @@ class StreamCapture(Capture):
         began_s = time.monotonic()
         if not video.open(self.source.target, cv2.CAP_FFMPEG, options):
             if self._interrupted.is_set():
-                raise self._refuse("was closed while it was being opened", "open it again")
+                raise self._refuse("was closed while opening", "open it again")
             raise explain(self.source, time.monotonic() - began_s, OPEN_TIMEOUT_S)
         code = int(video.get(cv2.CAP_PROP_FOURCC))
         if code == cv2.VideoWriter.fourcc(*"MJPG"):
@@ -55,7 +55,7 @@ class StreamCapture(Capture):
         self._note_settings_without_effect()
 
     def interrupt(self) -> None:
-        """Cuts the connections of this camera."""
+        """Cut the connections of this camera."""
         self._interrupted.set()
         if self.source.over_tcp and self._video is not None:
             shut_down(own_sockets() - self._before, self._endpoint()[1])

@@ -31,11 +31,11 @@ class FoundCamera:
     """One camera.
 
     Attributes:
-        path: of its device; name: as the system knows it; "" where it does not say.
-        index: for ``device_id``; source: its stable name for ``source``, "" where it has none.
+        path: of its device; name: as the system knows it; "" if it does not say.
+        index: for ``device_id``; source: its stable name for ``source``, "" if it has none.
         formats: what it offers, as far as it says.
-        picture: path of the picture that was taken; "" where none was.
-        problem: why it cannot be used, with the remedy; "" where it can.
+        picture: path of the picture that was taken; "" if none was.
+        problem: why it cannot be used, with the remedy; "" if it can.
     """
 
     path: str
@@ -48,7 +48,7 @@ class FoundCamera:
 
 
 def survey(folder: Path | None = None, root: Path = Path("/")) -> list[FoundCamera]:
-    """Looks at every camera.
+    """Look at every camera.
 
     Args:
         folder: where a picture of each is written; None takes none.

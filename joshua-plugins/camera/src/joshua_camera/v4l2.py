@@ -91,7 +91,7 @@ class VideoDevice:
         self._descriptor = descriptor
 
     def capability(self) -> Capability:
-        """What the device is. Raises OSError, ENOTTY for something that is no video device."""
+        """What the device is. Raises OSError, ENOTTY for something that is not a video device."""
         data = self._call(QUERYCAP, bytearray(104))
         driver, card, bus, _, all_caps, device_caps = struct.unpack_from("=16s32s32sIII", data)
         caps = device_caps if all_caps & _CAP_DEVICE_CAPS else all_caps
@@ -108,7 +108,7 @@ class VideoDevice:
         return found
 
     def control(self, control_id: int) -> ControlRange | None:
-        """What a control accepts; None where the device does not have it."""
+        """What a control accepts; None if the device does not have it."""
         try:
             data = self._call(QUERYCTRL, bytearray(struct.pack("=I64x", control_id)))
         except OSError:
@@ -116,7 +116,7 @@ class VideoDevice:
         return ControlRange(*struct.unpack_from("=40xiiii", data))
 
     def check_free(self) -> None:
-        """Raises OSError with EBUSY when another process streams from the device."""
+        """Raise OSError with EBUSY when another process streams from the device."""
         # Asking for no buffer changes nothing, and needs the same right as asking for some.
         self._call(REQBUFS, bytearray(struct.pack("=III8x", 0, _CAPTURE, _MMAP)))
 
@@ -148,7 +148,7 @@ class VideoDevice:
                 return
 
     def _entries(self, code: int, size: int, request: Callable[[int], bytes]) -> Iterator[bytes]:
-        """Asks for entry 0, 1, … until the device has no more."""
+        """Ask for entry 0, 1, … until the device has no more."""
         for index in range(_MOST_ENTRIES):
             try:
                 yield self._call(code, bytearray(request(index).ljust(size, b"\0")))
@@ -164,7 +164,7 @@ class VideoDevice:
 
 @contextmanager
 def open_device(path: str) -> Iterator[VideoDevice]:
-    """Opens a video device to ask it, beside a process that may stream from it. Raises OSError."""
+    """Open a video device to ask it, beside a process that may stream from it. Raises OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         yield VideoDevice(descriptor)
@@ -173,7 +173,7 @@ def open_device(path: str) -> Iterator[VideoDevice]:
 
 
 def stop_stream(descriptor: int) -> None:
-    """Ends the stream of an open video device, which wakes whoever waits for a picture. Raises OSError."""
+    """End the stream of an open video device, which wakes whoever waits for a picture. Raises OSError."""
     fcntl.ioctl(descriptor, STREAMOFF, struct.pack("=i", _CAPTURE))
 
 

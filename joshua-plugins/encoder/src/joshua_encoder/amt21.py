@@ -9,7 +9,7 @@ _ODD, _EVEN = 0xAAAA, 0x5555
 
 
 def position(answer: bytes, resolution: int) -> int | None:
-    """The position in an answer of two bytes, the lower one first; None where the check bits are wrong.
+    """The position in an answer of two bytes, the lower one first; None if the check bits are wrong.
 
     Each check bit makes the number of ones odd: the upper one among the odd bits, the lower one among the
     even bits. Encoders of 12 bits send two zeros below their position.

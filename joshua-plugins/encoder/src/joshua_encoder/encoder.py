@@ -71,12 +71,12 @@ class SerialEncoder(Sensor):
 
     @property
     def damaged(self) -> int:
-        """Lines or answers since the encoders were opened that could not be used."""
+        """Line or answers since the encoders were opened that could not be used."""
         return self._source.damaged if self._source is not None else 0
 
     @property
     def counts(self) -> int:
-        """Counts since the encoders were opened that were used."""
+        """Count since the encoders were opened that were used."""
         return self._sequence
 
     def joints(self) -> list[tuple[str, str]]:
@@ -87,7 +87,7 @@ class SerialEncoder(Sensor):
         ]
 
     def connect(self) -> None:
-        """Opens the port and waits for the encoders.
+        """Open the port and wait for the encoders.
 
         Raises:
             DeviceError: port or encoder is missing, busy, not allowed, silent, at another line speed or
@@ -113,7 +113,7 @@ class SerialEncoder(Sensor):
         self._source = source
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next counts.
+        """Wait for the next counts.
 
         Raises:
             DeviceDisconnected: the adapter was unplugged, or the encoder delivers nothing that can be used.
@@ -130,7 +130,7 @@ class SerialEncoder(Sensor):
         return self._ready.popleft() if self._ready else None
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes a JointState of all encoders of the link."""
+        """Make a JointState of all encoders of the link."""
         del type_name  # there is only one
         data: EncoderReading = reading.data
         return joint_state(
@@ -147,7 +147,7 @@ class SerialEncoder(Sensor):
         if source is None or not self._sequence:
             return ()
         poor = source.damaged > DAMAGED_SHARE * self._sequence
-        message = "the line damages what comes: check cable and ground" if poor else "in order"
+        message = "the line damages data: check cable and ground" if poor else "in order"
         protocol = self.settings.protocol
         values = {"counts": str(self._sequence), "damaged": str(source.damaged)}
         joints = [
@@ -172,7 +172,7 @@ class SerialEncoder(Sensor):
         )
 
     def disconnect(self) -> None:
-        """Closes the port; a second call does nothing."""
+        """Close the port; idempotent."""
         self._source = None
         self._port.close()
         self._ready.clear()

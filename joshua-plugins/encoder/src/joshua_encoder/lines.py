@@ -27,8 +27,8 @@ class Count:
 
     Attributes:
         count: as it stands there.
-        time_us: of the sender's clock, None where it does not say.
-        status: of an AS5600, None where it does not say.
+        time_us: of the sender's clock, None if it does not say.
+        status: of an AS5600, None if it does not say.
         end: bytes of the stream up to the end of the line.
     """
 
@@ -60,7 +60,7 @@ class LineParser:
         self._needs_crc = False
 
     def feed(self, data: bytes) -> list[Count]:
-        """Takes the next bytes; returns the lines that are complete with them."""
+        """Take the next bytes; return the lines that are complete with them."""
         self._buffer += data
         counts = []
         *lines, rest = self._buffer.split(b"\n")

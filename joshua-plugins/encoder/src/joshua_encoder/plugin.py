@@ -7,7 +7,7 @@ from joshua.api import PluginSpec, SensorSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the rotary encoder."""
+    """Name the rotary encoder."""
     return [
         SensorSpec(
             block="encoder_config",

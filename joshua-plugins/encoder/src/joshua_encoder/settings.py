@@ -52,7 +52,7 @@ class EncoderSettings(SerialSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the usual address and names, and the rate."""
+        """Add the usual address and names, and the rate."""
         result = super().si_values(values, node, context)
         rates = [publisher.publish_rate_hz for publisher in getattr(node, "publishers", ())]
         result["rate_hz"] = max((rate for rate in rates if rate > 0), default=USUAL_RATE_HZ)
@@ -90,9 +90,9 @@ class EncoderSettings(SerialSettings):
         if self.counter_range == 1:
             raise FieldError(
                 "counter_range",
-                "a counter with one count does not count",
+                "a counter needs at least two counts",
                 allowed=("0", "65536", "4294967296"),
-                remedy="set the number of different counts, such as 65536 for 16 bits",
+                remedy="set the number of counts, such as 65536 for 16 bits",
             )
         if self.protocol != AMT21 and self.addresses:
             raise FieldError(
@@ -124,7 +124,7 @@ class EncoderSettings(SerialSettings):
         if len(self.joint_names) != encoders:
             raise FieldError(
                 "joint_name",
-                f"{len(self.joint_names)} names stand for {encoders} encoders",
+                f"{len(self.joint_names)} names are given for {encoders} encoders",
                 allowed=(f"{encoders} names",),
                 remedy="name each encoder once, in the order of address, or none",
             )

@@ -72,11 +72,11 @@ class Source(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Makes sure that the encoders are there. Raises DeviceError."""
+        """Make sure that the encoders are there. Raises DeviceError."""
 
     @abstractmethod
     def read(self, deadline_s: float) -> list[Counts]:
-        """Waits for counts, at most until a time of the monotonic clock. Raises DeviceDisconnected."""
+        """Wait for counts, at most until a time of the monotonic clock. Raises DeviceDisconnected."""
 
 
 class LineSource(Source):
@@ -92,7 +92,7 @@ class LineSource(Source):
         self._no_magnet = False
 
     def start(self) -> None:
-        """Waits for the first line."""
+        """Wait for the first line."""
         self.port.discard_input()
         self._byte_s = self._good_s = started_s = self._awake.now_s()
         while not self._ready:
@@ -101,7 +101,7 @@ class LineSource(Source):
             self._take(time.monotonic() + 0.05)
 
     def read(self, deadline_s: float) -> list[Counts]:
-        """Waits for the next lines."""
+        """Wait for the next lines."""
         if not self._ready:
             self._take(deadline_s)
             self._check_alive()
@@ -160,16 +160,13 @@ class LineSource(Source):
             )
         if self._parser.last_bad:
             return (
-                f"{self.port}: no line that can be read has come for {STALE_S:g} s, the last one was "
+                f"{self.port}: no valid line received for {STALE_S:g} s (the last one was "
                 f"{_text(self._parser.last_bad)}: check baudrate, cable and ground"
             )
-        return (
-            f"{self.port}: the encoder sends the same time again and again: restart the program on its "
-            "microcontroller"
-        )
+        return f"{self.port}: the encoder repeats the same time: restart the program on its microcontroller"
 
     def _explain(self) -> DeviceError:
-        """Says why no line came."""
+        """Say why no line came."""
         port, parser, asked = self.port, self._parser, self.port.baudrate
         if self._no_magnet:
             return DeviceError(self._stale())
@@ -188,14 +185,14 @@ class LineSource(Source):
                 trial.feed(port.receive(_LARGEST_CHUNK, time.monotonic() + min(left_s, 0.05)))
             if trial.good >= _SURE:
                 return DeviceError(
-                    f"{port}: no line can be read at {asked} bit/s, but at {speed} they can: "
+                    f"{port}: no line is valid at {asked} bit/s, but lines are at {speed}: "
                     f"set baudrate: {speed}"
                 )
         found = f", such as {_text(parser.last_bad)}" if parser.last_bad else ""
         kind = "angles from 0 to 4095" if self.settings.protocol == AS5600 else "counts"
         return DeviceError(
-            f"{port}: what comes are no lines of {kind}{found}: check baudrate and protocol; a line is "
-            "COUNT, or COUNT,MICROSECONDS, with *CRC after it if you like"
+            f"{port}: the data are not lines of {kind}{found}: check baudrate and protocol; a line is "
+            "COUNT, or COUNT,MICROSECONDS, with an optional *CRC"
         )
 
 
@@ -211,7 +208,7 @@ class Amt21Source(Source):
         self._trust = {address: Trust(settings.resolution) for address in settings.addresses}
 
     def start(self) -> None:
-        """Asks each encoder."""
+        """Ask each encoder."""
         missing = [
             address
             for address in self.settings.addresses
@@ -223,7 +220,7 @@ class Amt21Source(Source):
         self._good_s = self._awake.now_s()
 
     def read(self, deadline_s: float) -> list[Counts]:
-        """Waits for the time of the next round, then asks each encoder."""
+        """Wait for the time of the next round, then ask each encoder."""
         now_s = time.monotonic()
         self._awake.now_s()
         if self._due_s > deadline_s:
@@ -247,7 +244,7 @@ class Amt21Source(Source):
         return [Counts(stamp_ns, stamp_ns, tuple(counts))]
 
     def _ask(self, address: int) -> int | None:
-        """Asks one encoder until an answer counts; None where too many are missing or in doubt."""
+        """Ask one encoder until an answer counts; None if too many are missing or in doubt."""
         trust, missing = self._trust[address], 0
         trust.begin()
         for _ in range(_MOST_ASKS):
@@ -311,8 +308,8 @@ class Amt21Source(Source):
         wanted = f"no AMT21 answers at address {listed}"
         patient_s = BUSY_FACTOR * ANSWER_S
         at_times = DeviceError(
-            f"{port}: the AMT21 at address {listed} answers only at times: check its power, both wires of "
-            "the bus and its termination"
+            f"{port}: the AMT21 at address {listed} answers only intermittently: check its power, both wires "
+            "of the bus and its termination"
         )
         if all(self._answers(address, patient_s) for address in missing):  # each of them once more
             return at_times
@@ -333,13 +330,13 @@ class Amt21Source(Source):
                     f"{port}: {wanted}; those at {there} do: correct address, or check the wires"
                 )
         return DeviceError(
-            f"{port}: {wanted}, nor at any other: check power, that A and B are not exchanged, and that the "
-            "adapter is one for RS-485"
+            f"{port}: {wanted}, nor at any other: check power, that A and B are not swapped, and that the "
+            "adapter is an RS-485 adapter"
         )
 
 
 def _runs_at(port: SerialPort, speed: int) -> bool:
-    """Sets a line speed; whether the adapter can run at it. Raises PortDisconnected."""
+    """Set a line speed; whether the adapter can run at it. Raises PortDisconnected."""
     try:
         port.set_baudrate(speed)
     except PortUnusable:

@@ -41,11 +41,11 @@ class Tracker:
         return (last - first) * self._rad * _NS_PER_S / (last_ns - first_ns)
 
     def resume(self) -> None:
-        """Begins a new stretch of time after a pause; the turns so far stay."""
+        """Begin a new stretch of time after a pause; the turns so far stay."""
         self._recent.clear()
 
     def add(self, count: int, time_ns: int) -> None:
-        """Takes a count and its time, of any clock that goes on.
+        """Take a count and its time, of any clock that goes on.
 
         An encoder that starts again after ``modulus`` counts is taken to have gone the shorter way, so it
         must be read more than twice while it passes them all.

@@ -46,7 +46,7 @@ class Trust:
         self._damages += 1
 
     def take(self, count: int, time_s: float, *, hurried: bool = False) -> bool:
-        """Takes a whole answer; returns whether it counts.
+        """Take a whole answer; return whether it counts.
 
         Args:
             hurried: there is no time to ask again, unless the line is known to damage answers.
@@ -75,6 +75,6 @@ class Trust:
         return abs(way - expected) <= _NEAR + abs(expected) * _JITTER_SHARE
 
     def _way(self, first: int, second: int) -> int:
-        """Counts from one position to another, the shorter way."""
+        """Count from one position to another, the shorter way."""
         half = self._resolution // 2
         return (second - first + half) % self._resolution - half

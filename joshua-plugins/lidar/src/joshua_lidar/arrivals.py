@@ -42,7 +42,7 @@ class Arrivals:
         self._marks: deque[tuple[int, int]] = deque()  # bytes and times from which the usual rate is measured
 
     def add(self, size: int, now_ns: int) -> None:
-        """Notes that a piece came now."""
+        """Note that a piece came now."""
         if not size:
             return
         pause_ns = now_ns - self._last_ns
@@ -75,7 +75,7 @@ class Arrivals:
         return result
 
     def forget(self, before: int) -> None:
-        """Forgets pieces that end before a place of the stream."""
+        """Forget pieces that end before a place of the stream."""
         while len(self._ends) > 1 and self._ends[0] < before:
             self._ends.popleft()
             self._times_ns.popleft()

@@ -79,7 +79,7 @@ class Scan:
     __hash__ = None  # type: ignore[assignment]
 
     def not_later_than(self, now_ns: int) -> Scan | None:
-        """This scan with a stamp that is not in the future; None where that takes more than jitter.
+        """This scan with a stamp that is not in the future; None if that takes more than jitter.
 
         Where a turn ends with a packet, its last beam was measured just now, and a line through all times of
         the turn may reach a little beyond.
@@ -114,7 +114,7 @@ class TurnAssembler:
         self.restart()
 
     def restart(self) -> None:
-        """Forgets the turn that is under way."""
+        """Forget the turn that is under way."""
         self._samples = NOTHING
         self._times: Offsets = np.zeros(0, np.int64)
         self._turned: Floats = np.zeros(0)
@@ -122,7 +122,7 @@ class TurnAssembler:
         self._started = False
 
     def add(self, samples: Samples, times_ns: Offsets) -> list[Scan]:
-        """Takes measurements; returns the scans that are complete with them.
+        """Take measurements; return the scans that are complete with them.
 
         Args:
             times_ns: when the packet of each measurement was sent, ns since the epoch.

@@ -36,7 +36,7 @@ _LDS01 = "lds01"
 
 
 def detect(port: SerialPort) -> str:
-    """Name of the model at a port, at the line speed that the port has; "" where none is found.
+    """Name of the model at a port, at the line speed that the port has; "" if none is found.
 
     A scanner that sends by itself is known by its packets; others are asked. Raises PortDisconnected.
     """
@@ -65,7 +65,7 @@ def _detect(port: SerialPort, factor: float) -> str:
 
 
 def explain(port: SerialPort, expected: Model | None) -> DeviceError:
-    """Says why a scanner does not answer as expected, by looking for any at every line speed."""
+    """Say why a scanner does not answer as expected, by looking for any at every line speed."""
     asked_baudrate = port.baudrate
     what = f"a laser scanner ({expected.title})" if expected else "a laser scanner"
     bytes_seen = 0
@@ -90,7 +90,7 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
             )
         if expected and not same_stream(found, expected.name):
             return DeviceError(
-                f'{port}: is {model.one}, and the file says model: "{expected.name}": '
+                f'{port}: is {model.one}, but the file has model: "{expected.name}": '
                 f'set model: "{found}", or plug the {expected.title} in'
             )
         if expected:
@@ -100,10 +100,10 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
             )
     if bytes_seen:
         return DeviceError(
-            f"{port}: sends bytes, but none that a known laser scanner sends at any of its line speeds: "
+            f"{port}: sends data, but not that of a known laser scanner at any line speed: "
             f"check comm.serial; the models are {', '.join(MODELS)}"
         )
-    power = expected.power if expected else "5 V; many need more current than a USB 2 socket gives"
+    power = expected.power if expected else "5 V; many need more current than a USB 2 socket supplies"
     return DeviceError(
         f"{port}: no laser scanner answers at any line speed: check that it has power ({power}), that its "
         "data cable is plugged in, and comm.serial; joshua find-port lists the ports"

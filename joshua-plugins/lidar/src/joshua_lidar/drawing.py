@@ -46,7 +46,7 @@ _BRAILLE_START = 0x2800
 
 
 def top_view(scan: Scan, beams: Beams, size_px: int = 600) -> Pixels:
-    """Draws a scan, x (ahead) up and y to the left: what was seen through, rings of metres, and the echoes.
+    """Draw a scan, x (ahead) up and y to the left: what was seen through, rings of metres, and the echoes.
 
     Returns:
         Shape (size_px, size_px, 3), uint8, RGB.
@@ -87,7 +87,7 @@ def _grid(beams: Beams, size_px: int) -> tuple[Floats, npt.NDArray[np.intp], npt
 
 
 def terminal_view(scan: Scan, beams: Beams, width: int = 64, height: int = 28) -> str:
-    """Draws the echoes of a scan in braille characters, x (ahead) up; ``+`` is the scanner."""
+    """Draw the echoes of a scan in braille characters, x (ahead) up; ``+`` is the scanner."""
     ranges = scan.ranges_m.astype(float)
     reach_m = _reach_m(ranges)
     dots = np.zeros((4 * height, 2 * width), bool)

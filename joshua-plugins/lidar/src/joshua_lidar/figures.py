@@ -49,7 +49,7 @@ class FigureKeeper:
         self._coverage: deque[float] = deque(maxlen=_WINDOW)
 
     def add(self, turn_s: float, points: int, coverage: float) -> None:
-        """Counts one turn."""
+        """Count one turn."""
         self.turns += 1
         self._turn_s.append(turn_s)
         self._points.append(points)

@@ -55,14 +55,14 @@ class PacketFinder(ABC):
 
     @abstractmethod
     def length(self, buffer: bytes, start: int) -> int:
-        """Length of the packet whose first ``shortest`` bytes stand at a place; 0 where none can be."""
+        """Length of the packet whose first ``shortest`` bytes stand at a place; 0 if none can be."""
 
     @abstractmethod
     def valid(self, packet: bytes) -> bool:
         """Whether the checksum, and what else must hold, holds."""
 
     def find(self, data: bytes) -> list[Packet]:
-        """Takes the next bytes; returns the packets that count from now on."""
+        """Take the next bytes; return the packets that count from now on."""
         buffer = self._buffer + data
         size, place = len(buffer), 0
         counted: list[Packet] = []

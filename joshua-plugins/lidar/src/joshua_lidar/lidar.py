@@ -113,11 +113,11 @@ class SerialLidar(Sensor):
         return tuple(self._link.warnings) if self._link is not None else ()
 
     def cancel(self) -> None:
-        """Ends a wait of ``connect``; any thread."""
+        """End a wait of ``connect``; any thread."""
         self._cancelled.set()
 
     def connect(self) -> None:
-        """Opens the port, finds the scanner, starts its motor and waits for the first whole turn.
+        """Open the port, find the scanner, start its motor and wait for the first whole turn.
 
         Raises:
             DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed,
@@ -137,7 +137,7 @@ class SerialLidar(Sensor):
             raise
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next turn.
+        """Wait for the next turn.
 
         Raises:
             DeviceDisconnected: the adapter was unplugged, the scanner is silent, its motor stands still, or
@@ -156,7 +156,7 @@ class SerialLidar(Sensor):
         return reading
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes a LaserScan; beam i was measured at stamp + i * time_increment."""
+        """Make a LaserScan; beam i was measured at stamp + i * time_increment."""
         scan: Scan = reading.data
         beams = self.beams
         assert beams is not None
@@ -174,7 +174,7 @@ class SerialLidar(Sensor):
         )
 
     def implausible(self, reading: Reading) -> str:
-        """Says when a range lies outside the limits, or nothing at all was measured."""
+        """Say when a range lies outside the limits, or nothing at all was measured."""
         scan: Scan = reading.data
         measured = scan.ranges_m[np.isfinite(scan.ranges_m)]
         low, high = np.float32(self.settings.range_min_m), np.float32(self.settings.range_max_m)
@@ -182,7 +182,7 @@ class SerialLidar(Sensor):
         if outside:
             return f"{outside} ranges lie outside {low} m to {high} m"
         if np.isnan(scan.ranges_m).all():
-            return "no beam measured anything: is the window of the scanner covered?"
+            return "no beam measured anything: check whether its window is covered"
         return ""
 
     def diagnostics(self) -> Sequence[DiagnosticStatus]:
@@ -210,7 +210,7 @@ class SerialLidar(Sensor):
         )
 
     def disconnect(self) -> None:
-        """Stops the motor and closes the port; a second call does nothing."""
+        """Stop the motor and close the port; idempotent."""
         self._parser = None
         if self._link is not None and self._port.is_open:
             self._link.stop()
@@ -255,7 +255,7 @@ class SerialLidar(Sensor):
         assert model is not None
         while not self._ready:
             if self._cancelled.is_set():
-                raise DeviceError(f"{self._port} was closed while it was being opened: open it again")
+                raise DeviceError(f"{self._port} was closed while opening: open it again")
             now_s = self._awake.now_s()
             heard = self._keeper.packets > 0
             if not heard and now_s - self._packet_s > FIRST_PACKET_S:
@@ -321,7 +321,7 @@ class SerialLidar(Sensor):
             )
         if now_s - self._packet_s > NO_PACKET_S:
             raise DeviceDisconnected(
-                f"{self._port}: nothing that the {model.title} sends can be trusted for {NO_PACKET_S:g} s "
+                f"{self._port}: no valid packet of the {model.title} for {NO_PACKET_S:g} s "
                 f"({self._keeper.damaged} damaged places): check cable and ground, keep the cable away from "
                 "motors, and check its power"
             )
@@ -332,6 +332,6 @@ class SerialLidar(Sensor):
         model = self.model
         assert model is not None
         return (
-            f"{self._port}: the {model.title} measures, but does not turn: free its rotor and its belt, and "
+            f"{self._port}: the {model.title} measures but does not turn: free its rotor and its belt, and "
             f"check its power ({model.power})"
         )

@@ -49,13 +49,13 @@ class Link(ABC):
 
     @abstractmethod
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Starts motor and measurements; returns the parser of what comes, and bytes that came already.
+        """Start motor and measurements; return the parser of what comes, and bytes that came already.
 
         Raises DeviceError.
         """
 
     def stop(self) -> None:
-        """Stops measurements and motor where the scanner can be told to; never raises."""
+        """Stop measurements and motor where the scanner can be told to; never raises."""
         with contextlib.suppress(DeviceError, OSError):
             for message in STOP_BYTES[self.model.name]:
                 self.port.send(message)
@@ -63,7 +63,7 @@ class Link(ABC):
             self._set_dtr(running=False)
 
     def _set_dtr(self, *, running: bool) -> None:
-        """Switches the motor of a scanner whose adapter takes DTR as its switch.
+        """Switch the motor of a scanner whose adapter takes DTR as its switch.
 
         Where lowered DTR is off, the system lowers it even when the process is killed.
         """
@@ -81,7 +81,7 @@ class OneWayLink(Link):
             self.seam_rad = LARGEST_CORRECTION_RAD
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Drops what waited in the port; the motor turns."""
+        """Drop what waited in the port; the motor turns."""
         self.port.discard_input()
         if self.model.name == "ydlidar_x2":
             self._set_dtr(running=True)
@@ -93,7 +93,7 @@ class Lds01Link(Link):
     """LDS-01: one letter starts it, another one stops it."""
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Starts motor and measurements."""
+        """Start motor and measurements."""
         self.port.send(b"b")
         return Lds01Parser(), b""
 
@@ -104,7 +104,7 @@ class YdlidarLink(Link):
     seam_rad = LARGEST_CORRECTION_RAD
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Asks who it is, then starts motor and measurements."""
+        """Ask who it is, then start motor and measurements."""
         port = self.port
         requests.quieten(port)
         info = requests.ask(
@@ -130,7 +130,7 @@ class RplidarLink(Link):
     seam_rad = 0.05
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Asks who and how it is, then starts motor and measurements."""
+        """Ask who and how it is, then start motor and measurements."""
         port = self.port
         requests.quieten(port)
         info = requests.ask(
@@ -183,12 +183,12 @@ class RplidarLink(Link):
             status, code = self._health()
         if status == _ERROR:
             raise DeviceError(
-                f"{self.port}: the {self.model.title} has stopped itself (error {code:#06x}): free its "
-                f"rotor, take its power away and give it again; it needs {self.model.power}"
+                f"{self.port}: the {self.model.title} stopped with error {code:#06x}: free its "
+                f"rotor, disconnect and reconnect its power; it needs {self.model.power}"
             )
         if status == _WARNING:
             self.warnings.append(
-                f"{self.port}: the {self.model.title} warns that it may fail soon (code {code:#06x}): "
+                f"{self.port}: the {self.model.title} warns of an imminent failure (code {code:#06x}): "
                 "clean its window and check its power"
             )
 
@@ -200,7 +200,7 @@ class RplidarLink(Link):
             attempts=requests.ATTEMPTS,
         )
         if answer is None:
-            raise NoAnswerError(f"{self.port}: the {self.model.title} does not say how it is")
+            raise NoAnswerError(f"{self.port}: the {self.model.title} does not report its health")
         return answer.data[0], answer.data[1] | answer.data[2] << 8
 
 

@@ -54,7 +54,7 @@ class MotorWatch:
         return self._process.pid
 
     def close(self) -> None:
-        """Lets the process end without doing anything; a second call does nothing."""
+        """Let the process end without doing anything; idempotent."""
         if self._process.stdin is None or self._process.stdin.closed:
             return
         self._send(_DONE)
@@ -74,7 +74,7 @@ class MotorWatch:
 
 
 def stop_scanner(order: dict[str, Any]) -> bool:
-    """Opens the port and stops the scanner; False where it cannot be reached."""
+    """Open the port and stop the scanner; False if it cannot be reached."""
     port = SerialPort(Endpoint(order["path"]), order["baudrate"])
     clock = AwakeClock()
     while True:
@@ -99,7 +99,7 @@ def stop_scanner(order: dict[str, Any]) -> bool:
 
 
 def main() -> int:
-    """Waits for the end of the driver; 1 where the scanner could not be stopped."""
+    """Wait for the end of the driver; 1 where the scanner could not be stopped."""
     lines = sys.stdin.read().splitlines()
     if not lines or lines[-1] == _DONE:
         return 0

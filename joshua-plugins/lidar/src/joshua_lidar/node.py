@@ -48,7 +48,7 @@ class LidarNode(SensorNode):
         return self._sensor
 
     def configure(self) -> None:
-        """Starts the scanner, declares topics, and says which scanner it is."""
+        """Start the scanner, declares topics, and say which scanner it is."""
         super().configure()
         self.context.log.info(self.lidar.facts)
         for text in self.lidar.warnings:
@@ -58,14 +58,14 @@ class LidarNode(SensorNode):
         self.context.create_timer(FIGURES_PERIOD_S, self._log_figures, name="figures")
 
     def deactivate(self) -> None:
-        """Ends a connection attempt that is under way."""
+        """End a connection attempt that is under way."""
         if isinstance(self._sensor, SerialLidar):
             self._sensor.cancel()
         if self._preview is not None:
             self._preview.close()
 
     def observe(self, reading: Reading) -> None:
-        """Keeps the newest scan for the window and for the end of a test."""
+        """Keep the newest scan for the window and for the end of a test."""
         scan: Scan = reading.data
         self._last_scan = scan
         beams = self.lidar.beams
@@ -123,7 +123,7 @@ def judge(figures: Figures, model: Model, beams_per_turn: int) -> list[Row]:
     hint = "" if turns else f": free its rotor and check its power ({model.power})"
     points = figures.points >= LEAST_POINTS * beams_per_turn
     covered = figures.coverage >= LEAST_COVERAGE
-    where = "" if covered else ": is its window covered, or everything out of reach?"
+    where = "" if covered else ": check whether its window is covered or everything is out of range"
     whole = figures.packets > 0 and figures.damaged <= DAMAGED_SHARE * figures.packets
     line = "" if whole else ": check cable and ground, and keep the cable away from motors"
     return [

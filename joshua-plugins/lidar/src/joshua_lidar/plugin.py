@@ -7,7 +7,7 @@ from joshua.api import PluginSpec, SensorSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the laser scanner."""
+    """Name the laser scanner."""
     return [
         SensorSpec(
             block="lidar_config",

@@ -54,7 +54,7 @@ def request(command: int, payload: bytes = b"") -> bytes:
 def ask(
     port: SerialPort, message: bytes, kind: int, timeout_s: float = ANSWER_TIMEOUT_S, *, attempts: int = 1
 ) -> Answer | None:
-    """Sends a request and waits for its answer; None when none of that type came, or a shorter one.
+    """Send a request and wait for its answer; None when none of that type came, or a shorter one.
 
     Raises PortDisconnected.
     """
@@ -69,7 +69,7 @@ def ask(
 def await_answer(
     port: SerialPort, kinds: tuple[int, ...], timeout_s: float = ANSWER_TIMEOUT_S, *, many: bool = False
 ) -> Answer | None:
-    """Waits for an answer of one of some types; what comes before it is left out.
+    """Wait for an answer of one of some types; what comes before it is left out.
 
     Args:
         many: the answer is a stream, of which the descriptor alone is waited for.
@@ -94,7 +94,7 @@ def await_answer(
 
 
 def quieten(port: SerialPort) -> None:
-    """Ends a scan that a program before this one has left running, and drops what was on the line."""
+    """End a scan that a program before this one has left running, and drop what was on the line."""
     for command in (STOP, YDLIDAR_STOP):
         port.send(request(command))
     time.sleep(QUIET_S)

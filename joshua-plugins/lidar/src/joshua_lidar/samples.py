@@ -22,8 +22,8 @@ class Samples:
     Attributes:
         angle_rad: direction, counter-clockwise seen from above, 0 at the scanner's own zero mark (REP 103);
             not reduced to one turn.
-        range_m: distance; NaN where the scanner says that it measured nothing.
-        intensity: of the echo in the scanner's own scale; NaN where it sends none.
+        range_m: distance; NaN if the scanner says that it measured nothing.
+        intensity: of the echo in the scanner's own scale; NaN if it sends none.
         end: bytes of the stream up to the end of the packet that brought the measurement.
     """
 
@@ -37,7 +37,7 @@ class Samples:
 
 
 def samples_of(clockwise_rad: Floats, range_m: Floats, intensity: Floats | None, end: Offsets) -> Samples:
-    """Makes samples of a scanner that turns clockwise and gives 0 for distances that it did not measure."""
+    """Make samples of a scanner that turns clockwise and give 0 for distances that it did not measure."""
     measured = np.where(range_m > 0, range_m, np.nan)
     if intensity is None:
         intensity = np.full(len(measured), np.nan)
@@ -70,7 +70,7 @@ class Parser(Protocol):
 
     @property
     def damaged(self) -> int:
-        """Places so far at which bytes between packets, or a broken packet, were left out."""
+        """Place so far at which bytes between packets, or a broken packet, were left out."""
 
     def feed(self, data: bytes) -> Samples:
-        """Takes the next bytes; returns the measurements that are complete with them."""
+        """Take the next bytes; return the measurements that are complete with them."""

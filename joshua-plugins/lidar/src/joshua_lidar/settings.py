@@ -23,7 +23,7 @@ class LidarSettings(SerialSettings):
         angle_min_rad, angle_max_rad: the window that is published, counter-clockwise positive (REP 103).
         range_min_m, range_max_m: distances that count as measurements.
         display: shows the scan in a window.
-        model: name of the model; "" where it is to be found out.
+        model: name of the model; "" if it is to be found out.
         scan_mode: of an RPLIDAR.
     """
 
@@ -74,14 +74,14 @@ class LidarSettings(SerialSettings):
         if self.baudrate != model.baudrate:
             raise FieldError(
                 "comm.serial.baudrate",
-                f"the {model.title} talks at {model.baudrate} bit/s only",
+                f"the {model.title} runs at {model.baudrate} bit/s only",
                 allowed=(str(model.baudrate),),
                 remedy=f"set baudrate: {model.baudrate}, or correct model",
             )
         if self.scan_mode != EXPRESS and model.family != "rplidar":
             raise FieldError(
                 "scan_mode",
-                f"the {model.title} has one way to send its measurements; scan_mode would have no effect",
+                f"the {model.title} has only one scan mode, so scan_mode has no effect",
                 allowed=("omitted",),
                 remedy="remove scan_mode",
             )

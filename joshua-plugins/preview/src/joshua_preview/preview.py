@@ -28,13 +28,13 @@ STOP_S = 1.0
 
 
 def display_problem() -> str:
-    """Why there can be no window here, with the remedy; "" where there can be one."""
+    """Why there can be no window here, with the remedy; "" if there can be one."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return "display: no window, for this machine has no display; over SSH, log in with ssh -X"
+        return "display: no window, because this machine has no display; over SSH, log in with ssh -X"
     try:
         import tkinter  # noqa: F401 - Debian ships it as a package of its own
     except ImportError:
-        return "display: no window, for this Python has no tkinter; on Debian, apt install python3-tk"
+        return "display: no window, because this Python has no tkinter; on Debian, apt install python3-tk"
     return ""
 
 
@@ -58,22 +58,22 @@ class Preview:
         self._thread = threading.Thread(target=self._feed, name="preview", daemon=True)
 
     def open(self) -> None:
-        """Opens the window."""
+        """Open the window."""
         command = [sys.executable, "-m", "joshua_preview.window", self._title]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
         self._thread.start()
 
     def show(self, make_pixels: Callable[[], Pixels | None]) -> None:
-        """Shows a picture soon, unless a newer one comes before; any thread.
+        """Show a picture soon, unless a newer one comes before; any thread.
 
         Args:
-            make_pixels: makes the picture, on a thread of this class; None where that fails.
+            make_pixels: makes the picture, on a thread of this class; None if that fails.
         """
         self._newest = make_pixels
         self._changed.set()
 
     def close(self) -> None:
-        """Closes the window; a second call does nothing."""
+        """Close the window; idempotent."""
         self._stop.set()
         self._changed.set()
         process = self._process
@@ -92,7 +92,7 @@ class Preview:
                     stream.close()
 
     def _feed(self) -> None:
-        """Sends the newest picture to the window, at most each ``REFRESH_S``."""
+        """Send the newest picture to the window, at most each ``REFRESH_S``."""
         process = self._process
         assert process is not None
         assert process.stdin is not None

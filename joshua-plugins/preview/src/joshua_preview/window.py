@@ -32,7 +32,7 @@ class Inbox:
 
 
 def main() -> int:
-    """Shows pictures until the window is closed or the input ends."""
+    """Show pictures until the window is closed or the input ends."""
     import tkinter
 
     try:

@@ -11,8 +11,8 @@ class FoundMotor:
 
     Attributes:
         motor_id: what it answers to; baudrate: line speed at which it does, bit/s.
-        model: name of the model, or ``model 1234`` where it is unknown; firmware: "" where unknown.
-        voltage_v, temperature_c: None where the motor does not measure it, or does not say.
+        model: name of the model, or ``model 1234`` where it is unknown; firmware: "" if unknown.
+        voltage_v, temperature_c: None if the motor does not measure it, or does not say.
         max_temperature_c, min_voltage_v, max_voltage_v: limits beyond which it protects itself; None where
             it has none, or does not say.
         status: what the motor complains about, such as ``overloaded``; "" for nothing.

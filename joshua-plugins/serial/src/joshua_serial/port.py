@@ -62,7 +62,7 @@ class SerialPort:
         return f"{self.entry.path} ({identity})" if identity else self.entry.path or str(self.endpoint)
 
     def open(self) -> None:
-        """Finds, opens, locks and sets up the port.
+        """Find, open, lock and set up the port.
 
         Raises:
             PortNotFound, PortForbidden, PortBusy, PortUnusable: one for each cause, with its remedy.
@@ -78,7 +78,7 @@ class SerialPort:
             raise
 
     def close(self) -> None:
-        """Closes the port; a second call does nothing."""
+        """Close the port; idempotent."""
         fd, self._fd = self._fd, -1
         if fd < 0:
             return
@@ -89,7 +89,7 @@ class SerialPort:
         os.close(fd)
 
     def set_baudrate(self, baudrate: int) -> None:
-        """Changes the line speed. Raises PortUnusable and PortDisconnected."""
+        """Change the line speed. Raises PortUnusable and PortDisconnected."""
         self.baudrate = baudrate
         try:
             self._apply_speed(baudrate)
@@ -107,7 +107,7 @@ class SerialPort:
 
     @contextlib.contextmanager
     def obeying(self, stopping: Callable[[], bool]) -> Iterator[None]:
-        """Lets a search for a device end early: ``receive`` raises Cancelled once ``stopping`` is true."""
+        """Let a search for a device end early: ``receive`` raises Cancelled once ``stopping`` is true."""
         self._stopping = stopping
         try:
             yield
@@ -115,7 +115,7 @@ class SerialPort:
             self._stopping = None
 
     def send(self, data: bytes) -> None:
-        """Drops received bytes, then sends. Raises PortDisconnected."""
+        """Drop received bytes, then send. Raises PortDisconnected."""
         try:
             termios.tcflush(self._fd, termios.TCIFLUSH)
             sent = self._write(data)
@@ -126,14 +126,14 @@ class SerialPort:
             raise self._disconnected(error) from error
 
     def discard_input(self) -> None:
-        """Drops received bytes. Raises PortDisconnected."""
+        """Drop received bytes. Raises PortDisconnected."""
         try:
             termios.tcflush(self._fd, termios.TCIFLUSH)
         except termios.error as error:
             raise self._disconnected(error) from error
 
     def set_dtr(self, raised: bool, *, drop_on_close: bool = False) -> None:
-        """Raises or lowers DTR, which some devices take as a switch; pseudo-terminals have none.
+        """Raise or lowers DTR, which some devices take as a switch; pseudo-terminals have none.
 
         Args:
             drop_on_close: lets the system lower it when the port is closed, even by the end of the process.
@@ -152,7 +152,7 @@ class SerialPort:
                 raise self._disconnected(error) from error
 
     def receive(self, size: int, deadline_s: float) -> bytes:
-        """Waits for ``size`` bytes, until a time of the monotonic clock; returns what came, perhaps less.
+        """Wait for ``size`` bytes, until a time of the monotonic clock; return what came, perhaps less.
 
         Raises PortDisconnected; Cancelled inside ``obeying``.
         """
@@ -184,7 +184,7 @@ class SerialPort:
         return chunk
 
     def _set_minimum(self, size: int) -> None:
-        """Lets the kernel wake this process only once ``size`` bytes are there, or at the deadline."""
+        """Let the kernel wake this process only once ``size`` bytes are there, or at the deadline."""
         if size == self._minimum:
             return
         self._minimum = size
@@ -273,7 +273,7 @@ class SerialPort:
         self._minimum = int(self._attributes[6][termios.VMIN])  # type: ignore[index]
 
     def _raise_modem_lines(self) -> None:
-        """Raises DTR and RTS, which some adapters want; pseudo-terminals have neither."""
+        """Raise DTR and RTS, which some adapters want; pseudo-terminals have neither."""
         try:
             fcntl.ioctl(self._fd, termios.TIOCMBIS, struct.pack("I", termios.TIOCM_DTR | termios.TIOCM_RTS))
         except OSError as error:

@@ -32,7 +32,7 @@ def holders(path: str, proc: Path = Path("/proc")) -> list[int]:
 
 
 def describe_process(process: int, proc: Path = Path("/proc")) -> str:
-    """Names a process for people, such as ``minicom (process 4711)``."""
+    """Name a process for people, such as ``minicom (process 4711)``."""
     folder = proc / str(process)
     with contextlib.suppress(OSError):
         name = (folder / "comm").read_text(encoding="utf-8").strip()

@@ -16,10 +16,10 @@ class PortEntry:
 
     Attributes:
         path: device path, such as ``/dev/ttyACM0``.
-        serial_number, vid_pid: of the USB adapter, "" where it has none or is no USB device.
-        by_id: path by the adapter's identity below ``/dev/serial/by-id``, "" where there is none.
+        serial_number, vid_pid: of the USB adapter, "" if it has none or is no USB device.
+        by_id: path by the adapter's identity below ``/dev/serial/by-id``, "" if there is none.
         product: what the adapter calls itself; driver: of the kernel, such as ``cdc_acm``.
-        place: where it is plugged in, such as ``1-2.3``: bus, then socket by socket; "" where unknown.
+        place: where it is plugged in, such as ``1-2.3``: bus, then socket by socket; "" if unknown.
     """
 
     path: str
@@ -32,7 +32,7 @@ class PortEntry:
 
     @property
     def identity(self) -> str:
-        """Identity that stays with the adapter, such as ``usb:5A46082345``; "" where it has none."""
+        """Identity that stays with the adapter, such as ``usb:5A46082345``; "" if it has none."""
         return f"usb:{self.serial_number}" if self.serial_number else ""
 
     def __str__(self) -> str:
@@ -82,7 +82,7 @@ def is_lasting_name(path: str) -> bool:
 
 
 def list_ports(device_root: str = "/") -> list[PortEntry]:
-    """Lists the USB serial ports of the host, by path."""
+    """List the USB serial ports of the host, by path."""
     root = Path(device_root)
     classes = root / "sys/class/tty"
     if not classes.is_dir() and device_root == "/":
@@ -98,7 +98,7 @@ def list_ports(device_root: str = "/") -> list[PortEntry]:
 
 
 def resolve(endpoint: Endpoint) -> PortEntry:
-    """Finds the port that an endpoint names.
+    """Find the port that an endpoint names.
 
     Raises:
         PortNotFound: no adapter fits, or several do; the message lists the ports that there are.
@@ -148,12 +148,12 @@ def _listing(ports: Iterable[PortEntry]) -> str:
 
 
 def describe_ports(device_root: str) -> str:
-    """Names the USB serial ports of the host in one line, "none" where there are none."""
+    """Name the USB serial ports of the host in one line, "none" where there are none."""
     return _listing(list_ports(device_root))
 
 
 def _entry(node: Path, path: Path, by_id: Mapping[Path, str]) -> PortEntry | None:
-    """The port of a tty of sysfs; None where it is no USB adapter."""
+    """The port of a tty of sysfs; None if it is no USB adapter."""
     usb = _usb_device(node)
     if usb is None or not path.exists():
         return None
@@ -169,7 +169,7 @@ def _entry(node: Path, path: Path, by_id: Mapping[Path, str]) -> PortEntry | Non
 
 
 def _usb_device(node: Path) -> Path | None:
-    """Folder of the USB device behind a tty of sysfs, None where there is no USB device."""
+    """Folder of the USB device behind a tty of sysfs, None if there is no USB device."""
     device = node / "device"
     if not device.exists():
         return None

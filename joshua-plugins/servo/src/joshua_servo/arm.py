@@ -100,11 +100,11 @@ class ServoArm(Actuator):
 
     @abstractmethod
     def make_bus(self, port: SerialPort) -> ServoBus:
-        """Makes the bus of the servos' protocol."""
+        """Make the bus of the servos' protocol."""
 
     @abstractmethod
     def inspect(self) -> list[ServoSetup]:
-        """Checks the servos on the open bus and reads what their EEPROM says, in joint order.
+        """Check the servos on the open bus and read what their EEPROM says, in joint order.
 
         Raises:
             DeviceError: they are not those of the configuration, or of the calibration.
@@ -115,7 +115,7 @@ class ServoArm(Actuator):
         """Values of the registers of a move beside the goal, in joint order."""
 
     def parse(self, values: Sequence[bytes]) -> list[Feedback]:
-        """Reads the blocks of feedback of all servos, in joint order."""
+        """Read the blocks of feedback of all servos, in joint order."""
         parse_feedback = self.family.parse_feedback
         return [parse_feedback(value) for value in values]
 
@@ -126,10 +126,10 @@ class ServoArm(Actuator):
 
     @abstractmethod
     def clear_faults(self, ids: Sequence[int]) -> None:
-        """Clears what servos without torque keep of faults that are over. Raises DeviceError."""
+        """Clear what servos without torque keep of faults that are over. Raises DeviceError."""
 
     def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
-        """Refuses positions in ticks from which a servo cannot start. Raises DeviceError.
+        """Refuse positions in ticks from which a servo cannot start. Raises DeviceError.
 
         Args:
             only: indices of the joints that start; None for all.
@@ -152,7 +152,7 @@ class ServoArm(Actuator):
 
     @property
     def identity(self) -> str:
-        """Identity of the adapter, such as ``usb:5A46082345``; "" where it has none or is not known yet."""
+        """Identity of the adapter, such as ``usb:5A46082345``; "" if it has none or is not known yet."""
         return self._port.entry.identity
 
     @property
@@ -161,7 +161,7 @@ class ServoArm(Actuator):
         return self._bus
 
     def connect(self) -> None:
-        """Opens the port, checks the motors and takes their limits; writes nothing.
+        """Open the port, check the motors and take their limits; write nothing.
 
         After a disconnection the adapter is looked for by its identity, under whatever name it came back.
 
@@ -185,7 +185,7 @@ class ServoArm(Actuator):
             self._follow_identity()
 
     def check(self) -> None:
-        """Checks the motors as at the start, and takes their limits; writes nothing. Raises DeviceError."""
+        """Check the motors as at the start, and take their limits; write nothing. Raises DeviceError."""
         self.require_connected("check")
         with self._lock:
             setups = self.inspect()
@@ -203,7 +203,7 @@ class ServoArm(Actuator):
             )
 
     def read(self) -> JointReading:
-        """Reads the state of all joints; effort is the fraction of stall torque.
+        """Read the state of all joints; effort is the fraction of stall torque.
 
         Raises:
             DeviceDisconnected: the port is gone.
@@ -221,7 +221,7 @@ class ServoArm(Actuator):
         return JointReading(stamp_ns, *self._map.motion(readings))
 
     def prepare(self) -> None:
-        """Clears latched faults, writes the settings of single servos, and finds the turns they count in.
+        """Clear latched faults, write the settings of single servos, and find the turns they count in.
 
         Raises NotCalibrated, unless the plan waives the calibration, and DeviceDisconnected.
         """
@@ -231,7 +231,7 @@ class ServoArm(Actuator):
             self._prepare(self._ids)
 
     def _prepare(self, ids: Sequence[int]) -> None:
-        """Clears latched faults of servos without torque, writes their settings, and finds their turns."""
+        """Clear latched faults of servos without torque, write their settings, and find their turns."""
         readings = self._state.settled_feedback()
         if not self._dry_run:
             latched = [
@@ -248,7 +248,7 @@ class ServoArm(Actuator):
         self._map.follow_turns(positions, [setup.turns for setup in self._setups])
 
     def enable(self) -> None:
-        """Prepares the joints and energises them where they are, verified by reading back.
+        """Prepare the joints and energise them where they are, verified by reading back.
 
         Raises:
             SafetyTripped: a protection would trip at once.
@@ -261,7 +261,7 @@ class ServoArm(Actuator):
             self._watch.reset()
             if reason := self._watch.trip_reason(readings):
                 raise SafetyTripped(
-                    f"{self._port}: torque stays off: {reason}. Put it right, then enable again."
+                    f"{self._port}: torque stays off: {reason}. Correct it, then enable again."
                 )
             present = [reading.position for reading in readings]
             self.check_start(present)
@@ -278,7 +278,7 @@ class ServoArm(Actuator):
         return {self.joint_names[index]: reason for index, reason in self._relaxed.items()}
 
     def rejoin(self) -> None:
-        """Energises the relaxed joints where they are; the others keep their torque.
+        """Energise the relaxed joints where they are; the others keep their torque.
 
         Raises:
             SafetyTripped: a protection would trip at once.
@@ -312,7 +312,7 @@ class ServoArm(Actuator):
         with self._lock:
             if self._tripped:
                 raise SafetyTripped(
-                    f"{self._port}: torque was taken off: {self._tripped}. Enable it again first."
+                    f"{self._port}: torque was disabled: {self._tripped}. Enable it again first."
                 )
             if not self._enabled:
                 raise NotEnabled(f"{self._port}: the joints have no torque: call enable first")
@@ -327,7 +327,7 @@ class ServoArm(Actuator):
             return self._map.radians(written)
 
     def hold(self) -> None:
-        """Stops where the joints are and keeps a grip; idle without torque.
+        """Stop where the joints are and keep a grip; idle without torque.
 
         Raises DeviceDisconnected, also where a servo does not answer; the others hold by then.
         """
@@ -344,7 +344,7 @@ class ServoArm(Actuator):
             self._state.require_all(found)
 
     def release(self) -> None:
-        """Takes torque off all joints and verifies it; does nothing on a closed device.
+        """Take torque off all joints and verify it; does nothing on a closed device.
 
         Raises:
             DeviceDisconnected: a servo does not say that it has let go.
@@ -355,13 +355,13 @@ class ServoArm(Actuator):
                 self._torque.switch_off()
 
     def read_torque(self) -> dict[str, bool]:
-        """Reads back which joints have torque. Raises DeviceDisconnected."""
+        """Read back which joints have torque. Raises DeviceDisconnected."""
         self.require_connected("read_torque")
         with self._lock:
             return self._torque.read()
 
     def disconnect(self) -> None:
-        """Restores what the servos' EEPROM held and closes the port, torque as it is; idempotent."""
+        """Restore what the servos' EEPROM held and close the port, torque as it is; idempotent."""
         with self._lock:
             self._enabled = False
             if self.connected and self._tuning.before:
@@ -369,7 +369,7 @@ class ServoArm(Actuator):
             self._port.close()
 
     def _restore(self) -> None:
-        """Restores the EEPROM, unless a servo does not reply: then nothing may delay the guardian."""
+        """Restore the EEPROM, unless a servo does not reply: then nothing may delay the guardian."""
         try:
             if self._state.missed:
                 raise NoReply("a servo does not reply")
@@ -460,15 +460,15 @@ class ServoArm(Actuator):
         try:
             self._torque.switch_off()
         except DeviceDisconnected as error:
-            text = f"{self._port}: {reason}; taking the torque off could not be verified: {error}"
+            text = f"{self._port}: {reason}; torque could not be verified as off: {error}"
             raise SafetyTripped(text, released=False) from error
         raise SafetyTripped(
-            f"{self._port}: {reason}. The torque of this arm was taken off; look for the cause (a blocked "
+            f"{self._port}: {reason}. The torque of this arm is off; look for the cause (a blocked "
             "joint, heat, the supply)."
         )
 
     def _report_voltage(self, readings: Sequence[Feedback]) -> None:
-        """Logs that a servo reports its supply voltage as out of range, once for each time it does."""
+        """Log that a servo reports its supply voltage as out of range, once for each time it does."""
         reporting = {i for i, reading in enumerate(readings) if reading.status & self.family.status.voltage}
         for index in sorted(reporting - self._under_voltage):
             self.context.log.warning(
@@ -479,7 +479,7 @@ class ServoArm(Actuator):
         self._under_voltage = reporting
 
     def _relax(self, reasons: Mapping[int, str]) -> None:
-        """Takes the torque off grippers; a goal would enable it, so none is written until ``rejoin``."""
+        """Take the torque off grippers; a goal would enable it, so none is written until ``rejoin``."""
         if not reasons:
             return
         self._relaxed.update(reasons)
@@ -494,13 +494,13 @@ class ServoArm(Actuator):
             ) from error
 
     def _lapse(self) -> str:
-        """Looks at the torque itself now and then, and after each lost reply: a power cut resets servos."""
+        """Look at the torque itself now and then, and after each lost reply: a power cut resets servos."""
         lost, now_s = self._lost, time.monotonic()
         if self._dry_run or (lost == self._lost_checked and now_s - self._torque_checked_s < TORQUE_CHECK_S):
             return ""
         self._lost_checked, self._torque_checked_s = lost, now_s
         lapsed = self._torque.lapsed()
-        text = "lost torque or settings without a command: its supply was interrupted"
+        text = "lost torque or settings without a command: the supply was interrupted"
         return f"{lapsed} {text}" if lapsed else ""
 
     @property
@@ -508,7 +508,7 @@ class ServoArm(Actuator):
         return sum(self._bus.counters.lost.values())
 
     def _send_goals(self, ticks: Sequence[int], only: Collection[int] | None = None) -> None:
-        """Writes goals in joint order; relaxed joints, and ids that are not among ``only``, get none."""
+        """Write goals in joint order; relaxed joints, and ids that are not among ``only``, get none."""
         if self._dry_run:
             return
         goal = self.family.goal_position

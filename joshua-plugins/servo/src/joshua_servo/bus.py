@@ -81,7 +81,7 @@ class ServoBus(ABC):
 
     @abstractmethod
     def identify(self, servo_id: int) -> FoundMotor:
-        """Reads model, firmware and, once, the state of one servo.
+        """Read model, firmware and, once, the state of one servo.
 
         The state differs between two servos of one id, so that their replies collide.
         Raises NoReply and PortDisconnected.
@@ -109,7 +109,7 @@ class ServoBus(ABC):
 
     @abstractmethod
     def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
-        """The usual case of a sync read: every reply whole and in its place; None where anything is amiss.
+        """The usual case of a sync read: every reply whole and in its place; None if anything is amiss.
 
         Args:
             size: data bytes of each reply.
@@ -124,7 +124,7 @@ class ServoBus(ABC):
         return 0
 
     def refusal(self, error: int) -> str:
-        """Why a servo refuses a request, by the error of its reply; "" where it does not."""
+        """Why a servo refuses a request, by the error of its reply; "" if it does not."""
         del error
         return ""
 
@@ -141,7 +141,7 @@ class ServoBus(ABC):
         retries: int | None = None,
         within_s: float = math.inf,
     ) -> dict[int, bytes]:
-        """Reads the same bytes of several servos; those that do not answer within all retries are left out.
+        """Read the same bytes of several servos; those that do not answer within all retries are left out.
 
         Args:
             within_s: no retry begins later than this; on a busy machine each takes longer than its time-out.
@@ -159,16 +159,16 @@ class ServoBus(ABC):
         return values
 
     def sync_write(self, address: int, width: int, rows: Mapping[int, bytes]) -> None:
-        """Writes ``width`` bytes to several servos at once; nobody answers. Raises PortDisconnected."""
+        """Write ``width`` bytes to several servos at once; nobody answers. Raises PortDisconnected."""
         self.counters.requests += 1
         self.port.send(self.sync_write_request(address, width, rows))
 
     def read(self, servo_id: int, register: Register) -> int:
-        """Reads one register. Raises NoReply, ServoRefused and PortDisconnected."""
+        """Read one register. Raises NoReply, ServoRefused and PortDisconnected."""
         return register.decode(self.read_block(servo_id, register.address, register.width))
 
     def read_block(self, servo_id: int, address: int, length: int) -> bytes:
-        """Reads bytes of one servo. Raises NoReply, ServoRefused and PortDisconnected."""
+        """Read bytes of one servo. Raises NoReply, ServoRefused and PortDisconnected."""
         for attempt in range(self.retries + 1):
             self.counters.retries += attempt > 0
             start, size, skip = self._free_length(address, length, (servo_id,)) or self._wait_for_length(
@@ -181,7 +181,7 @@ class ServoBus(ABC):
         raise self._no_reply(servo_id, "a read")
 
     def write(self, servo_id: int, register: Register, value: int) -> None:
-        """Writes one register and reads it back.
+        """Write one register and read it back.
 
         Raises NoReply, also where the register does not keep the value, ServoRefused and PortDisconnected.
         """
@@ -204,12 +204,12 @@ class ServoBus(ABC):
         )
 
     def write_checked(self, servo_id: int, values: Mapping[Register, int]) -> None:
-        """Writes registers and reads each one back. Raises as ``write``."""
+        """Write registers and read each one back. Raises as ``write``."""
         for register, value in values.items():
             self.write(servo_id, register, value)
 
     def write_eeprom(self, servo_id: int, values: Mapping[Register, int]) -> None:
-        """Writes registers of the EEPROM and reads each one back. Raises as ``write_checked``."""
+        """Write registers of the EEPROM and read each one back. Raises as ``write_checked``."""
         self.write_checked(servo_id, values)
 
     def ping(self, servo_id: int) -> bool:
@@ -251,7 +251,7 @@ class ServoBus(ABC):
         return heard
 
     def try_write(self, servo_id: int, register: Register, value: int) -> bool:
-        """Writes one register, in one attempt; whether it was acknowledged. Raises PortDisconnected."""
+        """Write one register, in one attempt; whether it was acknowledged. Raises PortDisconnected."""
         message = self.write_request(servo_id, register.address, register.encode(value))
         reply = self.ask(servo_id, message, 0)
         return reply is not None and not self.refusal(reply.error)
@@ -284,7 +284,7 @@ class ServoBus(ABC):
         return found is None and self.counters.corrupt > corrupt
 
     def detect_echo(self) -> None:
-        """Learns whether the adapter returns what is sent, by an instruction that nobody answers.
+        """Learn whether the adapter returns what is sent, by an instruction that nobody answers.
 
         Raises PortDisconnected.
         """
@@ -297,7 +297,7 @@ class ServoBus(ABC):
         self._echo = int(message in received)
 
     def ask(self, servo_id: int, message: bytes, length: int) -> Reply | None:
-        """One request to one servo, one attempt; None where no whole reply came. Raises PortDisconnected.
+        """One request to one servo, one attempt; None if no whole reply came. Raises PortDisconnected.
 
         Args:
             length: data bytes of the reply; a reply that says why a servo refuses has none.
@@ -368,7 +368,7 @@ class ServoBus(ABC):
     def _sort_out(
         self, received: bytes, size: int, ids: Sequence[int], deadline_s: float
     ) -> dict[int, bytes] | None:
-        """The unusual case: takes whole replies of the right length; None where they are out of order."""
+        """The unusual case: takes whole replies of the right length; None if they are out of order."""
         place = {servo_id: index for index, servo_id in enumerate(ids)}
         taken: dict[int, bytes] = {}
         last = -1
@@ -390,7 +390,7 @@ class ServoBus(ABC):
         return taken
 
     def _send(self, message: bytes, reply_size: int) -> float:
-        """Sends a request; returns until when its replies are waited for."""
+        """Send a request; return until when its replies are waited for."""
         self.counters.requests += 1
         self.port.send(message)
         wire_s = self.port.wire_time_s(len(message) * (1 + self._echo) + reply_size)
@@ -405,7 +405,7 @@ class ServoBus(ABC):
         return received.partition(message)[2]
 
     def _replies(self, received: bytes, deadline_s: float, search: ReplySearch) -> Iterator[Reply]:
-        """Replies in what was received, then in what still comes until the deadline."""
+        """Reply in what was received, then in what still comes until the deadline."""
         yield from search.feed(received)
         while time.monotonic() < deadline_s:
             yield from search.feed(self.port.receive(1, deadline_s))
@@ -413,7 +413,7 @@ class ServoBus(ABC):
     def _free_length(self, address: int, length: int, ids: Sequence[int]) -> tuple[int, int, int] | None:
         """Start, size and skipped bytes of a read whose length no late reply of these servos can have.
 
-        Where every length was used, the one that was answered longest ago; None where all may still come.
+        Where every length was used, the one that was answered longest ago; None if all may still come.
         """
         if (
             self._last is not None
@@ -454,12 +454,12 @@ class ServoBus(ABC):
         return claim is not None and claim.is_lost and claim.until_s > time.monotonic()
 
     def _wait_for_claim(self, servo_id: int, length: int, message: bytes) -> None:
-        """Waits while a late reply of this length to another request may still come."""
+        """Wait while a late reply of this length to another request may still come."""
         while self._is_claimed(servo_id, length, message):
             _sleep_until(self._claims[servo_id, length].until_s)
 
     def _lose(self, servo_id: int, length: int, message: bytes) -> None:
-        """Counts a reply that did not come, and expects it late; it may be a refusal, too."""
+        """Count a reply that did not come, and expect it late; it may be a refusal, too."""
         self.counters.lose(servo_id)
         self._claim(servo_id, length, message, is_lost=True)
         if self.refuses:
@@ -476,10 +476,10 @@ class ServoBus(ABC):
     def _no_reply(self, servo_id: int, what: str) -> NoReply:
         return NoReply(
             f"{self.port}: id {servo_id} does not answer {what} in {self.retries + 1} attempts. "
-            "Check its cable and the supply; joshua doctor looks at the whole chain."
+            "Check its cable and the supply; run joshua doctor to check the whole chain."
         )
 
 
 def _sleep_until(until_s: float) -> None:
-    """Sleeps a little beyond a time, so that no rounding leaves it in the future."""
+    """Sleep a little beyond a time, so that no rounding leaves it in the future."""
     time.sleep(max(0.0, until_s - time.monotonic()) + 1e-4)

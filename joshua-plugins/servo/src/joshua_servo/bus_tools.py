@@ -41,7 +41,7 @@ class BusTools(ABC):
 
     @abstractmethod
     def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
-        """Looks for motors; yields each as it is found, by line speed, then by id.
+        """Look for motors; yield each as it is found, by line speed, then by id.
 
         Writes nothing. Speeds that the adapter cannot run at are passed over.
 
@@ -54,7 +54,7 @@ class BusTools(ABC):
 
     @abstractmethod
     def assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
-        """Gives one motor its id and line speed, and the factory's way of working; takes torque off it.
+        """Give one motor its id and line speed, and the factory's way of working; take torque off it.
 
         All or nothing: every value is read back, and after a failure the former id and line speed are put
         back as far as the motor answers. Nothing is written where another motor has the id already.

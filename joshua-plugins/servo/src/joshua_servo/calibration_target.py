@@ -55,7 +55,7 @@ class ServoCalibrationTarget(CalibrationTarget):
 
     @abstractmethod
     def make_bus(self, port: SerialPort) -> ServoBus:
-        """Makes the bus of the servos' protocol."""
+        """Make the bus of the servos' protocol."""
 
     @property
     @abstractmethod
@@ -64,7 +64,7 @@ class ServoCalibrationTarget(CalibrationTarget):
 
     @abstractmethod
     def read_setups(self) -> Sequence[ServoSetup]:
-        """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+        """Read the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
 
     @property
     def motors(self) -> tuple[TargetMotor, ...]:
@@ -82,7 +82,7 @@ class ServoCalibrationTarget(CalibrationTarget):
         return self._port.is_open
 
     def connect(self) -> None:
-        """Opens the port and checks that the servos are there and work in position mode."""
+        """Open the port and check that the servos are there and work in position mode."""
         self._port.open()
         try:
             self._bus.detect_echo()
@@ -99,11 +99,11 @@ class ServoCalibrationTarget(CalibrationTarget):
             )
 
     def disconnect(self) -> None:
-        """Closes the port."""
+        """Close the port."""
         self._port.close()
 
     def release(self) -> None:
-        """Takes torque off all servos, verified."""
+        """Take torque off all servos, verified."""
         self._require_open("release")
         self._torque.switch_off()
 
@@ -145,7 +145,7 @@ class ServoCalibrationTarget(CalibrationTarget):
             )
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """Writes the EEPROM of one servo and reads it back."""
+        """Write the EEPROM of one servo and read it back."""
         self._require_open("store")
         registers = {
             self.homing_offset: self.offset_sign * values.homing_offset,
@@ -162,7 +162,7 @@ class ServoCalibrationTarget(CalibrationTarget):
             raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")
 
     def refuse_unfit(self, motor_id: int, registers: dict[Register, int]) -> None:
-        """Refuses what a servo cannot hold, before the first register is written. Raises DeviceError."""
+        """Refuse what a servo cannot hold, before the first register is written. Raises DeviceError."""
         if motor_id not in self._ids:
             raise MotorCheckFailed(
                 f"{self._port}: no motor {motor_id}; there are {', '.join(map(str, self._ids))}"

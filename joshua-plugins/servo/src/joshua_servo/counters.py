@@ -16,5 +16,5 @@ class BusCounters:
     lost: dict[int, int] = field(default_factory=dict)
 
     def lose(self, servo_id: int) -> None:
-        """Counts a reply that did not come."""
+        """Count a reply that did not come."""
         self.lost[servo_id] = self.lost.get(servo_id, 0) + 1

@@ -21,7 +21,7 @@ DROP_V = 1.0  # between the motors of one chain
 
 
 def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[Finding]:
-    """Looks for motors on the chosen ports."""
+    """Look for motors on the chosen ports."""
     root = str(host.root)
     entries, families = chosen_ports(arguments.ports, root), installed_bus_tools()
     if entries and families:
@@ -31,13 +31,13 @@ def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[Finding]:
 def check_buses(
     entries: Sequence[PortEntry], families: Families, device_root: str = "/"
 ) -> Iterator[Finding]:
-    """Scans ports; one finding for each bus that is in order, one for each thing that is not."""
+    """Scan ports; one finding for each bus that is in order, one for each thing that is not."""
     for found in survey(entries, families, device_root):
         path = found.entry.path
         if found.problem:
             text = found.problem.removeprefix(f"{path}: ")
             if "which runs now" in text:
-                yield Finding(Level.NOTE, NAME, path, f"was not looked at: {text}")
+                yield Finding(Level.NOTE, NAME, path, f"was not checked: {text}")
             else:
                 yield Finding(Level.ERROR, NAME, path, text)
         elif not found.motors:
@@ -45,7 +45,7 @@ def check_buses(
                 Level.NOTE,
                 NAME,
                 path,
-                "no motor answers, at no line speed",
+                "no motor answers at any line speed",
                 "if this is the adapter of an arm: switch the supply on, check the first cable",
             )
         else:
@@ -77,8 +77,8 @@ def _each(found: PortSurvey, families: Families) -> Iterator[Finding]:
 
 def _remedy(motor: FoundMotor) -> str:
     if motor.status:
-        return "look for the cause (a blocked joint, heat, the supply), then cut the supply for a moment"
-    return "exchange it, or install the plugin for it"
+        return "find the cause (a blocked joint, heat, the supply), then cut the supply for a moment"
+    return "replace it, or install its plugin"
 
 
 def _temperature(subject: str, motor: FoundMotor) -> Iterator[Finding]:
@@ -91,7 +91,7 @@ def _temperature(subject: str, motor: FoundMotor) -> Iterator[Finding]:
         NAME,
         subject,
         f"{present:.0f} °C, at most {most:.0f} °C",
-        "let it cool down; what load does it hold?",
+        "let it cool down and reduce its load",
     )
 
 
@@ -101,7 +101,7 @@ def _voltage(subject: str, motor: FoundMotor) -> Iterator[Finding]:
         return
     allowed = f"{present:.1f} V, allowed {least:.1f} to {most:.1f} V"
     if not least <= present <= most:
-        yield Finding(Level.ERROR, NAME, subject, allowed, "use the supply that the motors are made for")
+        yield Finding(Level.ERROR, NAME, subject, allowed, "use a supply of the motors' voltage")
     elif present < least + NEAR_V:
         yield Finding(
             Level.WARNING,
@@ -136,7 +136,7 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[Finding]:
             NAME,
             path,
             f"motors have different firmware, {text}",
-            "bring all of them to the newest with the vendor's program",
+            "update all of them with the vendor's program",
         )
     volts = [(motor.voltage_v, motor.motor_id) for motor in motors if motor.voltage_v is not None]
     if volts and max(volts)[0] - min(volts)[0] > DROP_V:

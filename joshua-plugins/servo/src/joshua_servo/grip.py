@@ -62,7 +62,7 @@ class Grip:
         return self._rule.squeeze_ticks
 
     def look(self, reading: Feedback, wanted: int, now_s: float) -> None:
-        """Takes a reading; ``wanted`` is the goal in ticks that the commander asks for."""
+        """Take a reading; ``wanted`` is the goal in ticks that the commander asks for."""
         rule, load = self._rule, abs(reading.load)
         self._position = reading.position
         way = wanted - reading.position
@@ -137,7 +137,7 @@ class Grips:
         self._written = {}
 
     def look(self, readings: Sequence[Feedback], wanted: Sequence[int], now_s: float) -> None:
-        """Takes the readings of all joints and the goals in ticks that the commander asks for."""
+        """Take the readings of all joints and the goals in ticks that the commander asks for."""
         for index, grip in self._grips.items():
             grip.look(readings[index], int(wanted[index]), now_s)
 
@@ -158,7 +158,7 @@ class Grips:
         ]
 
     def write_limits(self, now_s: float) -> None:
-        """Writes the torque limit where a grip began or ended, and now and then. Raises PortDisconnected."""
+        """Write the torque limit where a grip began or ended, and now and then. Raises PortDisconnected."""
         rows = {}
         for index, grip in self._grips.items():
             direction, at_s = self._written.get(index, (0, now_s))

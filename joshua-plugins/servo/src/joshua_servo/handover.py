@@ -16,7 +16,7 @@ PATIENCE_S = 15.0
 
 
 def open_unguarded(port: SerialPort, stopping: Callable[[], bool]) -> None:
-    """Opens a port as soon as no guardian is at work on it. Raises what opening raises, and Cancelled."""
+    """Open a port as soon as no guardian is at work on it. Raises what opening raises, and Cancelled."""
     deadline_s = time.monotonic() + PATIENCE_S
     was_guarded = False
     while True:

@@ -33,14 +33,14 @@ class ServoSetup:
 
 
 def refuse_setup(bus: ServoBus, problems: Sequence[str]) -> None:
-    """Refuses servos that work in another way than the driver expects. Raises MotorCheckFailed."""
+    """Refuse servos that work in another way than the driver expects. Raises MotorCheckFailed."""
     if problems:
         raise MotorCheckFailed(
             "\n  ".join(
                 [
-                    f"{bus.port}: servos are set up for something else",
+                    f"{bus.port}: servos have other settings",
                     *problems,
-                    "joshua motors setup puts it right.",
+                    "Run joshua motors setup to correct them.",
                 ]
             )
         )
@@ -55,7 +55,7 @@ def check_start(
     *,
     only: Collection[int] | None = None,
 ) -> None:
-    """Refuses a servo that stands beyond its own limits: it would not take its position for a goal.
+    """Refuse a servo that stands beyond its own limits: it would not take its position for a goal.
 
     Args:
         names, setups, positions: of all servos, in joint order; positions in ticks.
@@ -77,10 +77,10 @@ def check_start(
 
 
 def check_setups(bus: ServoBus, settings: ServoSettings, setups: Sequence[ServoSetup]) -> None:
-    """Compares the servos with calibration and configuration.
+    """Compare the servos with calibration and configuration.
 
     Raises:
-        CalibrationMismatch: the calibration is not that of these servos.
+        CalibrationMismatch: the calibration does not match these servos.
         MotorCheckFailed: no position of a joint is allowed.
     """
     _check_calibration(bus, settings, setups)
@@ -101,19 +101,19 @@ def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[
     is_other = bool(made_for and found and made_for != found)
     if not problems and not is_other:
         return
-    cause = "the servos were calibrated anew since, or the file is of another arm"
+    cause = "the servos were calibrated again since, or the file belongs to another arm"
     remedy = "Calibrate again, or include the right file"
     if is_other:
         cause = f"it was made for {made_for}, and this is {found}"
         remedy = "Connect the other arm, or include the calibration of this one"
         if not problems:
-            remedy += f'; if only the adapter was exchanged, write device_identity: "{found}" into the file'
+            remedy += f'; if only the adapter was replaced, write device_identity: "{found}" into the file'
     raise CalibrationMismatch(
         "\n  ".join(
             [
-                f"{bus.port}: the calibration is not that of these servos: {cause}",
+                f"{bus.port}: the calibration does not match these servos: {cause}",
                 *problems,
-                f"{remedy}; joshua calibrate --check compares file and servos.",
+                f"{remedy}; run joshua calibrate --check to compare file and servos.",
             ]
         )
     )
@@ -149,7 +149,7 @@ def _check_ranges(bus: ServoBus, settings: ServoSettings, setups: Sequence[Servo
         raise MotorCheckFailed(
             "\n  ".join(
                 [
-                    f"{bus.port}: joints without any position that is allowed, in ticks",
+                    f"{bus.port}: joints without an allowed position, in ticks",
                     *problems,
                     "Widen position_min and position_max, or calibrate the arm, which sets these limits.",
                 ]

@@ -35,13 +35,13 @@ class JointMap:
         self._tabulate()
 
     def _tabulate(self) -> None:
-        """Makes the rows that a control cycle uses: zero, radians per tick, low and high end, speed."""
+        """Make the rows that a control cycle uses: zero, radians per tick, low and high end, speed."""
         scales = self._sign * RADIANS_PER_TICK
         columns = (self._zero, scales, self.low_ticks, self.high_ticks, self.speed_rad_s)
         self._rows = list(zip(*(column.tolist() for column in columns), strict=True))
 
     def tighten(self, low: Sequence[int], high: Sequence[int], speed: Sequence[float] = ()) -> None:
-        """Takes the servos' own limits, in ticks and ticks/s, where they are tighter."""
+        """Take the servos' own limits, in ticks and ticks/s, where they are tighter."""
         self.low_ticks = np.maximum(self.low_ticks, low)
         self.high_ticks = np.minimum(self.high_ticks, high)
         if speed:
@@ -49,7 +49,7 @@ class JointMap:
         self._tabulate()
 
     def follow_turns(self, ticks: Sequence[int], counts_turns: Sequence[bool]) -> None:
-        """Takes positions for those of the nearest turn to the joint's range, where a servo counts turns.
+        """Take positions for those of the nearest turn to the joint's range, where a servo counts turns.
 
         A servo that counts turns starts anywhere after a power cut, whole turns away from its calibration.
         """

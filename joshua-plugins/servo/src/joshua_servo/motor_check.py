@@ -15,7 +15,7 @@ SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered fro
 
 
 def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
-    """Looks at each servo of the configuration, in cable order.
+    """Look at each servo of the configuration, in cable order.
 
     Args:
         models: expected model of each servo by its id.
@@ -46,10 +46,7 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
     strangers = [] if len(missing) == len(ids) else _strangers(bus, ids)
     problems = [
         *_missing_text(bus, ids, missing),
-        *(
-            f"two motors share the id {servo_id}: connect one alone and give it another id"
-            for servo_id in shared
-        ),
+        *(f"two motors share the id {servo_id}: connect one alone and change its id" for servo_id in shared),
         *(
             f"wrong model: id {motor.motor_id} is a {motor.model}, expected {models[motor.motor_id]}"
             for motor in wrong
@@ -62,14 +59,14 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
                 *problems,
                 f"expected: {_list(f'{servo_id} ({model})' for servo_id, model in models.items())}",
                 f"found: {_list([*found, *strangers])}",
-                "joshua motors setup gives ids and baud rates; joshua doctor looks at cable and supply.",
+                "joshua motors setup gives ids and baud rates; run joshua doctor to check cable and supply.",
             ]
         )
     )
 
 
 def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:
-    """Finds ids that answer at other line speeds: ids by speed. The line speed is put back afterwards."""
+    """Find ids that answer at other line speeds: ids by speed. The line speed is put back afterwards."""
     usual = bus.port.baudrate
     answers: dict[int, list[int]] = {}
     wanted = list(ids)
@@ -104,7 +101,7 @@ def _missing_text(bus: ServoBus, ids: Sequence[int], missing: list[int]) -> list
     if len(missing) == len(ids):
         answers = find_baudrates(bus, ids)
         if not answers:
-            return ["no servo answers, at no line speed: check the supply, and the cable to the first servo"]
+            return ["no servo answers at any line speed: check the supply, and the cable to the first servo"]
         return [
             f"no servo answers at {bus.port.baudrate} bit/s, but ids {_list(heard)} answer at {baudrate}: "
             f"set baudrate: {baudrate}, or change the servos with joshua motors setup"

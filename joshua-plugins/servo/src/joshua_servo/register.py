@@ -11,7 +11,7 @@ class Register:
 
     Attributes:
         width: bytes.
-        sign_bit: the bit that carries the sign of a sign-magnitude value; None where there is none.
+        sign_bit: the bit that carries the sign of a sign-magnitude value; None if there is none.
         signed: the value is a two's complement.
         eeprom: it outlives a power cut, and a lock keeps it from being written.
     """

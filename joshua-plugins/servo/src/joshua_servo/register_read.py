@@ -42,7 +42,7 @@ def read_registers(
 
 
 def _groups(registers: list[Register], over_gaps: bool) -> Iterator[list[Register]]:
-    """Registers that one request reads: neighbours, or all where the bytes between them may be read."""
+    """Register that one request reads: neighbours, or all where the bytes between them may be read."""
     group: list[Register] = []
     for register in registers:
         if group and not over_gaps and register.address != group[-1].end:

@@ -20,4 +20,4 @@ class ReplySearch(Protocol):
     broken: int
 
     def feed(self, data: bytes) -> Iterator[Reply]:
-        """Adds bytes; yields each complete reply, skipping noise."""
+        """Add bytes; yield each complete reply, skipping noise."""

@@ -60,7 +60,7 @@ class ServoStopRequest(SafeStopRequest):
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Self:
-        """Reads what ``to_values`` wrote: JSON has lists for tuples, and names for numbers as keys."""
+        """Read what ``to_values`` wrote: JSON has lists for tuples, and names for numbers as keys."""
         park = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
         eeprom = {int(key): [tuple(row) for row in rows] for key, rows in values.get("eeprom", {}).items()}
         grips = {int(key): tuple(grip) for key, grip in values.get("grips", {}).items()}
@@ -68,7 +68,7 @@ class ServoStopRequest(SafeStopRequest):
         return cls(**{**values, **typed, "torque_limit": tuple(values.get("torque_limit", (0, 0)))})
 
     def run(self) -> SafeStopResult:
-        """Takes the port, applies the safe state and verifies it; never raises for what a device does."""
+        """Take the port, applies the safe state and verify it; never raises for what a device does."""
         return run(self, self.family, self.make_bus).result()
 
 
@@ -79,7 +79,7 @@ class SafeStopReport:
     Attributes:
         joints: ``held``, ``released``, ``was off`` or ``not verified`` by servo id.
         duration_s: from the call to the verification.
-        detail: what stood in the way, "" where nothing did.
+        detail: what stood in the way, "" if nothing did.
     """
 
     action: str
@@ -99,7 +99,7 @@ class SafeStopReport:
 
 
 def run(request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> SafeStopReport:
-    """Takes the port, applies the safe state and verifies it; never raises for what a device does.
+    """Take the port, applies the safe state and verify it; never raises for what a device does.
 
     Bounded by ``timeout_s`` plus the time of one request to every servo.
     """
@@ -131,7 +131,7 @@ class _SafeStop:
         self._bus = make_bus(self._port, retries=1)
 
     def run(self) -> None:
-        """Acts; begins anew where the adapter goes away meanwhile and comes back in time."""
+        """Act; begin anew where the adapter goes away meanwhile and comes back in time."""
         while True:
             try:
                 self._act()
@@ -162,7 +162,7 @@ class _SafeStop:
         self._port.close()
 
     def _open(self) -> None:
-        """Opens the port as soon as its last owner is gone, or the adapter is back and open to this user."""
+        """Open the port as soon as its last owner is gone, or the adapter is back and open to this user."""
         while True:
             try:
                 self._port.open()
@@ -210,7 +210,7 @@ class _SafeStop:
                 return
 
     def _park(self) -> None:
-        """Moves energised joints to the park pose; gives up in time to let go within the deadline."""
+        """Move energised joints to the park pose; give up in time to let go within the deadline."""
         deadline_s = self._deadline_s - RELEASE_RESERVE_S
         going = {i: ticks for i, ticks in self.request.park_ticks.items() if i in self.report.joints}
         register = self._family.speed

@@ -33,7 +33,7 @@ class SetUp:
     Attributes:
         torque_enable, motor_id, baudrate: registers; codes: line speeds by their code in the register;
             other_codes: what some sources say of a code.
-        lock: register that keeps the EEPROM from being written while it is 1; None where torque does that.
+        lock: register that keeps the EEPROM from being written while it is 1; None if torque does that.
         working: what a servo of an arm needs beside its id: it moves to positions, and answers at once.
         quiet_s: a line without a byte for this long has nobody who answers a call to all.
         calls: how often all are called before nobody is believed to be there.
@@ -62,10 +62,10 @@ class ServoBusTools(BusTools):
 
     @abstractmethod
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
-        """Reads what a servo says of itself. Raises NoReply and PortDisconnected."""
+        """Read what a servo says of itself. Raises NoReply and PortDisconnected."""
 
     def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
-        """Looks for servos at each line speed; yields each as it is found. Raises PortDisconnected."""
+        """Look for servos at each line speed; yield each as it is found. Raises PortDisconnected."""
         clock = witness()
         with self._line_speed_kept():
             speeds = tuple(baudrates or self.baudrates)
@@ -79,7 +79,7 @@ class ServoBusTools(BusTools):
                 speeds = tuple(speed for speed in speeds if speed not in found)
 
     def assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
-        """Gives one servo its id and line speed, position mode and immediate replies.
+        """Give one servo its id and line speed, position mode and immediate replies.
 
         Raises:
             AssignmentFailed: it did not take them, or the id is taken.
@@ -111,7 +111,7 @@ class ServoBusTools(BusTools):
         self._put_lock(bus, motor_id, 1)
         found = self._describe(bus, motor_id)
         if found is None or found.shared:
-            raise NoReply("it was silent when it was looked at again.")
+            raise NoReply("it did not answer when checked again.")
         return found
 
     def _put_lock(self, bus: ServoBus, servo_id: int, value: int) -> None:
@@ -119,7 +119,7 @@ class ServoBusTools(BusTools):
             _put(bus, servo_id, self.set_up.lock, value)
 
     def _put_baudrate(self, bus: ServoBus, servo_id: int, baudrate: int) -> None:
-        """Writes the line speed and follows it. Raises DeviceError; the port then has the former speed."""
+        """Write the line speed and follow it. Raises DeviceError; the port then has the former speed."""
         former = self.port.baudrate
         if baudrate == former:
             return
@@ -144,7 +144,7 @@ class ServoBusTools(BusTools):
         raise NoReply(f"id {servo_id} does not answer at {baudrate} bit/s.")
 
     def _roll_back(self, motor: FoundMotor, motor_id: int, baudrate: int) -> str:
-        """Puts id and line speed back as far as the servo answers; says what it answers to now."""
+        """Put id and line speed back as far as the servo answers; say what it answers to now."""
         for speed in dict.fromkeys((motor.baudrate, baudrate)):
             for servo_id in dict.fromkeys((motor.motor_id, motor_id)):
                 bus = self._bus_at(speed)
@@ -157,14 +157,14 @@ class ServoBusTools(BusTools):
                     self._put_lock(bus, motor.motor_id, 1)
                 except NoReply:
                     return (
-                        f"It could not be put back either and was last heard as id {servo_id} at {speed} "
+                        f"It could not be restored and last answered as id {servo_id} at {speed} "
                         "bit/s. Check its cable and the supply, then try again."
                     )
                 return (
                     f"It answers as id {motor.motor_id} at {motor.baudrate} bit/s as before. "
                     "Check its cable and the supply, then try again."
                 )
-        return "It does not answer any more. Check its cable and the supply, then try again."
+        return "It no longer answers. Check its cable and the supply, then try again."
 
     def _require_possible(self, motor: FoundMotor, motor_id: int, baudrate: int) -> None:
         if motor.shared:
@@ -173,9 +173,7 @@ class ServoBusTools(BusTools):
                 "new id. Connect one alone."
             )
         if motor_id not in self.ids:
-            raise AssignmentFailed(
-                f"{self.port}: {motor_id} is no id of a servo: allowed 0 to {self.ids[-1]}."
-            )
+            raise AssignmentFailed(f"{self.port}: {motor_id} is not a servo id: allowed 0 to {self.ids[-1]}.")
         if baudrate not in self.baudrates:
             allowed = ", ".join(map(str, self.baudrates))
             raise AssignmentFailed(f"{self.port}: no speed of {baudrate} bit/s: allowed {allowed}.")
@@ -197,7 +195,7 @@ class ServoBusTools(BusTools):
                 )
 
     def _bus_at(self, baudrate: int) -> ServoBus | None:
-        """A fresh bus at a line speed; None where the adapter cannot run at it."""
+        """A fresh bus at a line speed; None if the adapter cannot run at it."""
         try:
             self.port.set_baudrate(baudrate)
         except PortUnusable:
@@ -208,7 +206,7 @@ class ServoBusTools(BusTools):
         return bus
 
     def _look(self, baudrates: Sequence[int]) -> Iterator[FoundMotor]:
-        """Goes through the line speeds once."""
+        """Go through the line speeds once."""
         for baudrate in baudrates:
             bus = self._bus_at(baudrate)
             if bus is None:
@@ -236,7 +234,7 @@ class ServoBusTools(BusTools):
         return sorted(heard)
 
     def _describe(self, bus: ServoBus, servo_id: int) -> FoundMotor | None:
-        """What a servo says of itself; None where it does not answer any more."""
+        """What a servo says of itself; None if it no longer answers."""
         for _ in range(ATTEMPTS):
             corrupt = bus.counters.corrupt
             try:
@@ -259,7 +257,7 @@ class ServoBusTools(BusTools):
 def _put(
     bus: ServoBus, servo_id: int, register: Register, value: int, *, answers_as: int | None = None
 ) -> None:
-    """Writes a register unless it holds the value already, and reads it back. Raises NoReply.
+    """Write a register unless it holds the value already, and read it back. Raises NoReply.
 
     Args:
         answers_as: id under which the servo answers once the register holds the value.
@@ -275,5 +273,5 @@ def _put(
             if kept == value:
                 return
     if kept is None:
-        raise NoReply(f"it was silent after {register.name} was written.")
+        raise NoReply(f"it did not answer after {register.name} was written.")
     raise NoReply(f"it keeps {register.name} at {kept} instead of {value}.")

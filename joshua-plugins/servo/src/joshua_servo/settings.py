@@ -78,7 +78,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
 
     Attributes:
         joint: settings of single servos.
-        calibration: None where the arm is not calibrated.
+        calibration: None if the arm is not calibrated.
     """
 
     #: Name of the servos in messages.
@@ -102,7 +102,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the calibration of the arm."""
+        """Add the calibration of the arm."""
         result = super().si_values(values, node, context)
         if context.calibration is not None:
             result["calibration"] = ArmCalibration.values_of(context.calibration)
@@ -214,7 +214,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of motor_ids: the calibration's, else ``joint_<id>``."""
+        """Name of the joints in the order of motor_ids: the calibration's, else ``joint_<id>``."""
         motors = [self.calibration.motor(i) if self.calibration else None for i in self.motor_ids]
         return tuple(
             motor.joint_name if motor else f"joint_{servo_id}"
@@ -246,7 +246,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
         return values
 
     def steps(self, name: str, index: int) -> float:
-        """Steps of a register in one unit of a setting, where that depends on the servo."""
+        """Step of a register in one unit of a setting, where that depends on the servo."""
         raise NotImplementedError(f"{type(self).__name__} has no unit for {name} of servo {index}")
 
     @property
@@ -258,7 +258,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
 
     def speeds_ticks_s(self) -> list[float]:
         """Fastest move of each motor, in the order of motor_ids."""
-        raise NotImplementedError(f"{type(self).__name__} knows no speeds: override speeds_ticks_s")
+        raise NotImplementedError(f"{type(self).__name__} has no speeds: override speeds_ticks_s")
 
     def inverted(self, servo_id: int) -> bool:
         """Whether a motor turns against its joint."""

@@ -113,7 +113,7 @@ class StateReader:
         return {servo_id: present.decode(value) for servo_id, value in values.items()}
 
     def require_all(self, found: Collection[int]) -> None:
-        """Raises NoReply where a servo is missing among those found."""
+        """Raise NoReply where a servo is missing among those found."""
         if len(found) < len(self._ids):
             self._all(dict.fromkeys(found, b""))
 
@@ -130,9 +130,7 @@ class StateReader:
             return [values[servo_id] for servo_id in self._ids]
         port = self._bus.port
         if len(missing) == len(self._ids):
-            self._reason = (
-                f"{port}: no servo answers any more. Check the supply and the cable to the first servo."
-            )
+            self._reason = f"{port}: no servo answers. Check the supply and the cable to the first servo."
             raise NoReply(self._reason)
         names = ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in missing)
         first = self._ids.index(missing[0])
@@ -141,5 +139,5 @@ class StateReader:
             if missing == list(self._ids[first:])
             else ""
         )
-        self._reason = f"{port}: {names} does not answer any more{broken}. Check cable and supply."
+        self._reason = f"{port}: {names} no longer answers{broken}. Check cable and supply."
         raise NoReply(self._reason)

@@ -31,7 +31,7 @@ class StatusBits:
         return self.known & ~self.voltage
 
     def describe(self, bits: int) -> str:
-        """Names of the set bits, "" where none is set."""
+        """Name of the set bits, "" if none is set."""
         names = [name for bit, name in self.names.items() if bits & bit]
         unknown = bits & ~self.known
         return ", ".join([*names, *([f"unknown bits 0x{unknown:02x}"] if unknown else [])])

@@ -22,7 +22,7 @@ def check_bus_tools(
     unplug: Callable[[BusTools], None] | None = None,
     only: Collection[str] = (),
 ) -> None:
-    """Checks a driver's tools against the contract of ``joshua_servo.bus_tools.BusTools``.
+    """Check a driver's tools against the contract of ``joshua_servo.bus_tools.BusTools``.
 
     The bus needs two motors or more, at one line speed. The first of them gets another id and another line
     speed, and its own again. No torque is switched on.

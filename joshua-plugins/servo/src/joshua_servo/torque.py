@@ -40,7 +40,7 @@ class TorqueSwitch:
     def switch_on(
         self, goals_ticks: Sequence[int], values: Sequence[MoveValues], only: Collection[int] | None = None
     ) -> None:
-        """Seeds goal, speed and acceleration in one packet, switches torque on, and verifies all of it.
+        """Seed goal, speed and acceleration in one packet, switches torque on, and verify all of it.
 
         Args:
             goals_ticks: where the joints are now, in joint order.
@@ -77,7 +77,7 @@ class TorqueSwitch:
         )
 
     def switch_off(self, only: Collection[int] | None = None) -> None:
-        """Takes torque off all joints, or some. Raises NoReply without confirmation, and PortDisconnected."""
+        """Take torque off all joints, or some. Raises NoReply without confirmation, and PortDisconnected."""
         ids = tuple(servo_id for servo_id in self._ids if only is None or servo_id in only)
         self._kept = {servo_id: row for servo_id, row in self._kept.items() if servo_id not in ids}
         torque = self._family.torque_enable
@@ -98,11 +98,11 @@ class TorqueSwitch:
         torque = self._family.torque_enable
         found = self._bus.sync_read(torque.address, torque.width, self._ids)
         if silent := [servo_id for servo_id in self._ids if servo_id not in found]:
-            raise NoReply(f"{self._bus.port}: {self._list(silent)} does not say whether its torque is off.")
+            raise NoReply(f"{self._bus.port}: {self._list(silent)} does not report its torque.")
         return {self._names[i]: torque.decode(found[i]) != 0 for i in self._ids}
 
     def lapsed(self) -> str:
-        """Names joints that lost torque or speed settings by themselves, as a power cut does; "" for none.
+        """Name joints that lost torque or speed settings by themselves, as a power cut does; "" for none.
 
         Servos that do not answer are not judged. Raises PortDisconnected.
         """

@@ -40,7 +40,7 @@ class Tuning:
         }
 
     def apply(self) -> None:
-        """Writes what differs and reads it back. Raises NoReply, ServoRefused and PortDisconnected."""
+        """Write what differs and read it back. Raises NoReply, ServoRefused and PortDisconnected."""
         registers = {register for row in self._values.values() for register in row}
         if not registers:
             return
@@ -62,13 +62,13 @@ class Tuning:
             self._bus.write_checked(servo_id, {r: v for r, v in changed.items() if not r.eeprom})
 
     def restore(self) -> None:
-        """Writes back what the EEPROM held. Raises NoReply, ServoRefused and PortDisconnected."""
+        """Write back what the EEPROM held. Raises NoReply, ServoRefused and PortDisconnected."""
         restore(self._bus, self.before)
         self._before = {}
 
 
 def restore(bus: ServoBus, before: Mapping[int, Iterable[StoredRegister]]) -> None:
-    """Writes registers of the EEPROM back; tries every servo before it raises the first error.
+    """Write registers of the EEPROM back; try every servo before it raises the first error.
 
     Raises NoReply, ServoRefused and PortDisconnected.
     """

@@ -36,7 +36,7 @@ class HealthWatch:
         self._voltage_samples = [0] * len(self._names)
 
     def reset(self) -> None:
-        """Begins to count anew."""
+        """Begin to count anew."""
         self._voltage_samples = [0] * len(self._names)
 
     def is_overload_alone(self, reading: Feedback) -> bool:
@@ -51,7 +51,7 @@ class HealthWatch:
         )
 
     def trip_reason(self, readings: Sequence[Feedback], without: Collection[int] = ()) -> str:
-        """Why the torque must go, "" where all is well; takes one sample of all servos.
+        """Why the torque must go, "" if all is well; takes one sample of all servos.
 
         Args:
             without: indices of joints that have no torque any more.
@@ -76,7 +76,7 @@ class HealthWatch:
         return ""
 
     def warning(self, index: int, reading: Feedback) -> str:
-        """What is close to a limit at one joint, "" where nothing is."""
+        """What is close to a limit at one joint, "" if nothing is."""
         limits = self._limits[index]
         if reading.status:
             return self.status.describe(reading.status)

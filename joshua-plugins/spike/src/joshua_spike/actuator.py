@@ -81,7 +81,7 @@ class SpikeActuator(Actuator):
         return self._hub.counters
 
     def connect(self) -> None:
-        """Finds the hub, starts the program on it where another one runs, checks the motors.
+        """Find the hub, start the program on it where another one runs, check the motors.
 
         Raises:
             DeviceError: the device is open already, or one of ``joshua_spike.errors`` with its remedy.
@@ -100,7 +100,7 @@ class SpikeActuator(Actuator):
             self._last, self._counted = None, Counters()
 
     def read(self) -> JointReading:
-        """Waits for a state that is newer than the last; effort is the load that the hub estimates, in N·m.
+        """Wait for a state that is newer than the last; effort is the load that the hub estimates, in N·m.
 
         Raises:
             DeviceDisconnected: the link or the program on the hub has ended.
@@ -123,7 +123,7 @@ class SpikeActuator(Actuator):
         return reading
 
     def enable(self) -> None:
-        """Energises the motors where they are.
+        """Energise the motors where they are.
 
         Raises:
             NotCalibrated: there is no calibration, and the plan does not waive it.
@@ -139,7 +139,7 @@ class SpikeActuator(Actuator):
         with self._lock:
             state = self._hub.order("P" if self._dry_run else "E")
             if not (state.energised or self._dry_run):
-                raise DeviceError(f"{self._hub}: the motors got no torque; switch the hub off and on")
+                raise DeviceError(f"{self._hub}: the motors did not enable torque; switch the hub off and on")
             self._enabled, self._tripped = True, False
             self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
@@ -170,7 +170,7 @@ class SpikeActuator(Actuator):
             return self._map.radians(targets)
 
     def hold(self) -> None:
-        """Stops where the motors are, for as long as the hub's battery lasts; without torque nothing happens.
+        """Stop where the motors are, for as long as the hub's battery lasts; without torque nothing happens.
 
         Raises:
             DeviceDisconnected: the hub does not obey; its dead man's switch does it then.
@@ -182,7 +182,7 @@ class SpikeActuator(Actuator):
                 self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def release(self) -> None:
-        """Takes torque off all motors; does nothing on a closed device.
+        """Take torque off all motors; does nothing on a closed device.
 
         Raises:
             DeviceDisconnected: the hub does not say that it has let go.
@@ -202,7 +202,7 @@ class SpikeActuator(Actuator):
         return dict.fromkeys(self.joint_names, state.energised or state.holding)
 
     def disconnect(self) -> None:
-        """Closes the link; motors that were neither held nor released stop by the dead man's switch."""
+        """Close the link; motors that were neither held nor released stop by the dead man's switch."""
         with self._lock:
             self._enabled = False
             self._hub.close()
@@ -248,8 +248,8 @@ class SpikeActuator(Actuator):
     def _trip_text(self) -> str:
         return (
             f"{self._hub}: the hub stopped the motors by itself, because no command had come for "
-            f"{DEAD_MAN_S:g} s. Look whether the link is bad (come nearer) or the program that commands "
-            "hangs; then enable again"
+            f"{DEAD_MAN_S:g} s. Check the link (move closer) and the program that sends the commands, "
+            "then enable again"
         )
 
     def _remember(self, goal_rad: FloatArray, target_deg: Sequence[int]) -> None:

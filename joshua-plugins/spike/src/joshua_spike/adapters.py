@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 _REASONS = {
     BleakBluetoothNotAvailableReason.NO_BLUETOOTH: (
-        "this machine has no Bluetooth adapter that works",
-        "plug one in; bluetoothctl list shows those that the system knows",
+        "this machine has no working Bluetooth adapter",
+        "plug one in; run bluetoothctl list to see the adapters",
     ),
     BleakBluetoothNotAvailableReason.POWERED_OFF: (
         "Bluetooth is switched off",
-        "switch it on: bluetoothctl power on, and rfkill unblock bluetooth where it is blocked",
+        "switch it on: bluetoothctl power on, and rfkill unblock bluetooth if it is blocked",
     ),
 }
 _REASONS.update(
@@ -30,7 +30,7 @@ _REASONS.update(
             BleakBluetoothNotAvailableReason.DENIED_BY_UNKNOWN,
         ),
         (
-            "the system does not let this program use Bluetooth",
+            "the system does not permit this program to use Bluetooth",
             "allow it in the system's privacy settings, or join the group bluetooth",
         ),
     )
@@ -57,13 +57,13 @@ class Adapter:
     bumble: BumbleAdapter | None = None
 
     async def close(self) -> None:
-        """Closes what was opened."""
+        """Close what was opened."""
         if self.bumble is not None:
             await self.bumble.close()
 
 
 async def open_adapter(spec: str) -> Adapter:
-    """Opens an adapter by what ``BLE.adapter`` says. Raises AdapterUnusable."""
+    """Open an adapter by what ``BLE.adapter`` says. Raises AdapterUnusable."""
     if ":" not in spec:
         options = {"bluez": {"adapter": spec}} if spec else {}
         return Adapter(f"adapter {spec}" if spec else "the default adapter", options, dict(options))
@@ -91,10 +91,10 @@ async def open_adapter(spec: str) -> Adapter:
 
 
 def adapter_problem(adapter: str, error: Exception) -> AdapterUnusable | None:
-    """What an error of bleak says about the adapter; None where it says something else."""
+    """What an error of bleak says about the adapter; None if it says something else."""
     cause: tuple[str, str] | None = None
     if isinstance(error, BleakBluetoothNotAvailableError):
-        cause = _REASONS.get(error.reason, (str(error.args[0]), "look at bluetoothctl show"))
+        cause = _REASONS.get(error.reason, (str(error.args[0]), "run bluetoothctl show"))
     elif isinstance(error, BleakDBusError):
         name = str(error.dbus_error)
         if name.endswith(_DBUS_ABSENT):

@@ -54,7 +54,7 @@ class BumbleAdapter:
 
     @classmethod
     async def open(cls, spec: str) -> BumbleAdapter:
-        """Opens a transport such as ``tcp-client:127.0.0.1:4711``. Raises OSError, BleakError."""
+        """Open a transport such as ``tcp-client:127.0.0.1:4711``. Raises OSError, BleakError."""
         logging.getLogger("bumble").setLevel(logging.WARNING)  # else each packet is several lines of a log
         transport = await open_transport(spec)
         try:
@@ -70,7 +70,7 @@ class BumbleAdapter:
         return cls(transport, device)
 
     async def close(self) -> None:
-        """Switches the adapter off."""
+        """Switch the adapter off."""
         for connection in list(self.device.connections.values()):
             with contextlib.suppress(Exception):
                 await asyncio.wait_for(connection.disconnect(), DISCONNECT_TIMEOUT_S)
@@ -97,13 +97,13 @@ class BumbleScanner(BaseBleakScanner):
         self._active = scanning_mode == "active"
 
     async def start(self) -> None:
-        """Starts to listen."""
+        """Start to listen."""
         self.seen_devices = {}
         self.device.on(Device.EVENT_ADVERTISEMENT, self._on_advertisement)
         await _translated(self.device.start_scanning(active=self._active))
 
     async def stop(self) -> None:
-        """Ends it."""
+        """End it."""
         self.device.remove_listener(Device.EVENT_ADVERTISEMENT, self._on_advertisement)
         await _translated(self.device.stop_scanning())
 
@@ -151,7 +151,7 @@ class BumbleClient(BaseBleakClient):
         return self._connection is not None
 
     async def connect(self, pair: bool, **_: Any) -> None:
-        """Connects and looks at the services. Raises BleakError."""
+        """Connect and look at the services. Raises BleakError."""
         if pair:
             raise BleakError("this back end does not pair")
         connection = await _translated(self.device.connect(hci.Address(self.address), timeout=self._timeout))
@@ -168,7 +168,7 @@ class BumbleClient(BaseBleakClient):
             raise
 
     async def disconnect(self) -> None:
-        """Ends the link; a second call does nothing."""
+        """End the link; idempotent."""
         if self._connection is not None:
             with contextlib.suppress(BleakError):
                 await _translated(asyncio.wait_for(self._connection.disconnect(), DISCONNECT_TIMEOUT_S))
@@ -185,21 +185,21 @@ class BumbleClient(BaseBleakClient):
     async def read_gatt_char(
         self, characteristic: BleakGATTCharacteristic, *, use_cached: bool = False, **_: Any
     ) -> bytearray:
-        """Reads a value."""
+        """Read a value."""
         del use_cached
         return bytearray(await _translated(self._open_peer().read_value(characteristic.obj)))
 
     async def write_gatt_char(
         self, characteristic: BleakGATTCharacteristic, data: SizedBuffer, response: bool
     ) -> None:
-        """Writes a value."""
+        """Write a value."""
         peer = self._open_peer()
         await _translated(peer.write_value(characteristic.obj, bytes(data), with_response=response))
 
     async def start_notify(
         self, characteristic: BleakGATTCharacteristic, callback: Callable[[bytearray], None], **_: Any
     ) -> None:
-        """Subscribes to notifications."""
+        """Subscribe to notifications."""
 
         def on_value(value: bytes) -> None:
             callback(bytearray(value))
@@ -208,24 +208,24 @@ class BumbleClient(BaseBleakClient):
         await _translated(self._open_peer().subscribe(characteristic.obj, on_value))
 
     async def stop_notify(self, characteristic: BleakGATTCharacteristic) -> None:
-        """Ends the subscription."""
+        """End the subscription."""
         subscriber = self._subscribers.pop(characteristic.handle, None)
         await _translated(self._open_peer().unsubscribe(characteristic.obj, subscriber))
 
     async def read_gatt_descriptor(
         self, descriptor: BleakGATTDescriptor, *, use_cached: bool = False, **_: Any
     ) -> bytearray:
-        """Reads a descriptor."""
+        """Read a descriptor."""
         del use_cached
         return bytearray(await _translated(self._open_peer().read_value(descriptor.obj)))
 
     async def write_gatt_descriptor(self, descriptor: BleakGATTDescriptor, data: SizedBuffer) -> None:
-        """Writes a descriptor."""
+        """Write a descriptor."""
         await _translated(self._open_peer().write_value(descriptor.obj, bytes(data), with_response=True))
 
     def _open_peer(self) -> Peer:
         if self._peer is None:
-            raise BleakError("the link is gone")
+            raise BleakError("the link is closed")
         return self._peer
 
     async def _discover(self, peer: Peer) -> None:
@@ -256,7 +256,7 @@ class BumbleClient(BaseBleakClient):
 
 
 async def _translated(awaitable: Awaitable[T]) -> T:
-    """Awaits, and raises what bleak's own back ends raise."""
+    """Await, and raise what bleak's own back ends raise."""
     try:
         return await awaitable
     except ATT_Error as error:

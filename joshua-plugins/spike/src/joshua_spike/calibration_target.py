@@ -35,16 +35,16 @@ class SpikeCalibrationTarget(CalibrationTarget):
         return self._hub.is_open
 
     def connect(self) -> None:
-        """Finds the hub, starts its program, and checks that there are motors."""
+        """Find the hub, start its program, and check that there are motors."""
         self._hub.open()
         self._identity = f"ble:{self._hub.address}"
 
     def disconnect(self) -> None:
-        """Closes the link."""
+        """Close the link."""
         self._hub.close()
 
     def release(self) -> None:
-        """Takes torque off all motors; the hub says that it did."""
+        """Take torque off all motors; the hub says that it did."""
         self._hub.order("F")
 
     def raw_positions(self) -> tuple[int, ...]:

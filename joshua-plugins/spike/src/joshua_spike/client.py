@@ -71,7 +71,7 @@ class HubClient:
         return str(self._session.link) if self._session is not None else f"hub {self._settings.device_name!r}"
 
     def open(self, stopping: Callable[[], bool] = lambda: False) -> None:
-        """Finds the hub, starts its program, checks its motors. Raises DeviceError, Cancelled."""
+        """Find the hub, start its program, check its motors. Raises DeviceError, Cancelled."""
         settings = self._settings
         program = load_program()
         thread = LoopThread(f"hub {settings.device_name}")
@@ -107,7 +107,7 @@ class HubClient:
         self._seen = 0
 
     def close(self) -> None:
-        """Closes the link, the program on the hub goes on; a second call does nothing."""
+        """Close the link, the program on the hub goes on; idempotent."""
         thread, session = self._thread, self._session
         self._thread = self._session = None
         if thread is None or session is None:
@@ -128,7 +128,7 @@ class HubClient:
                 left_s = STATE_TIMEOUT_S - clock.now_s()
                 if left_s <= 0:
                     raise LinkLost(
-                        f"{self}: no state for {STATE_TIMEOUT_S:g} s, though the link stands. Come nearer; "
+                        f"{self}: no state for {STATE_TIMEOUT_S:g} s, although the link is up. Move closer; "
                         f"its dead man's switch stops the motors after {DEAD_MAN_S:g} s"
                     )
                 session.changed.wait(min(left_s, _LOOK_S))
@@ -145,10 +145,10 @@ class HubClient:
         try:
             return self._thread.run(session.order(kind), ORDER_TIMEOUT_S)
         except TimeoutError as error:
-            raise LinkLost(f"{self}: does not obey any more; come nearer") from error
+            raise LinkLost(f"{self}: no longer responds to commands; move closer") from error
 
     def follow(self, targets_deg: tuple[int, ...]) -> None:
-        """Sends targets soon; newer ones take their place. Raises LinkLost, ProgramFailed."""
+        """Send targets soon; newer ones take their place. Raises LinkLost, ProgramFailed."""
         session = self.session
         if session.end is not None:
             raise session.end

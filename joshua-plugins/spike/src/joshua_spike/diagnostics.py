@@ -48,9 +48,9 @@ def battery_row(state: HubState, status: Status, hardware_id: str) -> Diagnostic
     """The battery, by its voltage and by what the firmware says of it."""
     level, message = DiagnosticStatus.OK, "in order"
     if status & (Status.BATTERY_CRITICAL | Status.SHUTDOWN):
-        level, message = DiagnosticStatus.ERROR, "the hub switches itself off: charge it"
+        level, message = DiagnosticStatus.ERROR, "the hub is about to switch off: charge it"
     elif status & Status.BATTERY_HIGH_CURRENT:
-        level, message = DiagnosticStatus.WARN, "a high current flows: see what blocks a motor"
+        level, message = DiagnosticStatus.WARN, "the current is high: check whether a motor is blocked"
     elif status & Status.BATTERY_LOW or state.battery_mv < LOW_MV:
         level, message = DiagnosticStatus.WARN, "low: charge the hub soon"
     percent = _charge(state) * 100
@@ -89,7 +89,7 @@ def _charge(state: HubState) -> float:
 def link_row(counters: Counters, before: Counters, state: HubState, hardware_id: str) -> DiagnosticStatus:
     """The link since it was opened; losses since ``before`` are a warning."""
     worse = counters.lost > before.lost or counters.corrupt > before.corrupt
-    message = "lines were lost or broken since the last report: come nearer" if worse else "in order"
+    message = "lines were lost or damaged since the last report: move closer" if worse else "in order"
     return DiagnosticStatus(
         DiagnosticStatus.WARN if worse else DiagnosticStatus.OK,
         "link",

@@ -54,7 +54,7 @@ class HubState:
 
     @classmethod
     def of(cls, line: Line) -> HubState:
-        """Reads a line of kind S. Raises ValueError."""
+        """Read a line of kind S. Raises ValueError."""
         numbers = [int(word) for word in line.words]
         if len(numbers) < 3 or len(numbers) % 3:
             raise ValueError(f"a state has flags, errors, voltage and three numbers a motor: {line.words}")
@@ -84,7 +84,7 @@ class LineReader:
         self.corrupt = 0
 
     def feed(self, data: bytes) -> Iterable[Line | str]:
-        """Takes output; gives whole lines, those of another program or of an error as text."""
+        """Take output; give whole lines, those of another program or of an error as text."""
         *whole, self._buffer = (self._buffer + data).split(b"\n")
         self._buffer = self._buffer[-LONGEST_LINE:]
         for raw in whole:
@@ -100,7 +100,7 @@ class LineReader:
             yield Line(match[1].decode(), int(match[2], 16), words)
 
     def clear(self) -> None:
-        """Forgets an unfinished line."""
+        """Forget an unfinished line."""
         self._buffer = b""
 
 

@@ -85,7 +85,7 @@ class HubLink:
         return self._capabilities.max_write_size
 
     async def open(self) -> None:
-        """Finds the hub, connects, and looks at its firmware.
+        """Find the hub, connect, and look at its firmware.
 
         Raises:
             AdapterUnusable, HubNotFound, HubUnreachable, WrongFirmware: as they say.
@@ -104,15 +104,15 @@ class HubLink:
                     raise problem from error
                 if attempt == CONNECT_ATTEMPTS:
                     raise HubUnreachable(
-                        f"{self}: was heard, but {attempt} attempts to connect failed: "
-                        f"{error or type(error).__name__}. Come nearer, make sure that no other program or "
-                        "Pybricks Code is connected to it, or switch the hub off and on"
+                        f"{self}: was found, but {attempt} attempts to connect failed: "
+                        f"{error or type(error).__name__}. Move closer, make sure that no other program "
+                        "such as Pybricks Code is connected to it, or switch the hub off and on"
                     ) from error
             await asyncio.sleep(delay_s)
             delay_s *= 2
 
     async def close(self) -> None:
-        """Ends the link; a second call does nothing. The program on the hub goes on."""
+        """End the link; idempotent. The program on the hub goes on."""
         self._expects_program = False
         await self._drop()
         adapter, self._adapter = self._adapter, None
@@ -120,16 +120,16 @@ class HubLink:
             await adapter.close()
 
     async def command(self, data: bytes) -> None:
-        """Sends one command and waits for the hub's answer. Raises LinkLost, ProgramFailed."""
+        """Send one command and wait for the hub's answer. Raises LinkLost, ProgramFailed."""
         await self._write(data, response=True)
 
     async def say(self, line: Line) -> None:
-        """Sends a line to the program, without waiting. Raises LinkLost."""
+        """Send a line to the program, without waiting. Raises LinkLost."""
         for command in stdin_commands(line.encode(), self.max_write_size):
             await self._write(command, response=False)
 
     async def upload(self, blob: bytes) -> None:
-        """Stops what runs, puts a program into the hub and starts it. Raises LinkLost, ProgramFailed."""
+        """Stop what runs, put a program into the hub and start it. Raises LinkLost, ProgramFailed."""
         limit = self._capabilities.max_program_size
         if limit and len(blob) > limit:
             raise ProgramFailed(f"{self}: has room for programs of {limit} bytes; ours has {len(blob)}")
@@ -183,11 +183,11 @@ class HubLink:
     def _not_found(self, heard: list[str]) -> str:
         near = difflib.get_close_matches(self.device_name, heard, n=1)
         names = ", ".join(repr(name) for name in sorted(set(heard))) or "nothing"
-        text = f"{self}: does not advertise within {FIND_TIMEOUT_S:g} s; heard: {names}. "
+        text = f"{self}: not found within {FIND_TIMEOUT_S:g} s; found: {names}. "
         if near:
             return text + f"Write device_name: {near[0]!r}, if that is the hub"
         return text + (
-            "Switch the hub on and bring it near; a hub that is connected elsewhere, such as to Pybricks "
+            "Switch the hub on and move it closer; a hub that is connected elsewhere, such as to Pybricks "
             "Code in a browser or to another run, does not advertise: disconnect it there"
         )
 
@@ -206,7 +206,7 @@ class HubLink:
             found = ", ".join(service.description for service in client.services)
             await self._drop()
             raise WrongFirmware(
-                f"{self}: offers no Pybricks service, so that it runs LEGO's firmware or that of another "
+                f"{self}: offers no Pybricks service, so it runs LEGO's firmware or is another "
                 f"device; its services: {found}. Install Pybricks at https://code.pybricks.com (it can be "
                 "undone), or correct device_name"
             )
@@ -217,7 +217,7 @@ class HubLink:
         if not self._capabilities.features & MPY6_PROGRAMS:
             await self._drop()
             raise WrongFirmware(
-                f"{self}: runs a Pybricks that is too old for programs of .mpy version 6; update it to 3.3 "
+                f"{self}: runs a Pybricks version without support for .mpy version 6; update it to 3.3 "
                 "or newer at https://code.pybricks.com"
             )
         await client.start_notify(COMMAND_EVENT, lambda _, data: self._on_event(bytes(data)))
@@ -233,7 +233,7 @@ class HubLink:
     async def _write(self, data: bytes, *, response: bool) -> None:
         client = self._client
         if client is None:
-            raise LinkLost(f"{self}: the link is gone")
+            raise LinkLost(f"{self}: the link is closed")
         try:
             await asyncio.wait_for(
                 client.write_gatt_char(COMMAND_EVENT, data, response=response), COMMAND_TIMEOUT_S
@@ -259,7 +259,7 @@ class HubLink:
         while not reached():
             left_s = deadline_s - asyncio.get_running_loop().time()
             if self._client is None or left_s <= 0:
-                raise LinkLost(f"{self}: does not report its status any more; come nearer")
+                raise LinkLost(f"{self}: no longer reports its status; move closer")
             self._status_changed.clear()
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._status_changed.wait(), left_s)
@@ -285,7 +285,7 @@ class HubLink:
 
     def _program_failed(self, what: str) -> ProgramFailed:
         words = self.last_words()
-        said = f". It said:\n  {words}" if words else ", and it said nothing"
+        said = f". Its output:\n  {words}" if words else " without output"
         return ProgramFailed(
             f"{self}: the program on the hub {what}{said}\n  The motors are without torque. Somebody may "
             "have pressed the hub's button or unplugged a motor; put it right and start again"

@@ -25,7 +25,7 @@ class LoopThread:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, args=(self._loop,), name=self._name, daemon=True)
         self._thread.start()
@@ -36,10 +36,10 @@ class LoopThread:
         timeout_s: float,
         stopping: Callable[[], bool] = lambda: False,
     ) -> T:
-        """Waits for a coroutine; raises what it raises, TimeoutError when it takes longer.
+        """Wait for a coroutine; raise what it raises, TimeoutError when it takes longer.
 
         Args:
-            stopping: asked now and then; where it is true the wait ends with Cancelled.
+            stopping: polled; the wait ends when it returns true with Cancelled.
         """
         if self._loop is None:
             coroutine.close()
@@ -61,12 +61,12 @@ class LoopThread:
                 raise TimeoutError(f"no answer within {timeout_s:g} s") from error
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Calls a function on the loop, soon; nothing happens once the thread has ended."""
+        """Call a function on the loop, soon; nothing happens once the thread has ended."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(function, *arguments)
 
     def close(self) -> None:
-        """Ends what still runs on the loop, then the thread; a second call does nothing."""
+        """End what still runs on the loop, then the thread; idempotent."""
         loop, thread = self._loop, self._thread
         self._loop = self._thread = None
         if loop is None or thread is None:

@@ -7,7 +7,7 @@ from joshua.api import ActuatorSpec, PluginSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the driver of SPIKE hubs."""
+    """Name the driver of SPIKE hubs."""
     return [
         ActuatorSpec(
             block="spike_motor_config",

@@ -57,7 +57,7 @@ class Capabilities:
 
     @classmethod
     def parse(cls, data: bytes) -> Capabilities:
-        """Reads the characteristic; newer firmware adds bytes at its end. Raises ValueError."""
+        """Read the characteristic; newer firmware adds bytes at its end. Raises ValueError."""
         if len(data) < struct.calcsize("<HII"):
             raise ValueError(f"the hub's capabilities have {len(data)} bytes, at least 10 are expected")
         return cls(*struct.unpack_from("<HII", data))

@@ -96,7 +96,7 @@ class HubSession:
         self._closing = False
 
     async def open(self, program: HubProgram) -> None:
-        """Connects, uploads the program where another one runs, checks the motors, and starts to poll.
+        """Connect, upload the program where another one runs, check the motors, and start to poll.
 
         Raises:
             DeviceError: one of ``joshua_spike.errors``.
@@ -111,7 +111,7 @@ class HubSession:
         self._pump = asyncio.ensure_future(self._run())
 
     async def close(self) -> None:
-        """Ends the conversation; a second call does nothing."""
+        """End the conversation; idempotent."""
         pump, self._pump = self._pump, None
         self._closing = True  # besides cancel, which wait_for before Python 3.12 may swallow
         if pump is not None:
@@ -126,16 +126,16 @@ class HubSession:
             self._targets = None
         line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_ATTEMPTS)
         if line is None:
-            raise self.end or LinkLost(f"{self.link}: does not obey any more; come nearer")
+            raise self.end or LinkLost(f"{self.link}: no longer responds to commands; move closer")
         return HubState.of(line)
 
     def follow(self, targets_deg: tuple[int, ...]) -> None:
-        """Sends targets as soon as the link can carry them; newer ones take their place."""
+        """Send targets as soon as the link can carry them; newer ones take their place."""
         self._targets = targets_deg
         self._wake.set()
 
     async def _identity(self) -> str:
-        """Identity of the program that runs; "" where it is none of ours."""
+        """Identity of the program that runs; "" if it is none of ours."""
         answer = await self._ask(Line("?", 0), "R", HELLO_TIMEOUT_S, 2)
         return answer.words[0] if answer is not None and answer.words else ""
 
@@ -149,7 +149,7 @@ class HubSession:
         except asyncio.TimeoutError:
             words = self.link.last_words() or "nothing"
             raise ProgramFailed(
-                f"{self.link}: the program was uploaded and does not get ready; it said:\n  {words}"
+                f"{self.link}: the uploaded program does not become ready; its output:\n  {words}"
                 "\n  Update the hub's firmware at https://code.pybricks.com, and switch the hub off and on"
             ) from None
         finally:
@@ -159,7 +159,7 @@ class HubSession:
         words = (*self._dead_man, self._ports)
         answer = await self._ask(Line("C", 0, words), "M", 1.0, ORDER_ATTEMPTS)
         if answer is None:
-            raise self.end or LinkLost(f"{self.link}: its program does not answer; come nearer")
+            raise self.end or LinkLost(f"{self.link}: its program does not answer; move closer")
         problems = []
         for word in answer.words:
             port, _, device = word.partition(":")
@@ -167,7 +167,7 @@ class HubSession:
                 problems.append(f"port {port}: nothing is plugged in")
             elif device.startswith("-"):
                 name = OTHER_DEVICES.get(int(device[1:]), f"a device of type {device[1:]}")
-                problems.append(f"port {port}: a {name} is plugged in, which is no motor")
+                problems.append(f"port {port}: a {name} is plugged in, which is not a motor")
         if problems:
             found = ", ".join(word.replace(":-", ":") for word in answer.words)
             raise MotorCheckFailed(
@@ -183,7 +183,7 @@ class HubSession:
             )
 
     async def _ask(self, line: Line, answer: str, timeout_s: float, attempts: int) -> Line | None:
-        """Sends a line until its answer comes; None where none does."""
+        """Send a line until its answer comes; None if none does."""
         for _ in range(attempts):
             if self.end is not None:
                 return None
@@ -201,7 +201,7 @@ class HubSession:
         return None
 
     async def _run(self) -> None:
-        """Sends lines one after the other, until it is cancelled or the link ends."""
+        """Send lines one after the other, until it is cancelled or the link ends."""
         try:
             while self.end is None and not self._closing:
                 line, wait_s = self._next_line()

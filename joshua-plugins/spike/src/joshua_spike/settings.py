@@ -32,7 +32,7 @@ class SpikeSettings(ActuatorSettings):
         adapter: "" for the system's default, ``hci1`` for another one of the system, or a transport of
             bumble such as ``tcp-client:127.0.0.1:4711``.
         port_names: letters of the hub's ports, in joint order.
-        calibration: None where the motors are not calibrated; motor ids are places of ports, A is 1.
+        calibration: None if the motors are not calibrated; motor ids are places of ports, A is 1.
     """
 
     device_name: Annotated[str, FromField("comm.ble.device_name")]
@@ -45,7 +45,7 @@ class SpikeSettings(ActuatorSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the calibration of the motors; an empty service means Pybricks' own."""
+        """Add the calibration of the motors; an empty service means Pybricks' own."""
         result = super().si_values(values, node, context)
         if not result.get("service_uuid"):
             result["service_uuid"] = SERVICE
@@ -72,7 +72,7 @@ class SpikeSettings(ActuatorSettings):
         if self.service_uuid.lower() != SERVICE:
             raise FieldError(
                 "comm.ble.service_uuid",
-                "the driver speaks to the service of the Pybricks firmware alone",
+                "the driver supports only the service of the Pybricks firmware",
                 allowed=(f'"{SERVICE}"',),
                 remedy="leave service_uuid out",
             )
@@ -85,7 +85,7 @@ class SpikeSettings(ActuatorSettings):
                 free = [letter for letter in PORTS if letter not in self.port_names]
                 raise FieldError(
                     "port_names",
-                    f"port {port} stands there twice; a port carries one motor",
+                    f"port {port} is listed twice; each port has one motor",
                     allowed=tuple(free),
                     remedy="name each port once",
                 )
@@ -112,7 +112,7 @@ class SpikeSettings(ActuatorSettings):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of port_names: the calibration's, else ``joint_<port>``."""
+        """Name of the joints in the order of port_names: the calibration's, else ``joint_<port>``."""
         motors = [(port, self.motor(port)) for port in self.port_names]
         return tuple(motor.joint_name if motor else f"joint_{port.lower()}" for port, motor in motors)
 

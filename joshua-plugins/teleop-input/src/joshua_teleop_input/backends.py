@@ -19,7 +19,7 @@ def prefers_sdl(device: str) -> bool:
 
 
 def sdl_instead(settings: GamepadSettings, reason: NoGamepadError) -> tuple[SdlPad, str]:
-    """Tries SDL where the kernel's devices cannot be used.
+    """Try SDL where the kernel's devices cannot be used.
 
     Returns:
         The gamepad, and what the user should know.
@@ -35,4 +35,4 @@ def sdl_instead(settings: GamepadSettings, reason: NoGamepadError) -> tuple[SdlP
         pad = SdlPad(settings)
     except NoGamepadError:
         raise reason from None
-    return pad, f"{pad.name} is read by SDL, because the kernel's devices could not be used: {reason}"
+    return pad, f"{pad.name} uses SDL, because the kernel's devices are not usable: {reason}"

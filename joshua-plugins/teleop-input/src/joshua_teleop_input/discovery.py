@@ -35,16 +35,16 @@ class EventDevice(Protocol):
     silence_limit_s: float | None
 
     def grab(self) -> None:
-        """Takes the device for this process alone."""
+        """Take the device for this process alone."""
 
     def read(self, timeout_s: float) -> list[InputEvent]:
-        """Waits for records."""
+        """Wait for records."""
 
     def resynchronise(self) -> Capabilities:
         """Where everything stands now, after records were lost. Raises DeviceDisconnected."""
 
     def close(self) -> None:
-        """Closes the device; a second call does nothing."""
+        """Close the device; idempotent."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Found:
 
 
 def find_devices(folder: Path) -> list[Found]:
-    """Looks at every input device of this machine, in the order of their numbers."""
+    """Look at every input device of this machine, in the order of their numbers."""
     paths = sorted(folder.glob("event*"), key=lambda path: (len(path.name), path.name))
     return [_look_at(str(path)) for path in paths]
 
@@ -78,7 +78,7 @@ def _look_at(path: str) -> Found:
 
 
 def open_gamepad(wanted: str, folder: Path = DEVICE_FOLDER) -> EventDevice:
-    """Opens the gamepad that a file means and takes it for this process alone.
+    """Open the gamepad that a file means and take it for this process alone.
 
     Args:
         wanted: path of a device or a socket, part of a name in whatever case, or "" for the first one.
@@ -125,5 +125,5 @@ def find_by_name(wanted: str, folder: Path) -> str:
             "by this user: add the user to the group input (sudo usermod -aG input $USER, then log in again)"
         )
     raise NoGamepadError(
-        f"{what} is connected: plug it in or switch it on; joshua find-gamepads lists those that are seen"
+        f"{what} is connected: plug it in or switch it on; run joshua find-gamepads to list detected gamepads"
     )

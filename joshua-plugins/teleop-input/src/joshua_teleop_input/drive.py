@@ -67,7 +67,7 @@ class Drive:
         return list(self._deflection)
 
     def take(self, value: Value) -> bool:
-        """Takes a state of the device; returns whether something began, ended or turned round.
+        """Take a state of the device; return whether something began, ended or turned round.
 
         Args:
             value: of an axis, button or key by name.

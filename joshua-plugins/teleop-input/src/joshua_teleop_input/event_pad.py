@@ -33,7 +33,7 @@ class EventPad:
         self._first: list[PadState] = [self._tracker.state()]
 
     def read(self, timeout_s: float) -> list[PadState]:
-        """Waits for new states; silence of a sender that should show life makes one, too."""
+        """Wait for new states; silence of a sender that should show life makes one, too."""
         if self._first:
             states, self._first = self._first, []
             return states
@@ -61,7 +61,7 @@ class EventPad:
         return states
 
     def close(self) -> None:
-        """Closes the device; a second call does nothing."""
+        """Close the device; idempotent."""
         self._device.close()
 
     def _report(self) -> list[PadState]:

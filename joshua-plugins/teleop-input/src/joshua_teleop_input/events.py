@@ -68,7 +68,7 @@ class EventDecoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[InputEvent]:
-        """Takes bytes; returns the records that they complete."""
+        """Take bytes; return the records that they complete."""
         data = self._rest + data
         size = self._record.size
         whole = len(data) - len(data) % size

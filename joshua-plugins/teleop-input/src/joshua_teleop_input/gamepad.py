@@ -29,10 +29,10 @@ class Pad(Protocol):
     names: frozenset[str]
 
     def read(self, timeout_s: float) -> list[PadState]:
-        """Waits for new states. Raises DeviceDisconnected."""
+        """Wait for new states. Raises DeviceDisconnected."""
 
     def close(self) -> None:
-        """Closes the device; a second call does nothing."""
+        """Close the device; idempotent."""
 
 
 class Gamepad(Sensor):
@@ -69,7 +69,7 @@ class Gamepad(Sensor):
         return self._name
 
     def connect(self) -> None:
-        """Opens the device, and checks that it has what the file uses. Raises InputDeviceError."""
+        """Open the device, and check that it has what the file uses. Raises InputDeviceError."""
         self.disconnect()
         pad = self._open()
         missing = [name for name in self._used() if name not in pad.names]
@@ -83,7 +83,7 @@ class Gamepad(Sensor):
         self._pad, self._name, self._sequence = pad, pad.name, 0
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next state. Raises DeviceDisconnected."""
+        """Wait for the next state. Raises DeviceDisconnected."""
         self.require_connected("read")
         assert self._pad is not None
         end_s = time.monotonic() + timeout_s
@@ -97,14 +97,14 @@ class Gamepad(Sensor):
         return reading
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes a Joy, in the order of ROS 2's game_controller_node."""
+        """Make a Joy, in the order of ROS 2's game_controller_node."""
         if type_name != JOY:
             raise InputDeviceError(f"a gamepad's state is no {type_name}: allowed is {JOY}")
         axes, buttons = joy_values(reading.data, self.settings.dead_zone)
         return message_class(JOY)(header(frame_id, reading.stamp_ns), axes, buttons)
 
     def disconnect(self) -> None:
-        """Closes the device; a second call does nothing."""
+        """Close the device; idempotent."""
         pad, self._pad = self._pad, None
         self._states.clear()
         if pad is not None:

@@ -48,7 +48,7 @@ class GamepadNode(InputNode):
         return self._gamepad
 
     def configure(self) -> None:
-        """Opens the device and declares topics. Raises DeviceError, TargetError."""
+        """Open the device and declare topics. Raises DeviceError, TargetError."""
         implementation, settings = load_implementation(self.context.spec, Gamepad)
         assert isinstance(settings, GamepadSettings)
         self._gamepad = implementation(settings, SensorContext(self.context.spec.facts_as(SensorFacts)))
@@ -63,7 +63,7 @@ class GamepadNode(InputNode):
             self.context.warn(self.gamepad.note)
 
     def activate(self) -> None:
-        """Starts the reader and says what moves what."""
+        """Start the reader and say what moves what."""
         if self._reader_runs:
             return
         self._reader_runs = True
@@ -73,17 +73,17 @@ class GamepadNode(InputNode):
         self.context.spawn_thread(self._read, name="gamepad")
 
     def deactivate(self) -> None:
-        """Stops whatever moves."""
+        """Stop whatever moves."""
         if self._drive is not None:
             self.release()
 
     def cleanup(self) -> None:
-        """Closes the device."""
+        """Close the device."""
         if self._gamepad is not None:
             self._gamepad.disconnect()
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
-        """Publishes the newest state; nothing while the device is lost."""
+        """Publish the newest state; nothing while the device is lost."""
         reading = self._reading
         if reading is None:
             return
@@ -97,7 +97,7 @@ class GamepadNode(InputNode):
         tried = (
             "moved in the test",
             True,
-            ", ".join(sorted(self._moved)) or "nothing: press and move what you use",
+            ", ".join(sorted(self._moved)) or "none: press the buttons and move the sticks that you use",
         )
         return [row, tried, *super().test_results()]
 
@@ -122,10 +122,10 @@ class GamepadNode(InputNode):
             self.take(state.value)
             return
         if self.release():
-            self.context.log.warning("the gamepad has gone silent: everything counts as released")
+            self.context.log.warning("the gamepad sends no data: all controls count as released")
 
     def _lose(self, error: DeviceDisconnected) -> None:
-        """Stops whatever moves, says so to those who hear the Joy, and lets them hear nothing more."""
+        """Stop whatever moves, says so to those who hear the Joy, and let them hear nothing more."""
         self.release()
         self._losses += 1
         if self._reading is not None:
@@ -133,15 +133,13 @@ class GamepadNode(InputNode):
             for publisher in self._joys:
                 self.publish_joy(publisher)
         self._reading = None
-        self.context.log.warning(
-            "the gamepad is lost, the arm holds: %s; looking for it until it is back", error
-        )
+        self.context.log.warning("gamepad disconnected; the arm holds: %s; searching until it is back", error)
 
     def _reconnect(self) -> None:
         wait_s = RECONNECT_FIRST_S
         said = ""
         while not self.context.stopping:
-            self.reads("the gamepad is lost")
+            self.reads("gamepad disconnected")
             self.gamepad.disconnect()
             if self._stopped_within(wait_s):
                 return
@@ -153,7 +151,7 @@ class GamepadNode(InputNode):
                 level("not back yet: %s", error)
                 said = str(error)
             else:
-                self.context.log.info("the gamepad is back: %s; switch driving on anew", self.gamepad.name)
+                self.context.log.info("gamepad reconnected: %s; switch driving on again", self.gamepad.name)
                 return
 
     def _stopped_within(self, duration_s: float) -> bool:

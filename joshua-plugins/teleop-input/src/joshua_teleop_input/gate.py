@@ -42,7 +42,7 @@ class Gate:
         return self._enabled
 
     def update(self, pressed: Pressed) -> None:
-        """Takes a state of a device that can be trusted."""
+        """Take a state of a device that can be trusted."""
         self._live = True
         if self._dead_man:
             down = pressed(self._dead_man)
@@ -55,12 +55,12 @@ class Gate:
             self._enable_was_up = not down
 
     def switch_off(self) -> None:
-        """Switches driving off; buttons that are held count only after they were released."""
+        """Switch driving off; buttons that are held count only after they were released."""
         self._enabled = self._dead_man_held = False
         self._dead_man_was_up = self._enable_was_up = False
 
     def close(self) -> None:
-        """Switches driving off: the device is lost, or cannot be trusted."""
+        """Switch driving off: the device is lost, or cannot be trusted."""
         self.switch_off()
         self._live = False
 

@@ -56,7 +56,7 @@ class InputNode(NodeBehaviour):
     def set_up(
         self, settings: InputSettings, gate: Gate, shape: Callable[[float], float], release: str
     ) -> None:
-        """Declares topics and prepares the drive. Raises DeviceError."""
+        """Declare topics and prepare the drive. Raises DeviceError."""
         spec = self.context.spec
         known = spec.facts_as(SensorFacts).joints
         self._refuse_unknown_joints(settings, [joint.name for joint in known])
@@ -86,10 +86,10 @@ class InputNode(NodeBehaviour):
         self._trouble = trouble
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
-        """Publishes the present state as a Joy."""
+        """Publish the present state as a Joy."""
 
     def take(self, value: Callable[[str], float]) -> None:
-        """Takes a state of the device, on the reader's thread."""
+        """Take a state of the device, on the reader's thread."""
         with self._lock:
             if self.drive.take(value):
                 self._command()
@@ -114,7 +114,7 @@ class InputNode(NodeBehaviour):
     def _tick(self) -> None:
         with self._lock:
             if time.monotonic() - self._read_s > READER_LIMIT_S and self.drive.release():
-                self.context.log.warning("nothing reads the device any more: everything counts as released")
+                self.context.log.warning("the device is not being read: all controls count as released")
             self._command()
 
     def _diagnostic_rows(self) -> list[DiagnosticStatus]:
@@ -127,7 +127,7 @@ class InputNode(NodeBehaviour):
         ]
 
     def _command(self) -> None:
-        """Sends the goals, where somebody drives; the lock is held."""
+        """Send the goals, where somebody drives; the lock is held."""
         goals = self.drive.command(time.monotonic())
         if goals is None or not self._commands:
             return
@@ -146,7 +146,7 @@ class InputNode(NodeBehaviour):
             missing = jog.missing() if first else []
         if missing:
             self.context.fail(
-                f"no joint is named {', '.join(missing)}: the state that is heard has "
+                f"no joint is named {', '.join(missing)}: the joint state received has "
                 f"{', '.join(nearest_first(missing[0], names)) or 'no joints'}; correct joint in controls"
             )
 
@@ -161,7 +161,7 @@ class InputNode(NodeBehaviour):
     # What the person sees.
 
     def _show(self) -> None:
-        """Shows the state in the status line, and a change of it in the log."""
+        """Show the state in the status line, and a change of it in the log."""
         with self._lock:
             drive, now_s = self.drive, time.monotonic()
             state = drive.gate.describe()
@@ -170,7 +170,7 @@ class InputNode(NodeBehaviour):
         if waits:
             self._waiting_since_s = self._waiting_since_s or now_s
             if now_s - self._waiting_since_s > 0.5:
-                state = "waits: no state of the arm comes"
+                state = "waits for a joint state of the arm"
         else:
             self._waiting_since_s = None
         if state != self._shown:

@@ -42,7 +42,7 @@ class Jog:
         return dict(self._goal)
 
     def observe(self, position_rad: Mapping[str, float], now_s: float) -> None:
-        """Takes where the joints are; ``now_s`` on the monotonic clock."""
+        """Take where the joints are; ``now_s`` on the monotonic clock."""
         for name, angle in position_rad.items():
             if name in self.joints and math.isfinite(angle):
                 self._position[name], self._observed_s[name] = angle, now_s
@@ -57,18 +57,18 @@ class Jog:
         return now_s - min(times_s, default=-math.inf) <= STATE_LIMIT_S
 
     def begin(self) -> None:
-        """Starts from where the joints are."""
+        """Start from where the joints are."""
         self._goal = {name: self._position[name] for name in self.joints}
         self._velocity = {}
         self._planned_until_s = None
 
     def end(self) -> None:
-        """Forgets the goals: the next ``begin`` starts from where the joints are then."""
+        """Forget the goals: the next ``begin`` starts from where the joints are then."""
         self._goal, self._velocity = {}, {}
         self._planned_until_s = None
 
     def advance(self, velocity_rad_s: Mapping[str, float], now_s: float) -> dict[str, float]:
-        """Moves the goals to where they shall be one period from now; returns them.
+        """Move the goals to where they shall be one period from now; return them.
 
         Calls between two periods, after a change of the input, move them by what is missing only.
         """

@@ -35,12 +35,12 @@ EVIOCGRAB = _request(1, 0x90, 4)
 
 
 def eviocgbit(event_type: int, size: int) -> int:
-    """Asks which codes of a type a device has."""
+    """Ask which codes of a type a device has."""
     return _request(2, 0x20 + event_type, size)
 
 
 def eviocgabs(axis: int) -> int:
-    """Asks for value and limits of an axis."""
+    """Ask for value and limits of an axis."""
     return _request(2, 0x40 + axis, _ABSINFO.size)
 
 
@@ -68,21 +68,20 @@ class KernelDevice:
             raise
 
     def grab(self) -> None:
-        """Takes the device for this process alone. Raises InputDeviceError."""
+        """Take the device for this process alone. Raises InputDeviceError."""
         try:
             fcntl.ioctl(self._descriptor, EVIOCGRAB, 1)
         except OSError as error:
             if error.errno == errno.EBUSY:
                 raise InputDeviceError(
-                    f"{self.capabilities.name} ({self.path}) is in use: another program has taken it for "
-                    "itself; "
-                    "end that program, such as a second run, Steam or a key mapper (sudo lsof "
+                    f"{self.capabilities.name} ({self.path}) is in use: another program uses it "
+                    "exclusively; close that program, such as a second run, Steam or a key mapper (sudo lsof "
                     f"{self.path} names it)"
                 ) from error
             raise DeviceDisconnected(f"{self.path} is gone: {error.strerror}") from error
 
     def read(self, timeout_s: float) -> list[InputEvent]:
-        """Waits for records. Raises DeviceDisconnected."""
+        """Wait for records. Raises DeviceDisconnected."""
         ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
         if not ready:
             return []
@@ -91,7 +90,9 @@ class KernelDevice:
         except BlockingIOError:
             return []
         except OSError as error:
-            raise DeviceDisconnected(f"{self.path} is gone: unplugged, or its battery is empty") from error
+            raise DeviceDisconnected(
+                f"{self.path} is disconnected: unplugged, or its battery is empty"
+            ) from error
         return self._decoder.feed(data)
 
     def resynchronise(self) -> Capabilities:
@@ -100,7 +101,7 @@ class KernelDevice:
         return self.capabilities
 
     def close(self) -> None:
-        """Closes the device; a second call does nothing."""
+        """Close the device; idempotent."""
         descriptor, self._descriptor = self._descriptor, -1
         if descriptor >= 0:
             with contextlib.suppress(OSError):
@@ -108,13 +109,11 @@ class KernelDevice:
 
 
 def open_device(path: str) -> int:
-    """Opens a device file for reading. Raises InputDeviceError."""
+    """Open a device file for reading. Raises InputDeviceError."""
     try:
         return os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except FileNotFoundError:
-        raise InputDeviceError(
-            f"there is no {path}; joshua find-gamepads lists those that are there"
-        ) from None
+        raise InputDeviceError(f"there is no {path}; run joshua find-gamepads to list the gamepads") from None
     except PermissionError:
         raise InputDeviceError(
             f"{path} may not be read by this user: add the user to the group input "
@@ -125,7 +124,7 @@ def open_device(path: str) -> int:
 
 
 def read_capabilities(descriptor: int, path: str) -> Capabilities:
-    """Asks a device what it has. Raises InputDeviceError, DeviceDisconnected."""
+    """Ask a device what it has. Raises InputDeviceError, DeviceDisconnected."""
     try:
         name = fcntl.ioctl(descriptor, EVIOCGNAME, bytes(_NAME_BYTES)).split(b"\0")[0]
         identity = _ID.unpack(fcntl.ioctl(descriptor, EVIOCGID, bytes(_ID.size)))
@@ -138,9 +137,9 @@ def read_capabilities(descriptor: int, path: str) -> Capabilities:
         }
     except OSError as error:
         if error.errno == errno.ENODEV:
-            raise DeviceDisconnected(f"{path} is gone: unplugged, or its battery is empty") from error
+            raise DeviceDisconnected(f"{path} is disconnected: unplugged, or its battery is empty") from error
         raise InputDeviceError(
-            f"{path} is no input device ({error.strerror}); joshua find-gamepads lists gamepads"
+            f"{path} is not an input device ({error.strerror}); joshua find-gamepads lists gamepads"
         ) from error
     return Capabilities(
         name.decode(errors="replace"), identity, keys=frozenset(keys), held=frozenset(held), axes=ranges

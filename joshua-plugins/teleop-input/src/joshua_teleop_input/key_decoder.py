@@ -67,7 +67,7 @@ class KeyDecoder:
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[KeyEvent]:
-        """Takes bytes; returns the events that they complete."""
+        """Take bytes; return the events that they complete."""
         data = self._rest + data
         events: list[KeyEvent] = []
         while data:
@@ -86,7 +86,7 @@ class KeyDecoder:
 
 
 def _next(data: bytes) -> tuple[int, list[KeyEvent]]:
-    """Bytes used by the first event, 0 where more are needed, and what they mean."""
+    """Bytes used by the first event, 0 if more are needed, and what they mean."""
     if data[0] != _ESCAPE:
         return _character(data)
     if len(data) == 1:

@@ -39,7 +39,7 @@ class KeyTerminal:
         self._reports = False
 
     def open(self) -> None:
-        """Takes the keys; nothing is shown of them. Raises InputDeviceError."""
+        """Take the keys; nothing is shown of them. Raises InputDeviceError."""
         try:
             self._descriptor = os.open(CONTROLLING_TERMINAL, os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
         except OSError as error:
@@ -61,7 +61,7 @@ class KeyTerminal:
             os.write(self._descriptor, _ON)
 
     def read(self, timeout_s: float) -> bytes:
-        """Waits for bytes; b"" when none came. Raises DeviceDisconnected."""
+        """Wait for bytes; b"" when none came. Raises DeviceDisconnected."""
         ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
         if not ready:
             return b""
@@ -70,11 +70,9 @@ class KeyTerminal:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise DeviceDisconnected(
-                "the terminal is gone: it was closed, or the connection to it broke"
-            ) from error
+            raise DeviceDisconnected("the terminal was closed or disconnected") from error
         if not data:
-            raise DeviceDisconnected("the terminal is gone: it was closed, or the connection to it broke")
+            raise DeviceDisconnected("the terminal was closed or disconnected")
         return data
 
     def interrupt(self) -> None:
@@ -82,7 +80,7 @@ class KeyTerminal:
         os.killpg(os.tcgetpgrp(self._descriptor), signal.SIGINT)
 
     def close(self) -> None:
-        """Gives the terminal back as it was; a second call does nothing."""
+        """Give the terminal back as it was; idempotent."""
         descriptor, self._descriptor = self._descriptor, -1
         if descriptor < 0:
             return
@@ -114,7 +112,7 @@ class KeyTerminal:
 
 
 def _set_attributes(descriptor: int, attributes: list[Any]) -> None:
-    """Changes the terminal; typed characters that nobody has read are dropped."""
+    """Change the terminal; typed characters that nobody has read are dropped."""
     former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
     try:
         termios.tcsetattr(descriptor, termios.TCSAFLUSH, attributes)

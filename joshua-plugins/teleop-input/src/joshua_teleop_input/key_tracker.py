@@ -22,7 +22,7 @@ class KeyTracker:
         self._heard_s = 0.0
 
     def take(self, event: KeyEvent, now_s: float) -> None:
-        """Takes an event."""
+        """Take an event."""
         self._heard_s = now_s
         if event.kind in (Kind.PRESS, Kind.REPEAT):
             self._held[event.identity] = (event.key, now_s)
@@ -32,7 +32,7 @@ class KeyTracker:
             self._held.clear()
 
     def held(self, now_s: float) -> frozenset[str]:
-        """Names of the keys that are held."""
+        """Name of the keys that are held."""
         if self.reports_releases:
             if now_s - self._heard_s > SILENCE_LIMIT_S:
                 self._held.clear()
@@ -42,5 +42,5 @@ class KeyTracker:
         return frozenset(name for name, _ in self._held.values())
 
     def release_all(self) -> None:
-        """Counts every key as released."""
+        """Count every key as released."""
         self._held.clear()

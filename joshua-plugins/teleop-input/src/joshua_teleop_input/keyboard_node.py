@@ -50,7 +50,7 @@ class KeyboardNode(InputNode):
         return self._settings
 
     def configure(self) -> None:
-        """Takes the terminal and declares topics. Raises InputDeviceError."""
+        """Take the terminal and declare topics. Raises InputDeviceError."""
         spec = self.context.spec
         settings = self._settings = load_target(spec.settings_type).model_validate(spec.settings)
         self._tracker = KeyTracker(settings.key_hold_s)
@@ -59,7 +59,7 @@ class KeyboardNode(InputNode):
         self._terminal.open()
 
     def activate(self) -> None:
-        """Starts the reader and says which key does what."""
+        """Start the reader and say which key does what."""
         if self._reader_runs:
             return
         self._reader_runs = True
@@ -67,12 +67,12 @@ class KeyboardNode(InputNode):
         self.context.spawn_thread(self._read, name="keyboard")
 
     def deactivate(self) -> None:
-        """Stops whatever moves."""
+        """Stop whatever moves."""
         if self._drive is not None:
             self.release()
 
     def cleanup(self) -> None:
-        """Gives the terminal back."""
+        """Give the terminal back."""
         self._terminal.close()
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
@@ -127,7 +127,7 @@ class KeyboardNode(InputNode):
             self._pass_on(now_s)
 
     def _guard_switch(self, event: KeyEvent, now_s: float) -> None:
-        """Lets a switch key that is held down switch off at once, and never on again by its repetition."""
+        """Let a switch key that is held down switch off at once, and never on again by its repetition."""
         if not self.settings.enable_key or event.key != canonical_key(self.settings.enable_key):
             return
         if not self._tracker.reports_releases:
@@ -155,6 +155,6 @@ class KeyboardNode(InputNode):
 
 
 def _names(settings: KeyboardSettings) -> list[str]:
-    """Names of all keys, in the order of the file."""
+    """Name of all keys, in the order of the file."""
     names = [name for control in settings.controls for name in (control.positive, control.negative) if name]
     return [*names, *(name for name in (settings.enable_key, settings.release_key) if name)]

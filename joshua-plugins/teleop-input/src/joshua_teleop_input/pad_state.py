@@ -23,7 +23,7 @@ class PadState:
     live: bool = True
 
     def value(self, name: str) -> float:
-        """The value of an axis, trigger or button; 0 where the device has none of that name."""
+        """The value of an axis, trigger or button; 0 if the device has none of that name."""
         return self.values.get(name, 0.0) if self.live else 0.0
 
     def pressed(self, name: str) -> bool:
@@ -44,13 +44,13 @@ class StateTracker:
         self.begin(device)
 
     def begin(self, device: Capabilities) -> None:
-        """Takes over where everything stands."""
+        """Take over where everything stands."""
         self._ranges = dict(device.axes)
         self._axes = {code: facts.value for code, facts in device.axes.items()}
         self._held = set(device.held)
 
     def take(self, event: InputEvent) -> None:
-        """Takes a record; what the device does not have is left out."""
+        """Take a record; what the device does not have is left out."""
         if event.type == EV_KEY:
             (self._held.add if event.value else self._held.discard)(event.code)
         elif event.type == EV_ABS and event.code in self._axes:

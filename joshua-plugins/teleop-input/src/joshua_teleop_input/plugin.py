@@ -9,7 +9,7 @@ _TYPES = ("sensor_msgs/msg/JointState", "sensor_msgs/msg/Joy")
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the gamepad and the keyboard."""
+    """Name the gamepad and the keyboard."""
     return [
         SensorSpec(
             block="gamepad_config",

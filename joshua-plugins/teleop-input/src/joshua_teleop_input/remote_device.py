@@ -71,14 +71,14 @@ class RemoteDevice:
         """Does nothing: the sender holds the device."""
 
     def read(self, timeout_s: float) -> list[InputEvent]:
-        """Waits for records. Raises DeviceDisconnected."""
+        """Wait for records. Raises DeviceDisconnected."""
         if self._events:
             events, self._events = self._events, []
             return events
         ready, _, _ = select.select([self._socket], [], [], timeout_s)
         if not ready:
             if self._awake.now_s() - self._heard_s > LOST_AFTER_S:
-                raise DeviceDisconnected(f"{self.path}: the sender shows no sign of life")
+                raise DeviceDisconnected(f"{self.path}: no data from the sender")
             return []
         try:
             data = self._socket.recv(4096)
@@ -92,11 +92,11 @@ class RemoteDevice:
         return self._decoder.feed(data)
 
     def resynchronise(self) -> Capabilities:
-        """Raises DeviceDisconnected: whoever connects anew is told where everything stands."""
+        """Raise DeviceDisconnected: whoever connects anew is told where everything stands."""
         raise DeviceDisconnected(f"{self.path}: the sender has lost records")
 
     def close(self) -> None:
-        """Ends the connection; a second call does nothing."""
+        """End the connection; idempotent."""
         with contextlib.suppress(OSError):
             self._socket.close()
 
@@ -110,7 +110,7 @@ class RemoteDevice:
         except OSError as error:
             raise InputDeviceError(
                 f"no gamepad is shared at {self.path} ({(error.strerror or str(error)).lower()}): "
-                "start joshua share-gamepad at the other end"
+                "start joshua share-gamepad on the other machine"
             ) from error
 
     def _read_header(self) -> Capabilities:
@@ -127,10 +127,10 @@ class RemoteDevice:
                 piece = b""
             except OSError as error:
                 raise InputDeviceError(
-                    f"{self.path}: the sender went away while connecting ({error})"
+                    f"{self.path}: the sender disconnected during the connection ({error})"
                 ) from error
             if not piece or late:
-                raise InputDeviceError(f"{self.path}: the sender does not say which gamepad it is")
+                raise InputDeviceError(f"{self.path}: the sender does not describe its gamepad")
             data += piece
         line, _, rest = data.partition(b"\n")
         self._events = self._decoder.feed(rest)
@@ -138,7 +138,7 @@ class RemoteDevice:
 
 
 def parse_header(line: bytes, path: str) -> Capabilities:
-    """Reads the first line of a stream. Raises InputDeviceError."""
+    """Read the first line of a stream. Raises InputDeviceError."""
     try:
         values: Any = json.loads(line)
         if values["format"] != FORMAT:
@@ -146,7 +146,7 @@ def parse_header(line: bytes, path: str) -> Capabilities:
         if values["version"] != VERSION:
             raise InputDeviceError(
                 f"{path}: the sender speaks version {values['version']} of the format and this side "
-                f"{VERSION}: install the same joshua-teleop-input at both ends"
+                f"{VERSION}: install the same joshua-teleop-input on both machines"
             )
         return Capabilities(
             str(values["name"])[:200],
@@ -160,8 +160,8 @@ def parse_header(line: bytes, path: str) -> Capabilities:
         )
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputDeviceError(
-            f"{path} is no shared gamepad: what it sends begins with {line[:40]!r}; "
-            "joshua share-gamepad is the program for the other end"
+            f"{path} is not a shared gamepad: its data begin with {line[:40]!r}; "
+            "joshua share-gamepad is the program for the other machine"
         ) from error
 
 

@@ -70,17 +70,17 @@ class SdlPad:
             raise self._problem
 
     def read(self, timeout_s: float) -> list[PadState]:
-        """Waits for a new state. Raises DeviceDisconnected."""
+        """Wait for a new state. Raises DeviceDisconnected."""
         try:
             state = self._states.get(timeout=timeout_s) if timeout_s > 0 else self._states.get_nowait()
         except queue.Empty:
             return []
         if state is None:
-            raise DeviceDisconnected(f"{self.name} is gone: unplugged, or its battery is empty")
+            raise DeviceDisconnected(f"{self.name} is disconnected: unplugged, or its battery is empty")
         return [state]
 
     def close(self) -> None:
-        """Closes the device and ends the thread; a second call does nothing."""
+        """Close the device and end the thread; idempotent."""
         self._closing.set()
         self._thread.join(_OPEN_TIMEOUT_S)
 
@@ -134,7 +134,7 @@ class SdlPad:
             )
         raise NoGamepadError(
             "no gamepad is connected: plug it in or switch it on; "
-            "joshua find-gamepads lists those that are seen"
+            "run joshua find-gamepads to list detected gamepads"
         )
 
     def _follow(self, pygame: Any, pad: Any) -> None:
@@ -163,7 +163,7 @@ def _values(pad: Any) -> dict[str, float]:
 
 
 def names_found() -> list[str]:
-    """Names of the gamepads that SDL sees; none where it is not installed."""
+    """Name of the gamepads that SDL sees; none where it is not installed."""
     for name, value in _SETTINGS.items():
         os.environ.setdefault(name, value)
     try:

@@ -62,7 +62,7 @@ class InputSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds what the node publishes and hears, and the joints that it reaches."""
+        """Add what the node publishes and hear, and the joints that it reaches."""
         return super().si_values(values, node, context) | {
             "joints": tuple(joint.name for joint in context.joints),
             "drives": JOINT_STATE in _types(getattr(node, "publishers", ())),
@@ -81,7 +81,7 @@ class InputSettings(BlockSettings):
         if self.drives and self.controls and not self.hears_state:
             yield FieldError(
                 "controls",
-                "a joint is moved from where it is, and the node does not hear where that is",
+                "the node moves joints from their present position, but it does not subscribe to their state",
                 remedy="add subscriptions { data_type: JOINT_STATE topic_name: … } with the topic that the "
                 "actuator publishes its state on",
             )
@@ -115,7 +115,7 @@ class GamepadSettings(InputSettings):
     mapping: tuple[MappingSettings, ...] = ()
 
     def problems(self) -> Iterator[FieldError]:
-        """Names that no gamepad has, and what all input devices share."""
+        """Name that no gamepad has, and what all input devices share."""
         for index, entry in enumerate(self.mapping):
             yield from self._mapping_problems(index, entry)
         names = (*STANDARD_NAMES, *(entry.name for entry in self.mapping))
@@ -167,14 +167,14 @@ class KeyboardSettings(InputSettings):
     release_key: str
 
     def problems(self) -> Iterator[FieldError]:
-        """Names that are no keys, keys that stand twice, and what all input devices share."""
+        """Name that are no keys, keys that stand twice, and what all input devices share."""
         used: dict[str, str] = {}
         for field, name in self._keys():
             key = canonical_key(name)
             if key is None:
                 yield FieldError(
                     field,
-                    f"{name!r} is no key",
+                    f"{name!r} is not a key",
                     allowed=("a single character", *nearest_first(name, NAMED_KEYS)),
                     remedy="write one character, or the name of a key",
                 )
@@ -182,8 +182,8 @@ class KeyboardSettings(InputSettings):
                 remedy = "take another key"
                 yield FieldError(field, f"{HELP_KEY} shows the help and cannot drive", remedy=remedy)
             elif key in used:
-                remedy = "take another key for one of them"
-                yield FieldError(field, f"the key {name} stands at {used[key]}, too", remedy=remedy)
+                remedy = "use another key for one of them"
+                yield FieldError(field, f"the key {name} is already used in {used[key]}", remedy=remedy)
             else:
                 used[key] = field
         yield from super().problems()

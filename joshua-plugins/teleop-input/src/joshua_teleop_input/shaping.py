@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def without_dead_zone(value: float, dead_zone: float) -> float:
-    """Leaves nothing of what lies in the dead zone, and stretches the rest, so that there is no step.
+    """Leave nothing of what lies in the dead zone, and stretch the rest, so that there is no step.
 
     Args:
         value: -1 to 1.
@@ -18,7 +18,7 @@ def without_dead_zone(value: float, dead_zone: float) -> float:
 
 
 def with_expo(value: float, expo: float) -> float:
-    """Makes the middle of the way gentler and leaves its end: a blend of straight line and cube.
+    """Make the middle of the way gentler and leave its end: a blend of straight line and cube.
 
     Args:
         value: -1 to 1.

@@ -79,13 +79,13 @@ class GamepadShare:
         return now
 
     def cut_off(self) -> None:
-        """Ends every connection."""
+        """End every connection."""
         for client in self._clients:
             client.close()
         self._clients.clear()
 
     def close(self) -> None:
-        """Ends everything; a second call does nothing."""
+        """End everything; idempotent."""
         self.cut_off()
         if self._listener.fileno() >= 0:
             self._listener.close()

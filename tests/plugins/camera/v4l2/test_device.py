@@ -70,9 +70,9 @@ def test_what_the_camera_does_not_keep_is_a_warning(devices: EmulatedDevices, fr
     devices.add(frame=frame)
     answer = read(devices, fields='brightness=300, contrast=7, exposure=9000, pixel_format="MJPG"')
     assert answer["warnings"] == [
-        "brightness 300 was asked for, the camera keeps 255 (allowed: 0 to 255)",
-        "contrast 7 was asked for, the camera has no such control",
-        "exposure 9000 was asked for, the camera keeps 2047 (allowed: 3 to 2047)",
+        "brightness 300was requested, the camera uses 255 (allowed: 0 to 255)",
+        "contrast 7was requested, but the camera has no such control",
+        "exposure 9000was requested, the camera uses 2047 (allowed: 3 to 2047)",
     ]
 
 
@@ -80,8 +80,8 @@ def test_another_pixel_format_and_rate_are_warnings(devices: EmulatedDevices, fr
     devices.add(modes=("YUYV 640 480 15",))
     answer = read(devices, count=4)
     assert answer["warnings"] == [
-        "pixel_format MJPG was asked for, the camera keeps YUYV",
-        "fps 30 was asked for, the camera keeps 15",
+        "pixel_format MJPGwas requested, the camera uses YUYV",
+        "fps 30was requested, the camera uses 15",
     ]
     assert not answer["jpeg"]
     assert answer["shape"] == [480, 640, 3]
@@ -108,7 +108,7 @@ def test_settings_that_are_not_kept_fail_a_test_run(devices: EmulatedDevices) ->
     node.cleanup()
     """
     answer = devices.run(body)
-    assert answer["table"][0] == "pixel_format MJPG was asked for, the camera keeps YUYV"
+    assert answer["table"][0] == "pixel_format MJPGwas requested, the camera uses YUYV"
     assert answer["rows"] == [["settings kept", False, "; ".join(answer["table"])]]
 
 
@@ -168,7 +168,7 @@ def test_no_permission(refusals: dict[str, str]) -> None:
 
 def test_a_busy_camera(refusals: dict[str, str]) -> None:
     assert refusals["busy"] == (
-        "/dev/video2 is in use by another process, perhaps another user's: end that program, or choose "
+        "/dev/video2 is in use by another process, possibly of another user: end that program, or choose "
         "another camera"
     )
 
@@ -224,7 +224,7 @@ def test_a_device_that_hangs_is_lost_and_can_be_closed_at_once(
     answer["threads"] = [t.name for t in threading.enumerate()]
     """
     answer = devices.run(body)
-    assert answer["lost"] == ("/dev/video0 has delivered nothing for 2 s: check cable, power and network")
+    assert answer["lost"] == ("/dev/video0 has delivered no picture for 2 s: check cable, power and network")
     assert answer["threads"] == ["MainThread"]
     assert "stream off" in devices.log()
 

@@ -25,7 +25,7 @@ Plug one in. If it is plugged in already:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua find-cameras``."""
+    """Add the options of ``joshua find-cameras``."""
     import argparse
 
     parser.add_argument(
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the list. Exit code 0; 4 where there is no camera, or where none of them gave a picture."""
+    """Print the list. Exit code 0; 4 where there is no camera, or where none of them gave a picture."""
     from joshua.tools import ExitCode
 
     from joshua_camera.survey import survey

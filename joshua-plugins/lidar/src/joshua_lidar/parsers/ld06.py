@@ -72,7 +72,7 @@ class Ld06Parser:
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Takes the next bytes."""
+        """Take the next bytes."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING

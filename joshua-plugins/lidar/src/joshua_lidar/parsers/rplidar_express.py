@@ -61,7 +61,7 @@ class _CapsuleParser:
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Takes the next bytes; the last capsule waits for the one after it."""
+        """Take the next bytes; the last capsule waits for the one after it."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING

@@ -32,7 +32,7 @@ class StandardParser:
         self._in_step = False
 
     def feed(self, data: bytes) -> Samples:
-        """Takes the next bytes."""
+        """Take the next bytes."""
         self._buffer += data
         nodes: list[npt.NDArray[np.uint8]] = []
         starts: list[npt.NDArray[np.int64]] = []
@@ -59,7 +59,7 @@ class StandardParser:
         return samples_of(angle, quarters * (MM / 4), (table[:, 0] >> 2).astype(float), start + LENGTH)
 
     def _find_step(self) -> bool:
-        """Drops bytes up to the first node of a good run; False where none can be told yet."""
+        """Drop bytes up to the first node of a good run; False if none can be told yet."""
         need = self._sync_run * LENGTH
         size = len(self._buffer)
         if size < need:

@@ -52,7 +52,7 @@ class YdlidarParser:
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Takes the next bytes."""
+        """Take the next bytes."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING

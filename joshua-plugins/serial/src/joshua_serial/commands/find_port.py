@@ -18,7 +18,7 @@ SUMMARY = "list the USB serial adapters of this machine and the motors that answ
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua find-port``."""
+    """Add the options of ``joshua find-port``."""
     import argparse
 
     parser.add_argument(
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
-    """Prints the ports. Exit code 0; 4 where there is none, or one that was named cannot be used.
+    """Print the ports. Exit code 0; 4 where there is none, or one that was named cannot be used.
 
     Args:
         device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
 
 
 def _look(entries: list[PortEntry], arguments: argparse.Namespace, device_root: str) -> list[PortSurvey]:
-    """Looks at the ports and prints each as soon as it is known."""
+    """Look at the ports and print each as soon as it is known."""
     from joshua_serial.ports.bus_plugins import installed_bus_tools
     from joshua_serial.ports.survey import survey
     from joshua_serial.ports.text import NOTHING, as_json, paragraph

@@ -19,7 +19,7 @@ CHECKS = (permissions.check, latency_timer.check, brltty.check, modem_manager.ch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that choose a port, and that write udev rules."""
+    """Add the options that choose a port, and that write udev rules."""
     parser.add_argument(
         "--port", dest="ports", metavar="PATH", action="append", default=[], help="look at this port only"
     )
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def begin(arguments: argparse.Namespace, host: Host) -> int | None:
-    """Refuses options that contradict each other; writes the udev rules in place of the checks."""
+    """Refuse options that contradict each other; write the udev rules in place of the checks."""
     if arguments.config and arguments.ports:
         sys.stderr.write(
             "joshua doctor: --config looks at the devices of the file, --port at a port: leave one out\n"

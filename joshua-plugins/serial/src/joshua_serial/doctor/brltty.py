@@ -18,7 +18,7 @@ REMEDY = (
 
 
 def check(host: Host) -> Iterator[Finding]:
-    """Looks for adapters without a port while brltty is there, and for those that it may take."""
+    """Look for adapters without a port while brltty is there, and for those that it may take."""
     if not _is_there(host):
         return
     with_port = {entry.place for entry in list_ports(str(host.root))}

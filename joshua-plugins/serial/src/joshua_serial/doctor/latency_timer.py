@@ -14,7 +14,7 @@ LONGEST_MS = 1
 
 
 def check(host: Host) -> Iterator[Finding]:
-    """Reads the timer of every port that has one; it delays each reply of a bus."""
+    """Read the timer of every port that has one; it delays each reply of a bus."""
     for entry in list_ports(str(host.root)):
         name = Path(entry.path).name
         file = f"sys/bus/usb-serial/devices/{name}/latency_timer"

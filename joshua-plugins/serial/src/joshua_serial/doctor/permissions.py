@@ -10,7 +10,7 @@ from joshua_serial.usb_ports import list_ports
 
 
 def check(host: Host) -> Iterator[Finding]:
-    """Compares owner, group and mode of each port with the user's session."""
+    """Compare owner, group and mode of each port with the user's session."""
     ports = list_ports(str(host.root))
     if not ports:
         yield Finding(Level.NOTE, "permissions", "USB serial ports", "there are none", "plug an adapter in")

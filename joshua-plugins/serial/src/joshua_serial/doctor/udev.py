@@ -71,7 +71,7 @@ def _plain(text: str) -> str:
 
 
 def install(text: str, path: Path) -> Path:
-    """Writes the rules into a file, or into a folder under the usual name; returns the file.
+    """Write the rules into a file, or into a folder under the usual name; return the file.
 
     Raises:
         NotOurs: another program's file is there.

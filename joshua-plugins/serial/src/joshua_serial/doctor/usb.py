@@ -13,7 +13,7 @@ MOST_HUBS = 2
 
 
 def check(host: Host) -> Iterator[Finding]:
-    """Counts the hubs between the computer and each adapter."""
+    """Count the hubs between the computer and each adapter."""
     for entry in list_ports(str(host.root)):
         hubs = entry.place.count(".")
         if hubs >= MOST_HUBS:

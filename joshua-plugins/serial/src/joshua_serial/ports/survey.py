@@ -27,7 +27,7 @@ class PortSurvey:
     """What is known about one port.
 
     Attributes:
-        problem: why it cannot be used, with what to do; "" where it can.
+        problem: why it cannot be used, with what to do; "" if it can.
         is_scanned: whether motors were looked for.
         motors: those that answer, with the configuration block of their family.
     """
@@ -45,7 +45,7 @@ def chosen_ports(paths: Iterable[str], device_root: str) -> list[PortEntry]:
 
 
 def survey(entries: Iterable[PortEntry], families: Families, device_root: str) -> Iterator[PortSurvey]:
-    """Looks at ports; with ``families`` every motor that answers is named, without them nothing is sent."""
+    """Look at ports; with ``families`` every motor that answers is named, without them nothing is sent."""
     for entry in entries:
         yield _scan(entry, families, device_root) if families else PortSurvey(entry, access_problem(entry))
 
@@ -77,7 +77,7 @@ def _scan(entry: PortEntry, families: Families, device_root: str) -> PortSurvey:
 
 
 def _motors(port: SerialPort, families: Families) -> Iterator[tuple[str, FoundMotor]]:
-    """Looks at the usual line speeds first: a bus of one family need not be searched for the others."""
+    """Look at the usual line speeds first: a bus of one family need not be searched for the others."""
     tools = {block: family(port) for block, family in families.items()}
     found = {block: list(item.scan(item.baudrates[:1])) for block, item in tools.items()}
     present = [block for block, motors in found.items() if motors]

@@ -71,7 +71,7 @@ def _volts(motors: Sequence[FoundMotor]) -> str:
 def remarks(motor: FoundMotor, tools: type[Any]) -> list[str]:
     """What is wrong with a motor, each with what to do."""
     if motor.shared:
-        return ["several motors answer: connect one alone and give it another id with joshua motors setup"]
+        return ["several motors answer: connect one alone and change its id with joshua motors setup"]
     found = [motor.status] if motor.status else []
     if motor.model not in tools.expected_models:
         found.append(f"is a {motor.model}, which this driver does not drive")

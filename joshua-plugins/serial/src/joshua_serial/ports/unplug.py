@@ -17,7 +17,7 @@ class NothingHappened(Exception):
 
 
 def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEntry:
-    """Asks for the plug to be pulled and put back; returns the adapter under its present name.
+    """Ask for the plug to be pulled and put back; return the adapter under its present name.
 
     Raises:
         NothingHappened: in time nothing changed, or it is not clear what did.
@@ -40,7 +40,7 @@ def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEn
 def _wait(
     holds: Callable[[Sequence[PortEntry]], bool], device_root: str, timeout_s: float, otherwise: str
 ) -> list[PortEntry]:
-    """Looks at the ports until something holds, and once more after a moment in which all may settle."""
+    """Look at the ports until something holds, and once more after a moment in which all may settle."""
     deadline_s = time.monotonic() + timeout_s
     while not holds(list_ports(device_root)):
         if time.monotonic() > deadline_s:

@@ -29,7 +29,7 @@ class Refused(Exception):
 
 
 def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> int:
-    """Writes the identities, and shows the change. Exit code 0; 2 and 4 where nothing was written."""
+    """Write the identities, and show the change. Exit code 0; 2 and 4 where nothing was written."""
     try:
         changed = _write(arguments, named, device_root)
     except Refused as error:
@@ -160,7 +160,7 @@ def _show(name: str, old: str, new: str) -> None:
 
 
 def _replace_all(loaded: LoadedConfig, texts: dict[str, str], values: dict[str, dict[str, str]]) -> None:
-    """Replaces the files, and reads them back; puts all of them back where anything is not as meant.
+    """Replace the files, and read them back; put all of them back where anything is not as meant.
 
     Raises Refused.
     """

@@ -11,7 +11,7 @@ SUMMARY = "list the motors of a bus, or give them ids and line speed one at a ti
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the subcommands."""
+    """Add the subcommands."""
     import argparse
 
     from joshua.tools import positive_seconds
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the chosen action."""
+    """Run the chosen action."""
     if arguments.motors_action == "list":
         from joshua_servo.motors import list_command
 

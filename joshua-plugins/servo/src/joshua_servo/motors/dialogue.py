@@ -27,10 +27,10 @@ class Dialogue(Protocol):
     """Whether a person says when to go on."""
 
     def say(self, text: str) -> None:
-        """Tells something."""
+        """Tell something."""
 
     def wait_for(self, request: str) -> None:
-        """Asks for something to be done and returns when it may have been. Raises NoAnswer."""
+        """Ask for something to be done and return when it may have been. Raises NoAnswer."""
 
 
 class TerminalDialogue:
@@ -39,17 +39,17 @@ class TerminalDialogue:
     asks = True
 
     def say(self, text: str) -> None:
-        """Prints a line."""
+        """Print a line."""
         sys.stdout.write(clean(text) + "\n")
         sys.stdout.flush()
 
     def wait_for(self, request: str) -> None:
-        """Asks, and waits for Enter. Raises NoAnswer at the end of the input."""
+        """Ask, and wait for Enter. Raises NoAnswer at the end of the input."""
         sys.stdout.write(f"{clean(request)}, then press Enter ")
         sys.stdout.flush()
         if not sys.stdin.readline():
             sys.stdout.write("\n")
-            raise NoAnswer("the input has ended: run it in a terminal, or without questions by --yes")
+            raise NoAnswer("the input has ended: run it in a terminal, or add --yes to skip the questions")
 
 
 class HandsFreeDialogue(TerminalDialogue):
@@ -67,18 +67,18 @@ class HandsFreeDialogue(TerminalDialogue):
         self._deadline_s = 0.0
 
     def wait_for(self, request: str) -> None:
-        """Says what is waited for, once; returns after a moment. Raises NoAnswer when it takes too long."""
+        """Say what is waited for, once; return after a moment. Raises NoAnswer when it takes too long."""
         if request != self._request:
             self._request, self._deadline_s = request, time.monotonic() + self._timeout_s
             self.say(f"{request} (waiting for at most {self._timeout_s:g} s)")
         elif time.monotonic() > self._deadline_s:
-            raise NoAnswer(f"nothing came within {self._timeout_s:g} s")
+            raise NoAnswer(f"no motor was found within {self._timeout_s:g} s")
         time.sleep(POLL_S)
 
 
 @contextlib.contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Lets a piece of work finish when Ctrl-C comes meanwhile; raises KeyboardInterrupt after it."""
+    """Let a piece of work finish when Ctrl-C comes meanwhile; raise KeyboardInterrupt after it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Gives the motors their ids. Exit code 0 when all answer; 2, 4 or 130 else."""
+    """Give the motors their ids. Exit code 0 when all answer; 2, 4 or 130 else."""
     families = installed_bus_tools()
     try:
         target = find_target(arguments, families)
@@ -62,7 +62,7 @@ def _say_how_to_go_on(procedure: SetupProcedure, target: Target, reason: str) ->
     lines = [f"joshua motors setup: {reason}", f"  done: {done}"]
     ids = ",".join(str(motor.motor_id) for motor in reversed(procedure.remaining))
     if ids:
-        lines.append(f"  go on with: joshua motors setup {target.option} --ids {ids}")
+        lines.append(f"  continue with: joshua motors setup {target.option} --ids {ids}")
     else:
-        lines.append("  every motor has its id; the chain was not looked at as a whole: joshua motors list")
+        lines.append("  every motor has its id; check the whole chain with joshua motors list")
     sys.stderr.write("\n".join(lines) + "\n")

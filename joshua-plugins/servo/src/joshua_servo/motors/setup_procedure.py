@@ -48,7 +48,7 @@ class SetupProcedure:
         )
 
     def run(self) -> None:
-        """Gives every motor its id, then checks the whole chain.
+        """Give every motor its id, then check the whole chain.
 
         Raises:
             NoAnswer: nobody connects what is asked for.
@@ -82,7 +82,7 @@ class SetupProcedure:
         return motor.baudrate == self._baudrate and not motor.shared and known
 
     def _give(self, wanted: WantedMotor, found: list[FoundMotor] | None) -> None:
-        """Waits until exactly one new motor is connected, and gives it an id."""
+        """Wait until exactly one new motor is connected, and give it an id."""
         request = f"connect only the motor of {wanted}"
         while True:
             if found is None:
@@ -96,9 +96,9 @@ class SetupProcedure:
             found = None
 
     def _problem(self, found: list[FoundMotor], wanted: WantedMotor) -> str:
-        """Why what is connected cannot be given an id; "" where it can."""
+        """Why what is connected cannot be given an id; "" if it can."""
         if not found:
-            return "no motor answers, at no line speed (is the supply on, and the cable in?)"
+            return "no motor answers at any line speed (is the supply on, and the cable in?)"
         listing = ", ".join(f"{motor} at {motor.baudrate} bit/s" for motor in found)
         if len(found) > 1 or found[0].shared:
             return f"several motors are connected, {listing}"
@@ -132,7 +132,7 @@ class SetupProcedure:
         return True
 
     def _check_chain(self) -> None:
-        """Looks at all motors on one cable."""
+        """Look at all motors on one cable."""
         if len(self._wanted) < 2:
             return
         request = "connect all motors in a chain"

@@ -44,7 +44,7 @@ class Target:
 
 
 def parse_ids(text: str) -> tuple[int, ...]:
-    """Reads ids such as ``1-6`` or ``1,2,5``. Raises ArgumentTypeError."""
+    """Read ids such as ``1-6`` or ``1,2,5``. Raises ArgumentTypeError."""
     ids: list[int] = []
     try:
         for part in text.split(","):
@@ -60,14 +60,14 @@ def parse_ids(text: str) -> tuple[int, ...]:
 def find_target(arguments: argparse.Namespace, families: Mapping[str, type[BusTools]]) -> Target:
     """The bus that the command line means. Raises TargetRefused."""
     if not families:
-        raise TargetRefused(f"no installed plugin drives a bus of motors: {install('joshua-sts3215')}")
+        raise TargetRefused(f"no installed plugin has a bus of motors: {install('joshua-sts3215')}")
     return _from_file(arguments, families) if arguments.config else _from_options(arguments, families)
 
 
 def _from_options(arguments: argparse.Namespace, families: Mapping[str, type[BusTools]]) -> Target:
     if not (arguments.port and arguments.ids):
         raise TargetRefused(
-            "say which motors: --config FILE [--node NAME], or --port PATH --ids 1-6 "
+            "name the motors: --config FILE [--node NAME], or --port PATH --ids 1-6 "
             "(joshua find-port lists ports)"
         )
     tools = families[_block(arguments.kind, families)]
@@ -105,7 +105,7 @@ def _from_file(arguments: argparse.Namespace, families: Mapping[str, type[BusToo
         else Endpoint(serial.port, serial.serial_number, serial.vid_pid)
     )
     if not (endpoint.path or endpoint.serial_number or endpoint.vid_pid):
-        raise TargetRefused(f"{name} names no serial port: add --port PATH (joshua find-port lists ports)")
+        raise TargetRefused(f"{name} has no serial port: add --port PATH (joshua find-port lists ports)")
     names = _joint_names(arguments.config, name)
     motors = [WantedMotor(number, names.get(number, f"joint_{number}")) for number in block.motor_ids]
     if arguments.ids:
@@ -152,7 +152,7 @@ def _chosen(arguments: argparse.Namespace, wanted: Mapping[str, Wanted]) -> Want
 
 
 def _joint_names(path: str, node: str) -> dict[int, str]:
-    """Names of the joints by id, where the file holds a calibration of the node."""
+    """Name of the joints by id, where the file holds a calibration of the node."""
     from joshua.tools import load
 
     arms = load(path).config.calibration.arms

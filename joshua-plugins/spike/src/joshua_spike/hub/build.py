@@ -20,7 +20,7 @@ def compile_program() -> bytes:
 
 
 def main() -> int:
-    """Writes the compiled program beside its source."""
+    """Write the compiled program beside its source."""
     COMPILED.write_bytes(compile_program())
     sys.stdout.write(f"{COMPILED}: {COMPILED.stat().st_size} bytes\n")
     return 0

@@ -28,7 +28,7 @@ _NOTICEABLE = 0.3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua find-gamepads``."""
+    """Add the options of ``joshua find-gamepads``."""
     import argparse
 
     parser.add_argument(
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the list or what is pressed. Exit code 0; 4 where there is no gamepad."""
+    """Print the list or what is pressed. Exit code 0; 4 where there is no gamepad."""
     from joshua.tools import ExitCode
 
     if arguments.watch is not None:
@@ -93,7 +93,7 @@ def _as_json(device: Found) -> dict[str, Any]:
 
 
 def _watch(wanted: str, duration_s: float | None) -> int:
-    """Shows presses, by our name and by the kernel's."""
+    """Show presses, by our name and by the kernel's."""
     from joshua.api import DeviceError
     from joshua.tools import ExitCode
 
@@ -106,7 +106,7 @@ def _watch(wanted: str, duration_s: float | None) -> int:
         sys.stderr.write(f"joshua find-gamepads: {error}\n")
         return ExitCode.HARDWARE
     sys.stdout.write(
-        f"{device.capabilities.name} ({device.path}); press what you want to know, Ctrl-C ends\n"
+        f"{device.capabilities.name} ({device.path}); press a control to see its name; stop with Ctrl-C\n"
     )
     try:
         _show_events(device, end_s)

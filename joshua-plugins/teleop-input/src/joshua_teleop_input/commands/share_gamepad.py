@@ -18,7 +18,7 @@ _RETRY_S = 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua share-gamepad``."""
+    """Add the options of ``joshua share-gamepad``."""
     parser.add_argument(
         "socket", metavar="SOCKET", type=Path, help="path of the socket to make, such as pad.sock"
     )
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Shares a gamepad until Ctrl-C. Exit code 0; 4 where there is none or the socket cannot be made."""
+    """Share a gamepad until Ctrl-C. Exit code 0; 4 where there is none or the socket cannot be made."""
     from joshua.tools import ExitCode
 
     from joshua_teleop_input.discovery import open_gamepad
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _share(share: GamepadShare, wanted: str, end_s: float) -> None:
-    """Shares the gamepad until it is lost, then waits a moment."""
+    """Share the gamepad until it is lost, then wait a moment."""
     from joshua.api import DeviceError
 
     from joshua_teleop_input.discovery import open_gamepad
@@ -79,6 +79,6 @@ def _share(share: GamepadShare, wanted: str, end_s: float) -> None:
         while time.monotonic() < end_s:
             now = share.serve(device, now)
     except DeviceError as error:
-        sys.stderr.write(f"joshua share-gamepad: {error}; looking for it until it is back\n")
+        sys.stderr.write(f"joshua share-gamepad: {error}; searching until it is back\n")
     finally:
         device.close()
