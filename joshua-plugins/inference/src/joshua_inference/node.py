@@ -60,7 +60,7 @@ SHOWN_S = 0.5
 HANG_MARGIN_S = 5.0
 
 #: Lower priority of the model than of the timer, and the longest time that it keeps the interpreter, seconds.
-_NICER = 5
+_NICER = 10
 _SWITCH_S = 0.001
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
@@ -269,7 +269,9 @@ class InferenceNode(NodeBehaviour):
     def _infer(self) -> None:
         """Runs the model until the stop; whatever it raises fails the node."""
         if hasattr(os, "setpriority"):  # of this thread, and of those that the model starts
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICER)
+            thread = threading.get_native_id()
+            nice = os.getpriority(os.PRIO_PROCESS, thread)
+            os.setpriority(os.PRIO_PROCESS, thread, min(19, nice + _NICER))
         while not self.context.stopping:
             if self._blocked():
                 time.sleep(BLOCKED_S)
