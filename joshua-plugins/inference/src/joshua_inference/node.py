@@ -243,8 +243,8 @@ class InferenceNode(NodeBehaviour):
 
     def deactivate(self) -> None:
         """Plays nothing any more."""
-        self._loop.clear(output=True)
         figures = self._loop.figures()
+        self._loop.clear(output=True)
         if self._runs and figures.chunks:
             self.context.log.info("%d chunks: %s", figures.chunks, figures)
         self._runs = False
