@@ -1,4 +1,7 @@
-"""Data sets at remotes: S3, Google Cloud Storage and the Hub on loopback, and any scheme of fsspec."""
+"""Data sets at remotes: S3, Google Cloud Storage and the Hub on loopback, and any scheme of fsspec.
+
+Why one file: its tests share three servers, which take seconds to start.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +10,25 @@ import errno
 import json
 import shutil
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
 import remotes
-from gcs_server import GcsServer
+from gcs_server import GcsServer, serving
 from hub_server import TOKEN, HubServer
+from joshua.plan import NodeKind, NodeSpec
+from joshua.testing.recording_context import RecordingContext
 from joshua_dataset.cloud import store as store_module
 from joshua_dataset.cloud.copies import SUMS, store_of
 from joshua_dataset.cloud.download import download
 from joshua_dataset.cloud.errors import RemoteError, StoppedError
 from joshua_dataset.cloud.ledger import names_of
+from joshua_dataset.cloud.node import tally_of
 from joshua_dataset.cloud.store import Tally
 from joshua_dataset.cloud.upload import upload
-from joshua_dataset.commands import dataset
+from joshua_dataset.commands import dataset, transfers
 from joshua_dataset.files import Files
 from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import LeRobotWriter
@@ -150,6 +157,22 @@ def test_an_upload_that_was_stopped_goes_on(remote: Remote, url: str, folder: Pa
     assert done.moved_files <= done.files - (3 if remote.url[:2] != "hf" else 0)
     if isinstance(remote.server, HubServer):
         assert len(remote.server.puts) == len(set(remote.server.puts))
+
+
+def test_a_large_file_that_was_stopped_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("joshua_dataset.cloud.bucket.PART", 5 << 20)  # the least that S3 takes
+    enlarge(folder, 22 << 20)
+    with remotes.s3() as remote:
+        use(remote, monkeypatch)
+        stopped = Tally(stopping=lambda: stopped.moved_bytes > 11 << 20)
+        with pytest.raises(StoppedError):
+            upload(folder, store_of("s3://bucket/large"), stopped, jobs=1)
+        again = Tally()
+        upload(folder, store_of("s3://bucket/large"), again)
+        assert again.moved_bytes < 12 << 20
+        assert again.done_bytes == again.bytes
+        sent = remote.server.get_object(Bucket="bucket", Key=f"large/{BIG}")["Body"].read()
+        assert sent == (folder / BIG).read_bytes()
 
 
 def test_a_download_that_was_stopped_goes_on(
@@ -370,4 +393,63 @@ def test_a_scheme_whose_library_is_missing(
     monkeypatch.setattr("joshua_dataset.cloud.address.find_spec", lambda name: None)
     for scheme, path in (("s3", "b/x"), ("gs", "b/x"), ("hf", "datasets/me/x")):
         assert run("upload", str(folder), f"{scheme}://{path}") == 3
-        assert f"pip install 'joshua-dataset[{scheme}]'" in capsys.readouterr().err
+        error = capsys.readouterr().err
+        assert f"{scheme}:// needs " in error
+        assert f"dataset[{scheme}]'" in error
+
+
+class _Expired(BaseHTTPRequestHandler):
+    """An S3 that finds every token expired."""
+
+    def do_GET(self) -> None:
+        body = b"<Error><Code>ExpiredToken</Code><Message>The provided token has expired.</Message></Error>"
+        self.send_response(400)
+        self.send_header("Content-Type", "application/xml")
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: Any) -> None:
+        """Keep the terminal clean."""
+
+
+def test_a_token_that_has_expired(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _Expired)
+    keys = {"AWS_ACCESS_KEY_ID": "testing", "AWS_SECRET_ACCESS_KEY": SECRET, "AWS_SESSION_TOKEN": SECRET}
+    with serving(server):
+        endpoint = {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_address[1]}"}
+        for name, value in (remotes.NOWHERE | keys | endpoint).items():
+            monkeypatch.setenv(name, value)
+        assert run("upload", str(folder), "s3://bucket/x") == 1
+    error = capsys.readouterr().err
+    assert "s3://bucket/x refuses the credentials, which have expired: set AWS_ACCESS_KEY_ID" in error
+    assert SECRET not in error
+
+
+def test_ctrl_c_says_how_to_go_on(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(tally: Tally) -> None:
+        if tally.moved_files == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(transfers._Screen, "show", lambda self, tally: interrupted(tally))
+    monkeypatch.setattr(store_module, "REPORT_PERIOD_S", 0)
+    there = (tmp_path / "there").as_uri()
+    assert run("upload", str(folder), there, "--jobs", "1") == 130
+    expected = "upload: stopped. 3 of 10 files are complete. Run the same command again to go on from there\n"
+    assert capsys.readouterr().err == f"joshua dataset {expected}"
+
+
+def test_progress_reaches_the_run(folder: Path, tmp_path: Path) -> None:
+    store = "joshua_dataset.node:DataStore"
+    context = RecordingContext(
+        NodeSpec(name="data_store", kind=NodeKind.SERVICE, behaviour=store, implementation=store)
+    )
+    upload(folder, store_of((tmp_path / "there").as_uri()), tally_of(context, lambda: False))
+    progress = context.progresses["upload"]
+    assert (progress.current, progress.unit) == (progress.total, "MB")
+    assert progress.rate
+    assert progress.remaining_s == 0

@@ -106,12 +106,11 @@ class Address:
         return match["repo"], match["revision"], match["folder"] or ""
 
     @property
-    def missing(self) -> str:
-        """What is not installed and how to install it; "" where all is there."""
+    def missing(self) -> tuple[str, str]:
+        """Library that is not installed, and the extra that brings it; "" where all is there."""
         module, extra, _ = EXTRAS.get(self.scheme, ("fsspec", "cloud", ""))
-        if all(find_spec(name) is not None for name in {module, module if extra == "hf" else "fsspec"}):
-            return ""
-        return f"{self.scheme}:// needs {module}: pip install 'joshua-dataset[{extra}]'"
+        needed = (module,) if extra == "hf" else (module, "fsspec")
+        return ("", "") if all(find_spec(name) for name in needed) else (module, extra)
 
 
 def _others() -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import hashlib
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -131,18 +132,55 @@ class Bucket(Store):
                 self.relative_update(value - moved)
 
         options = {"chunksize": _part(item.digest.size)} if self._is_object_store else {}
-        if self.address.scheme == "s3":
-            options["max_concurrency"] = 1  # the files are sent side by side
+        place = self._at(item.name)
+        if self.address.scheme == "s3" and item.digest.size > PART:
+            return self._put_parts(item, place, tally)
         try:
             with self._translating(f"sending {item.name}"):
-                place = self._at(item.name)
                 if not self._is_object_store:  # which has no folders, and would make buckets
                     self._files.makedirs(self._files._parent(place), exist_ok=True)
                 self._files.put_file(str(item.path), place, callback=Counting(), **options)
         except RemoteError:
             tally.add(-moved)
             raise
-        tally.add(item.digest.size - moved)
+        return tally.add(item.digest.size - moved)
+
+    def _put_parts(self, item: Outgoing, place: str, tally: Tally) -> None:
+        """Send an object to S3 in parts; those that an earlier attempt, or run, has sent are left out."""
+        size, (bucket, key, _) = _part(item.digest.size), self._files.split_path(place)
+        moved, parts = 0, []
+        target = {"Bucket": bucket, "Key": key}
+        try:
+            with self._translating(f"sending {item.name}"), item.path.open("rb") as file:
+                target["UploadId"], there = self._begun(target)
+                for number in range(1, -(-item.digest.size // size) + 1):
+                    data = file.read(size)
+                    etag = f'"{hashlib.md5(data, usedforsecurity=False).hexdigest()}"'
+                    if there.get(number) == etag:
+                        tally.resume(len(data))
+                    else:
+                        sent = self._files.call_s3("upload_part", PartNumber=number, Body=data, **target)
+                        etag = sent["ETag"]
+                        tally.add(len(data))
+                    moved += len(data)
+                    parts.append({"PartNumber": number, "ETag": etag})
+                self._files.call_s3("complete_multipart_upload", MultipartUpload={"Parts": parts}, **target)
+        except RemoteError:
+            tally.resume(-moved)
+            raise
+
+    def _begun(self, target: dict[str, str]) -> tuple[str, dict[int, str]]:
+        """Number of an upload in parts that was begun before, or of a new one; ETags of its parts."""
+        with contextlib.suppress(PermissionError):  # to list such uploads is a right of its own
+            found = self._files.call_s3(
+                "list_multipart_uploads", Bucket=target["Bucket"], Prefix=target["Key"]
+            )
+            for upload in found.get("Uploads", ()):
+                if upload["Key"] == target["Key"]:
+                    number = upload["UploadId"]
+                    listed = self._files.call_s3("list_parts", **target, UploadId=number)
+                    return number, {part["PartNumber"]: part["ETag"] for part in listed.get("Parts", ())}
+        return self._files.call_s3("create_multipart_upload", **target)["UploadId"], {}
 
     def _look(self, name: str) -> RemoteFile:
         with self._translating(f"looking at {name}"):

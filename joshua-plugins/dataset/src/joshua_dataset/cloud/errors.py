@@ -134,8 +134,12 @@ def translated(error: BaseException, address: Address, doing: str) -> RemoteErro
 
 def require_library(address: Address) -> None:
     """Raise NotInstalledError where the library of a scheme is not installed."""
-    if address.missing:
-        raise NotInstalledError(address.missing)
+    library, extra = address.missing
+    if library:
+        from joshua.tools import install
+
+        how = install("joshua-dataset", extra)
+        raise NotInstalledError(f"{address.scheme}:// needs {library}, which is not installed: {how}")
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
