@@ -57,6 +57,7 @@ def test_each_side_lists_the_nodes_types_and_qos_of_the_other(dds_spec, opener, 
     eventually(lambda: "/left/ours" in peer.graph()["nodes"])
     eventually(lambda: peer.publishers("/left/state"))
     assert peer.graph()["topics"]["/left/state"] == [STRING]
+    assert peer.parameters("/left/ours") is None, "no parameter services over DDS, and that is known at once"
     (seen,) = peer.publishers("/left/state")
     assert seen == {
         "node": "/left/ours",

@@ -85,8 +85,8 @@ _LEASE_S = 3
 # A 640 × 480 image in 15 datagrams instead of 700: two thirds of its latency.
 _DATAGRAM_B = 65500
 _FRAGMENT_B = 65000
-# A writer holds this much for slow readers before it waits for them; the depth of KEEP_LAST lies below.
-_UNSENT_HIGH_MB = 64
+# A writer holds this much for slow readers before it waits or drops: 17 images of 640 × 480, 3 of 1080p.
+_UNSENT_HIGH_MB = 16
 # How long closing waits for a reader that does not answer.
 _LINGER_MS = 100
 

@@ -10,7 +10,7 @@ from cyclonedds.pub import DataWriter
 from joshua.api.transports import Buffer, Emit, Publisher, QosProfile, TransportError
 
 from joshua_dds import raw
-from joshua_dds.qos import endpoint_qos, keeps_until_taken
+from joshua_dds.qos import endpoint_qos
 
 if TYPE_CHECKING:
     from joshua_dds.transport import DdsNode
@@ -36,7 +36,7 @@ class DdsPublisher(Publisher):
     ) -> None:
         super().__init__(node, topic)
         self._home = home = node.home
-        self._drops_newest, self._dropped = keeps_until_taken(qos, type_name), 0
+        self._waits, self._dropped = qos.history == "KEEP_ALL", 0
         policies = endpoint_qos(qos, type_name, is_writer=True)
         with raw.READING_QOS:
             self.entity: Any = DataWriter(home.participant, home.topic(topic, type_name), qos=policies)
@@ -50,7 +50,7 @@ class DdsPublisher(Publisher):
                 raise TransportError(f"the publisher of {self.topic} is closed")
             if raw.write(self.entity, cdr):
                 return
-            if not self._drops_newest:
+            if self._waits:
                 self._write_late(cdr)
                 return
             self._dropped += 1
