@@ -160,9 +160,13 @@ def test_a_loss_that_is_no_number_stops_with_what_to_do() -> None:
     kept = made.snapshot()
     with torch.no_grad():
         made.policy.value_net.weight.fill_(float("inf"))
-    with pytest.raises((DivergedError, ValueError)):
+    with pytest.raises(DivergedError, match=r"is not a number after .* steps: lower learning_rate"):
         made.iterate()
     assert made.snapshot() is kept
+    with torch.no_grad():
+        made.policy.action_net.weight.fill_(float("nan"))
+    with pytest.raises(DivergedError, match="an action is not a number"):
+        made.iterate()
 
 
 def test_the_policy_of_a_checkpoint_acts_as_the_one_that_learned() -> None:

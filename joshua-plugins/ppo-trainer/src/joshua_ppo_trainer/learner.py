@@ -126,19 +126,25 @@ class Learner:
                 return None
         except Stopped:
             return None
+        except ValueError as error:  # torch's distributions refuse numbers that are none
+            if "constraint" not in str(error):
+                raise
+            raise self._diverged("an action") from error
         self._iterations += 1
         values = {name: float(value) for name, value in model.logger.name_to_value.items()}
         model.logger.name_to_value.clear()
         losses = [name for name, value in values.items() if "loss" in name and not np.isfinite(value)]
         if losses or not all(bool(torch.isfinite(weight).all()) for weight in model.policy.parameters()):
-            named = ", ".join(losses) or "a weight"
-            raise DivergedError(
-                f"{named} is not a number after {self.steps} steps: lower learning_rate, or raise "
-                "batch_size; the last checkpoint is from before"
-            )
+            raise self._diverged(", ".join(losses) or "a weight")
         self._snapshot = self._take()
         rate = (model.num_timesteps - before) / max(time.perf_counter() - begun_s, 1e-9)
         return self.metrics() | {"rate/steps_per_s": rate} | values
+
+    def _diverged(self, what: str) -> DivergedError:
+        return DivergedError(
+            f"{what} is not a number after {self.steps} steps: lower learning_rate, or raise batch_size; "
+            "the last checkpoint is from before"
+        )
 
     def snapshot(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """Weights, what training needs beside them, and the state, all after the last whole iteration."""

@@ -10,7 +10,7 @@ from typing import Any
 from joshua.api import NodeContext, Trainer
 from joshua.tools import load_target
 
-from joshua_ppo_trainer.run_folder import RunError, RunFolder, described
+from joshua_ppo_trainer.run_folder import LibraryMissing, RunError, RunFolder, described
 from joshua_ppo_trainer.settings import TrainerSettings
 
 #: How long a stop waits for the last checkpoint.
@@ -44,7 +44,7 @@ class PpoTrainer(Trainer):
             from joshua_ppo_trainer import checkpoint
             from joshua_ppo_trainer.learner import Learner
         except ImportError as error:
-            raise RunError(
+            raise LibraryMissing(
                 f"training requires {error.name}, which is not installed: "
                 "install joshua-ppo-trainer[learn] "
                 "(from a clone: ./run --with 'ppo-trainer[learn],mujoco-sim')"
@@ -137,6 +137,9 @@ class PpoTrainer(Trainer):
                 self.context.end_run(
                     f"{learner.steps} steps learned: {_shown(learner.metrics())}, {folder.path}"
                 )
+        except RunError:
+            self._save()  # the state before what failed
+            raise
         finally:
             board.close()
             self._ended.set()

@@ -26,6 +26,14 @@ RECORDED = (
 class RunError(Exception):
     """A run or a checkpoint cannot be used; the message says where, why and what to do."""
 
+    exit_code = 1
+
+
+class LibraryMissing(RunError):
+    """A library of the extra ``learn`` is not installed."""
+
+    exit_code = 3
+
 
 class RunFolder:
     """A folder with ``run.json``, ``metrics.jsonl``, ``tensorboard/`` and ``checkpoints/``.
@@ -67,7 +75,7 @@ class RunFolder:
         """
         if not (path / "run.json").is_file():
             raise RunError(
-                f"{path} is no run: it has no run.json; name the folder that the run logged at its start"
+                f"{path} is no run, because it has no run.json: name the folder that a run logs at its start"
             )
         return cls(path)
 
