@@ -161,3 +161,12 @@ def test_pictures_travel_as_jpeg_to_a_model_on_another_machine(robot: Any) -> No
     said = finding(result, "pictures-compressed").message
     assert said == "policy runs on another machine than camera_top: pictures travel as JPEG."
     assert policy(robot()).subscriptions[0].name == "/camera/top/image_raw"
+
+
+def test_fields_of_another_strategy_are_noted(robot: Any) -> None:
+    result = robot(entry="execution { ensemble_coefficient: 0.1 guidance_schedule: GUIDANCE_ONES }")
+    notes = [item for item in result.diagnostics if item.code == "field-unused"]
+    assert [(item.field_path.rpartition(".")[2], item.remedy) for item in notes] == [
+        ("ensemble_coefficient", "Remove it, or set strategy: TEMPORAL_ENSEMBLE."),
+        ("guidance_schedule", "Remove it, or set strategy: REAL_TIME_CHUNKING."),
+    ]

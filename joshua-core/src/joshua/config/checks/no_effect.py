@@ -37,6 +37,25 @@ def _belongs(field: str, value: str, test: Callable[[Any, int], bool]) -> _Unuse
     return _Unused(field, test, f"it belongs to {value}", f"Remove it, or set {value}")
 
 
+def _strategy(field: str, needed: int) -> _Unused:
+    value = f"strategy: {pb.ExecutionStrategy.Name(needed)}"
+    return _Unused(
+        field,
+        lambda block, _: block.strategy != needed,
+        f"it belongs to {value}",
+        f"Remove it, or set {value}",
+    )
+
+
+def _without_weights(field: str) -> _Unused:
+    return _Unused(
+        field,
+        lambda block, _: value_rule(pb.ModelType.DESCRIPTOR, block.model_type).weights == WEIGHTS_NONE,
+        "models of this type have no weights",
+        "Remove it, or choose another model_type",
+    )
+
+
 _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
     pb.QoSSettings: (
         _Unused(
@@ -47,12 +66,15 @@ _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
         ),
     ),
     pb.SingleModel: (
-        _Unused(
-            "pretrained_model_name_or_path",
-            lambda block, _: value_rule(pb.ModelType.DESCRIPTOR, block.model_type).weights == WEIGHTS_NONE,
-            "models of this type have no weights",
-            "Remove it, or choose another model_type",
-        ),
+        _without_weights("pretrained_model_name_or_path"),
+        _without_weights("compute"),
+        _without_weights("task"),
+    ),
+    pb.ModelExecution: (
+        _strategy("ensemble_coefficient", pb.TEMPORAL_ENSEMBLE),
+        _strategy("execution_horizon", pb.REAL_TIME_CHUNKING),
+        _strategy("max_guidance_weight", pb.REAL_TIME_CHUNKING),
+        _strategy("guidance_schedule", pb.REAL_TIME_CHUNKING),
     ),
     pb.DataStore: (
         _Unused(
