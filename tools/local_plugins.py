@@ -58,6 +58,13 @@ def closure(words: list[str]) -> dict[str, set[str]]:
     return found
 
 
+def left_out(found: dict[str, set[str]]) -> list[str]:
+    """What distributions need to work in full and do not bring, as ``tool.joshua.left-out`` of each says."""
+    folders = distributions()
+    tables = (_table(folders[name]).get("tool", {}).get("joshua", {}) for name in found)
+    return [table["left-out"] for table in tables if "left-out" in table]
+
+
 def _full_name(word: str, known: dict[str, Path]) -> str:
     name, _ = _parts(word)
     for full in (name, f"joshua-{name}"):
@@ -77,10 +84,12 @@ def _parts(requirement: str) -> tuple[str, set[str]]:
     return re.sub(r"[-_.]+", "-", match[1]).lower(), extras
 
 
+def _table(folder: Path) -> dict[str, Any]:
+    return tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
+
+
 def _project(folder: Path) -> dict[str, Any]:
-    project: dict[str, Any] = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))[
-        "project"
-    ]
+    project: dict[str, Any] = _table(folder)["project"]
     return project
 
 
@@ -93,6 +102,8 @@ def main(arguments: list[str]) -> int:
         sys.stderr.write(f"run: --with: {error}\n")
         return 2
     folders = distributions()
+    for line in left_out(found):
+        sys.stderr.write(f"run: {line}\n")
     for name, extras in found.items():
         suffix = f"[{','.join(sorted(extras))}]" if extras else ""
         sys.stdout.write(f"./{folders[name].relative_to(ROOT).as_posix()}{suffix}\n")

@@ -116,3 +116,12 @@ def test_a_stranger_s_package_of_our_name_does_not_get_in(
     assert set(ours) == set(local_plugins.closure(["sts3215", "lidar", "emulator"]))
     assert {url for url in ours.values() if not url.startswith("file://")} == set()
     assert [path for path in index.asked if "joshua" in path] == []
+
+
+def test_what_a_plugin_leaves_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert local_plugins.main(["smolvla"]) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("run: policies are checked, not run: LeRobot and PyTorch")
+    assert "tools/policies.sh makes it (1 to 9 GB)" in said
+    assert local_plugins.main(["sts3215"]) == 0
+    assert capsys.readouterr().err == ""

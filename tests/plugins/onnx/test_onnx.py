@@ -156,6 +156,6 @@ def test_export_without_pytorch_names_what_to_install(
     assert main(["policy", "export", str(tmp_path / "act"), str(tmp_path / "onnx")]) == 3
     said = capsys.readouterr().err
     assert "needs torch, which is not installed for" in said
-    assert "./run --with 'lerobot[policies]'" in said or "joshua-lerobot[policies]" in said
-    assert "It brings PyTorch, 1 to 9 GB" in said
+    assert "tools/policies.sh policies (PyTorch and LeRobot, 1 to 9 GB)" in said
+    assert 'python: "policies/bin/python"' in said
     assert json.loads((tmp_path / "act" / "config.json").read_text())["type"] == "act"

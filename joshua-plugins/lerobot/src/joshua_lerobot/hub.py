@@ -10,8 +10,6 @@ import os
 import sys
 from pathlib import Path
 
-from joshua.tools import install
-
 from joshua_lerobot.checkpoint import CONFIG, PICKLES, WEIGHTS, Checkpoint, CheckpointError, pickled
 
 #: All that is ever downloaded: no pickle, no code.
@@ -55,17 +53,16 @@ def fetch(name: str, revision: str = "") -> Path:
 
 
 def _download(name: str, revision: str, patterns: tuple[str, ...]) -> Path:
+    if not sys.stderr.isatty():
+        os.environ.setdefault("HF_HUB_DISABLE_PROGRESS_BARS", "1")  # read when the client is imported
     try:
         from huggingface_hub import snapshot_download
-        from huggingface_hub.utils import disable_progress_bars
     except ImportError as error:
         raise CheckpointError(
             f"{name} is on the Hugging Face hub, and huggingface-hub, which downloads from it, is not "
             "installed",
-            f"Install LeRobot with it: {install('joshua-lerobot', 'policies')}",
+            "Install it: pip install huggingface-hub",
         ) from error
-    if not sys.stderr.isatty():
-        disable_progress_bars()
     try:
         return Path(snapshot_download(name, revision=revision or None, allow_patterns=list(patterns)))
     except Exception as error:  # the client's errors differ between its versions

@@ -47,22 +47,29 @@ class LibraryMissing(ModelError):
     exit_code = 3
 
 
-def require(module: str, what: str, command: str = "") -> Any:
-    """Imports a module. Raises LibraryMissing with the command that installs it."""
-    command = command or install("joshua-lerobot", "policies")
+def environment() -> str:
+    """The remedy for a library that is missing: how to get what runs policies, and how to use it."""
+    command = install("joshua-lerobot", "policies")
+    root, in_clone, _ = command.partition("run --with")
+    command = f"{root}tools/policies.sh policies" if in_clone else command
+    return (
+        f"Make an environment that has it: {command} (PyTorch and LeRobot, 1 to 9 GB). Name its interpreter "
+        'in the node of the model: python: "policies/bin/python"'
+    )
+
+
+def require(module: str, what: str) -> Any:
+    """Imports a module. Raises LibraryMissing with the remedy."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         missing = error.name or module
         raise LibraryMissing(
-            f"{what} needs {missing}, which is not installed for {sys.executable}: "
-            f"{command}. It brings PyTorch, 1 to 9 GB. If it is installed in another environment, name its "
-            'interpreter in the node: python: "/path/to/bin/python"'
+            f"{what} needs {missing}, which is not installed for {sys.executable}. {environment()}"
         ) from error
     except (ImportError, OSError, RuntimeError) as error:
         raise LibraryMissing(
-            f"{what} needs {module}, which cannot be imported for {sys.executable}: {error}. "
-            f"Install versions that go together: {command}"
+            f"{what} needs {module}, which cannot be imported for {sys.executable}: {error}. {environment()}"
         ) from error
 
 

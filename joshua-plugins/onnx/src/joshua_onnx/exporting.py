@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from joshua.api.models import Compute
 from joshua.features import ACTION
-from joshua.tools import install
 from joshua_lerobot.checkpoint import (
     CONFIG,
     DATASET,
@@ -63,7 +62,7 @@ def export(folder: Path, target: Path) -> Iterator[str]:
         )
     check_weights(folder)
     prepare(Compute(device="cpu"))
-    require("onnx", "Exporting a policy", install("joshua-onnx", "export"))
+    require("onnx", "Exporting a policy")
     policy = _mlp(checkpoint) if is_mlp else _act(checkpoint)
     with tempfile.TemporaryDirectory(prefix="joshua-export-") as scratch:
         made = Path(scratch)

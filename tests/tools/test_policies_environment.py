@@ -1,0 +1,55 @@
+"""``tools/policies.sh`` installs the tested versions in their order, and this project from the clone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "tools" / "policies.sh"
+
+# Stands for Python: it logs what it is asked, and «makes» environments that hold a copy of itself.
+PYTHON = """#!/bin/sh
+printf '%s\\n' "$*" >>"$LOG"
+if [ "$2" = venv ]; then mkdir -p "$3/bin" && cp "$0" "$3/bin/python"; fi
+"""
+
+
+def run(folder: Path, *words: str, python: str = "") -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "LOG": str(folder / "log"), "PYTHON": python}
+    return subprocess.run(
+        [str(SCRIPT), *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_versions_and_plugins_are_installed_in_their_order(tmp_path: Path):
+    stand_in = tmp_path / "python"
+    stand_in.write_text(PYTHON)
+    stand_in.chmod(0o755)
+    done = run(tmp_path, "made", "--only-binary", "torch", python=str(stand_in))
+    assert done.returncode == 0, done.stderr
+    assert "1 GB for a processor, up to 9 GB for CUDA" in done.stderr
+    assert f'python: "{tmp_path}/made/bin/python"' in done.stderr
+    venv, torch, pins, ours = (tmp_path / "log").read_text().splitlines()
+    assert venv == "-m venv made"
+    assert torch == "-m pip install --quiet torch==2.13.0 --only-binary torch"
+    assert pins == f"-m pip install --quiet --no-deps -r {ROOT}/constraints-learn.txt"
+    assert ours.startswith(f"-m pip install --quiet --no-deps -e {ROOT}/joshua-core -e ")
+    assert ours.endswith("joshua-plugins/onnx")
+
+
+@pytest.mark.parametrize(
+    ("words", "python", "code", "said"),
+    [
+        ((), "", 2, "name the folder of the environment"),
+        (("--help",), "", 2, "next: tools/policies.sh policies"),
+        (("made",), "no-such-python", 3, "no-such-python is not installed, and the versions were tested on"),
+    ],
+)
+def test_what_is_missing_is_named(tmp_path: Path, words: tuple[str, ...], python: str, code: int, said: str):
+    done = run(tmp_path, *words, python=python)
+    assert done.returncode == code
+    assert said in done.stderr
