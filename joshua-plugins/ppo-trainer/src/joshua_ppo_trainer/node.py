@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from joshua.api import NodeContext, Trainer
+from joshua.api import FieldError, NodeContext, Trainer
 from joshua.tools import load_target
 
 from joshua_ppo_trainer.run_folder import LibraryMissing, RunError, RunFolder, described
@@ -51,6 +51,10 @@ class PpoTrainer(Trainer):
             ) from error
         torch.set_num_threads(1)  # small networks: more threads only wait for each other
         settings = self._settings = self._settings.suitable(chosen.environment_id)
+        try:
+            settings.check_batch()
+        except FieldError as error:  # known only here where the file names no environment
+            raise RunError(f"{error}: {error.remedy}") from error
         seed = 0 if chosen.seed is None else chosen.seed
         facts: dict[str, Any] = {
             "environment": chosen.environment_id,
@@ -198,7 +202,10 @@ def _policy_facts(chosen: Any, environment: Any) -> dict[str, Any]:
 
 
 #: Settings that a continued run may change.
-_FREE = {"total_timesteps", "checkpoint_steps", "physics_threads", "learning_rate", "environment"}
+_FREE = {
+    *("total_timesteps", "checkpoint_steps", "physics_threads", "learning_rate"),
+    *("environment", "environment_id"),
+}
 
 
 def _same(before: dict[str, Any], wanted: dict[str, Any]) -> None:

@@ -47,6 +47,7 @@ class TrainerSettings(BlockSettings):
     """What the file says of a training; None where it leaves a choice to the environment."""
 
     environment: str = ""
+    environment_id: str = ""
     algorithm: str = "PPO"
     num_envs: int = 1
     total_timesteps: int = 1
@@ -90,7 +91,8 @@ class TrainerSettings(BlockSettings):
         known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
         if block.get("resume_run"):
             known["resume_run"] = str(folder / block["resume_run"])
-        return known | {"environment": values["environment"] or ""}
+        own = {name: values[name] or "" for name in ("environment", "environment_id")}
+        return known | own
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -115,14 +117,20 @@ class TrainerSettings(BlockSettings):
                 "A run of SAC cannot be continued, because its checkpoints hold no replay buffer",
                 remedy="remove it, or train with PPO",
             )
-        if self.algorithm == "PPO" and self.n_steps and self.batch_size > self.n_steps * self.num_envs:
+        if self.environment_id or self.n_steps:
+            self.suitable(self.environment_id).check_batch()
+        return self
+
+    def check_batch(self) -> None:
+        """Refuses a mini-batch that never fills, once ``n_steps`` is known. Raises FieldError."""
+        collected = (self.n_steps or 0) * self.num_envs
+        if self.algorithm == "PPO" and self.batch_size > collected:
             raise FieldError(
                 "rl_config.batch_size",
                 f"A batch of {self.batch_size} samples is larger than what {self.num_envs} environments "
-                f"collect in {self.n_steps} steps, {self.n_steps * self.num_envs}",
+                f"collect in {self.n_steps} steps, {collected}",
                 remedy="make it smaller, or raise num_envs or n_steps",
             )
-        return self
 
     def suitable(self, environment_id: str) -> Self:
         """The settings with what suits an environment where they leave it open."""
