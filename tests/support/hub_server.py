@@ -141,7 +141,9 @@ class _Handler(BaseHTTPRequestHandler):
         url = f"http://{self.headers['Host']}/datasets/{name}"
         if name in self.server.repositories:
             return self._json({"error": "You already created this dataset repo", "url": url}, 409)
-        self.server.repositories[name] = Repository(wanted.get("visibility") == "private")
+        self.server.repositories[name] = Repository(
+            wanted.get("visibility") == "private" or bool(wanted.get("private"))  # of older clients
+        )
         return self._json({"url": url, "name": name, "id": "1"})
 
     def _batch(self, wanted: dict[str, Any]) -> None:

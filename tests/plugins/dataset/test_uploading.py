@@ -149,6 +149,17 @@ def test_a_recording_is_uploaded_at_its_end(joshua: JoshuaProgram, tmp_path: Pat
     assert Dataset.read(tmp_path / "waves").episodes == 4
 
 
+def test_ctrl_c_keeps_and_uploads_the_open_episode(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    fields = f'storage: STORAGE_CLOUD local_path: "waves" remote_url: "{there.as_uri()}"'
+    process = started(joshua, cell(tmp_path, f"{fields} auto_start: true"))
+    eventually(lambda: "frames: 0 " not in joshua("record", "status").stdout, "there are frames")
+    _, errors = joshua.stop(process)
+    assert process.returncode == 0, errors
+    assert f"uploading to {there.as_uri()}; press Ctrl-C again to leave it" in errors
+    assert Dataset.read(there).episodes == 1
+
+
 def started(joshua: JoshuaProgram, path: str) -> subprocess.Popen[str]:
     """A run that records its first episode."""
     process = joshua.start("--config", path)

@@ -435,8 +435,8 @@ class Recorder:
                         writer.end_episode(task, counts)
                         text = _kept(number, frames, length_s, counts, "messages" if self._raw else "frames")
                         self._message = text
+                        self.on_kept()  # before the answer, which ends the run
                         answer.set_result(text)
-                        self.on_kept()
                         return
                     self._say(f"episode {writer.episodes} has no frame and is not kept")
                     with self._lock:

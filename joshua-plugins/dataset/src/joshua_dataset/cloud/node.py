@@ -73,6 +73,7 @@ class Uploads:
         self._context, self._settings = context, settings
         self._store: Store | None = None
         self._news = threading.Event()
+        self._lock = threading.Lock()
         self._has_kept = False
 
     def configure(self) -> None:
@@ -121,7 +122,8 @@ class Uploads:
         from joshua_dataset.cloud.upload import upload
 
         assert self._store is not None
-        done = upload(Path(self._settings.folder), self._store, tally_of(self._context, stopping))
+        with self._lock:  # the thread of the last episode may still be at it
+            done = upload(Path(self._settings.folder), self._store, tally_of(self._context, stopping))
         self._context.log.info("%s", done)
 
 
