@@ -314,7 +314,9 @@ def test_episodes_can_start_anew_with_the_step_that_ended_them() -> None:
 def test_environments_go_on_from_a_snapshot_bit_for_bit(name: str) -> None:
     made = [TermVectorEnv(TASKS[name], 3, randomise=True, max_episode_steps=8) for _ in range(2)]
     chance = np.random.default_rng(0)
-    actions = chance.uniform(-1, 1, (30, *made[0].action_space.shape))
+    shape = made[0].action_space.shape
+    assert shape is not None
+    actions = chance.uniform(-1, 1, (30, *shape))
     made[0].reset(seed=3)
     for action in actions[:13]:
         made[0].step(action)
