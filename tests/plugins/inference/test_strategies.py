@@ -131,3 +131,9 @@ def test_the_speed_into_a_ramp_is_not_that_of_a_border():
     output.next(np.array([0.01]))
     output.next(np.array([1.0]), border=True)
     assert number(output.next(None)) == pytest.approx(1.0 + 0.01 * 0.64)
+
+
+@given(dues=st.lists(st.floats(-2, 2), min_size=1, max_size=20))
+def test_an_action_within_the_limit_is_published_as_it_is(dues: list[float]):
+    output = Output(0.02, Execution())
+    assert [number(output.next(np.array([due]))) for due in dues] == dues

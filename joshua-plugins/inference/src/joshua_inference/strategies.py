@@ -190,6 +190,7 @@ class Output:
 
     def _limited(self, wanted: FloatArray) -> FloatArray:
         if self.last is not None:
-            wanted = self.last + np.clip(wanted - self.last, -self._most, self._most)
+            limited = self.last + np.clip(wanted - self.last, -self._most, self._most)
+            wanted = np.where(np.abs(wanted - self.last) <= self._most, wanted, limited)
         self.last = wanted
         return wanted
