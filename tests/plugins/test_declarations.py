@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 import pytest
-from joshua.plugins import ActuatorSpec, PluginStatus, SensorSpec, load_registry
+from joshua.plugins import ActuatorSpec, ModelSpec, PluginStatus, SensorSpec, load_registry
 from joshua.plugins.targets import check_targets
 
 DECLARED = [
@@ -19,6 +19,9 @@ DECLARED = [
     ("lidar", SensorSpec, "lidar_config", "PERCEPTION_LIDAR"),
     ("teleop-input", SensorSpec, "gamepad_config", "PERCEPTION_GAMEPAD"),
     ("teleop-input", SensorSpec, "keyboard_config", "PERCEPTION_KEYBOARD"),
+    ("lerobot", ModelSpec, "joshua.LeRobotPolicy", "MODEL_PLUGIN"),
+    ("smolvla", ModelSpec, "smolvla_config", "SMOLVLA"),
+    ("onnx", ModelSpec, "joshua.OnnxPolicy", "MODEL_PLUGIN"),
 ]
 DRIVERS = {
     *(
@@ -33,6 +36,7 @@ DRIVERS = {
         "bumble",
         "pygame",
     ),
+    *("torch", "lerobot", "transformers", "huggingface_hub", "onnxruntime"),
     *("termios", "joshua_sts3215.actuator", "joshua_dynamixel.actuator", "joshua_spike.actuator"),
 }
 
