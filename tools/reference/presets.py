@@ -36,7 +36,7 @@ def preset_lines(preset: Preset) -> list[str]:
         preset.summary,
         "",
         f"- Needs: {needs}",
-        f"- Plugins: {preset.plugins or 'none'}",
+        f"- Plugins: {preset.plugins}",
         f"- Run: {code(preset.sections['Run'][0])}",
         f"- Change first: {change}",
         "",

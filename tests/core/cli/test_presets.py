@@ -40,13 +40,13 @@ def with_plugins(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 
 def test_each_preset_says_whether_its_plugins_are_there(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(Path(__file__).parents[3])
-    with_plugins(monkeypatch, "joshua-sts3215")
+    with_plugins(monkeypatch, "joshua-sts3215", "joshua-mock")
     names = ("teleop_so_arm100", "test_camera", "training_rl_isaac", "test_mock_hardware")
     arms, camera, isaac, mock = (read_preset(name) for name in names)
     assert command.needs(arms) == "needs joshua-sts3215 (installed)"
     assert command.needs(camera) == "needs joshua-camera (cannot run, not installed: joshua-camera)"
     assert command.needs(isaac).endswith("(cannot run, not available yet: joshua-isaac-trainer)")
-    assert command.needs(mock) == "needs no plugin"
+    assert command.needs(mock) == "needs joshua-mock (installed)"
     out = command.listing([arms, camera, isaac, mock], 120)
     assert "2 of 4 presets can run with the plugins that are installed." in out
     assert "install what is missing: ./run --with camera\n" in out
@@ -59,7 +59,7 @@ def test_the_plugins_that_are_installed_here_are_found():
 
 
 def test_an_optional_plugin_is_not_required(monkeypatch: pytest.MonkeyPatch):
-    with_plugins(monkeypatch, "joshua-mujoco-sim")
+    with_plugins(monkeypatch, "joshua-mujoco-sim", "joshua-mock")
     assert read_preset("teleop_so_arm100_camera").required == ("joshua-sts3215", "joshua-camera")
     out = command.listing([read_preset("sim_offscreen")], 120)
     assert "1 of 1 presets can run" in out
@@ -98,4 +98,4 @@ def test_sections_of_the_header_are_read_line_by_line():
     assert preset.plugins == "joshua-sts3215, joshua-camera, joshua-dataset (optional: will record)"
     assert preset.sections["Run"] == ("joshua --config teleop_so_arm100_camera.pbtxt",)
     assert len(preset.sections["Change"]) == 3
-    assert read_preset("test_mock_hardware").plugins == ""
+    assert read_preset("test_mock_hardware").plugins == "joshua-mock"

@@ -122,10 +122,10 @@ ai { models { model_type: RANDOM_NOISE node { node_name: "noise" node_id: 3
 
 def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     path = teleoperation(tmp_path)
-    before = examine(Request(path, blocked_plugins=("core",)))
+    before = examine(Request(path, blocked_plugins=("mock",)))
     assert ("plugin-missing", Severity.NOTE) in codes(before)
     assert not any(severity is Severity.ERROR for _, severity in codes(before))
-    launch = examine(Request(path, blocked_plugins=("core",), purpose=Purpose.LAUNCH))
+    launch = examine(Request(path, blocked_plugins=("mock",), purpose=Purpose.LAUNCH))
     assert ("plugin-missing", Severity.ERROR) in codes(launch)
     assert launch.plan is None
 
@@ -142,7 +142,7 @@ def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     ids=["limits", "unfit", "broken", "misspelt", "training"],
 )
 def test_one_mistake_is_one_finding_whoever_else_could_complain(tmp_path, before, after, found):
-    training = "environment: ENV_SIMULATION method: METHOD_RL simulator_backend: BACKEND_MUJOCO"
+    training = "environment: ENV_SIMULATION method: METHOD_RL simulator_backend: BACKEND_MUJOKO"
     path = teleoperation(tmp_path, f"ai {{ training {{ {training} }} }}" if "TRAINING" in after else "")
     Path(path).write_text(Path(path).read_text().replace(before, after))
     examination = examine(Request(path, purpose=Purpose.VALIDATE))
@@ -150,9 +150,9 @@ def test_one_mistake_is_one_finding_whoever_else_could_complain(tmp_path, before
 
 
 def test_nodes_that_lack_the_same_plugin_share_a_finding(tmp_path):
-    examination = examine(Request(teleoperation(tmp_path), blocked_plugins=("core",)))
+    examination = examine(Request(teleoperation(tmp_path), blocked_plugins=("mock",)))
     (finding,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]
-    assert finding.message.startswith("follower, leader: mock_motor_config requires the plugin joshua-core")
+    assert finding.message.startswith("follower, leader: mock_motor_config requires the plugin joshua-mock")
     assert [place.label for place in finding.related] == ["leader needs it too"]
 
 
@@ -296,7 +296,7 @@ def test_nodes_without_a_native_implementation_are_noted_once_at_launch(tmp_path
     found = examine(Request(path, purpose=Purpose.LAUNCH)).diagnostics
     (finding,) = [item for item in found if item.code == "native-missing"]
     assert finding.message == (
-        "joshua-core has no native implementation of follower, leader: the Python implementation runs."
+        "joshua-mock has no native implementation of follower, leader: the Python implementation runs."
     )
 
 

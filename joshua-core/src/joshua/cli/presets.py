@@ -34,14 +34,13 @@ class Preset:
 
     @property
     def plugins(self) -> str:
-        """The distributions that the preset needs, in the words of its header; "" for none."""
-        text = " ".join(self.sections.get("Plugins", ()))
-        return "" if text == "none" else text
+        """The distributions that the preset needs, in the words of its header."""
+        return " ".join(self.sections.get("Plugins", ()))
 
     @property
     def required(self) -> tuple[str, ...]:
         """The distributions without which the preset does not run."""
-        named = [part.strip() for part in self.plugins.split(",")] if self.plugins else []
+        named = [part.strip() for part in self.plugins.split(",")]
         return tuple(part for part in named if "(optional" not in part)
 
 

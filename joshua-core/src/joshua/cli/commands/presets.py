@@ -75,8 +75,6 @@ def needs(preset: Preset) -> str:
     """What a preset needs, and whether that is installed; if not, whether it can be."""
     from joshua.plan import installing
 
-    if not preset.plugins:
-        return "needs no plugin"
     missing = [name for name in preset.required if not is_usable(name)]
     absent = [name for name in missing if not installing.is_offered(name)]
     state = "installed"
