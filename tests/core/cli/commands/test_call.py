@@ -41,7 +41,7 @@ def rates(joshua: JoshuaProgram) -> dict[str, float]:
 
 
 def logged(folder: Path, text: str) -> bool:
-    return any(text in path.read_text() for path in folder.rglob("*.log"))
+    return any(text in path.read_text() for path in folder.glob("log/*.jsonl"))
 
 
 def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
