@@ -126,6 +126,7 @@ def start(*, preload: bool = True) -> ForkServer:
     Args:
         preload: import the heavy modules.
     """
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # children inherit it
     ours, theirs = socket.socketpair()
     # Pending until the server ignores them.
     former = signal.pthread_sigmask(signal.SIG_BLOCK, IGNORED_SIGNALS)

@@ -49,8 +49,6 @@ LOAD_SETTINGS = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
-    # The core uses no plugins of pydantic, and discovery is slow.
-    "PYDANTIC_DISABLE_PLUGINS": "__all__",
 }
 
 #: Time for children to end by themselves when the supervisor is gone.
