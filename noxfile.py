@@ -145,7 +145,17 @@ def learn(session: nox.Session) -> None:
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
-    names = ("dataset", "emulator", "inference", "mujoco-sim", "onnx", "ppo-trainer", "smolvla", "sts3215")
+    names = (
+        "dataset",
+        "emulator",
+        "inference",
+        "mock",
+        "mujoco-sim",
+        "onnx",
+        "ppo-trainer",
+        "smolvla",
+        "sts3215",
+    )
     plugins = [f"{PLUGIN}/{name}" for name in names]
     session.install("--no-deps", *editable(CORE, *plugins))
     folders = (str(ROOT / "tests" / name) for name in ("learn", "support"))

@@ -130,6 +130,11 @@ def test_a_missing_plugin_is_a_note_before_and_an_error_at_the_launch(tmp_path):
     assert launch.plan is None
 
 
+def test_a_mock_whose_plugin_is_missing_needs_no_emulator(tmp_path):
+    found = examine(Request(teleoperation(tmp_path), blocked_plugins=("mock",), emulate=True))
+    assert {item.code for item in found.diagnostics} == {"plugin-missing"}
+
+
 @pytest.mark.parametrize(
     ("before", "after", "found"),
     [

@@ -105,6 +105,9 @@ def physical_nodes(loaded: LoadedConfig, registry: Registry) -> list[Wanted]:
 
 def _is_virtual(registry: Registry, want: Wanted) -> bool:
     spec = registry.find(want.kind, want.block_name, want.enum_value)
+    if spec is None:  # the schema knows those of plugins that are not installed
+        rule = None if want.block is None else block_rule(want.block.DESCRIPTOR)
+        return rule is not None and rule.virtual
     return isinstance(spec, DeviceSpec) and spec.virtual
 
 
