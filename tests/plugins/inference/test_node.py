@@ -31,6 +31,12 @@ ACTION = TopicSpec(name="/action", type_name="sensor_msgs/msg/JointState", rate_
 SEEN = TopicSpec(name="/seen", type_name="std_msgs/msg/Int64")
 PERIOD_NS = 20_000_000
 COUNTED = [Feature("observation.seen", "int64", (1,), topic="/seen")]
+FACTS = {
+    "joints": JOINTS,
+    "features": COUNTED,
+    "task": "pick it up",
+    "execution": {"observation_max_age_s": 3600.0},
+}
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
@@ -82,12 +88,7 @@ def spec(**fields: Any) -> NodeSpec:
             "kind": NodeKind.MODEL,
             "behaviour": "",
             "implementation": "joshua_scripted_model:OneModel",
-            "facts": {
-                "joints": JOINTS,
-                "features": COUNTED,
-                "task": "pick it up",
-                "execution": {"observation_max_age_s": 3600.0},
-            },
+            "facts": FACTS,
             "publishers": (ACTION,),
             "subscriptions": (SEEN,),
             **fields,
@@ -463,6 +464,24 @@ def test_a_pause_holds_and_a_step_carries_out_one_chunk(model: Any) -> None:
     assert actions(context)[-1] == [0.09, 0.09]
     assert node.resume() == "/policy acts again"
     wait_until(lambda: node.figures().chunks > chunks + 1)
+    end(context, node)
+
+
+def test_a_model_that_failed_before_moves_nothing_until_it_is_resumed(model: Any) -> None:
+    model.chunk = np.full((4, 2), 0.05)
+    facts = {**FACTS, "restarted": True}
+    context, node = start(spec(facts=facts))
+    see(context, 1)
+    play(context, node, 20)
+    assert (actions(context), model.seen) == ([], [])
+    assert context.warnings == [
+        "/policy failed and was restarted. It is paused and the arm holds: look for the reason above, then "
+        "run `joshua call /policy resume`"
+    ]
+    node.resume()
+    wait_until(lambda: bool(node.figures().chunks))
+    play(context, node, 4)
+    assert actions(context)[-1] == [0.05, 0.05]
     end(context, node)
 
 

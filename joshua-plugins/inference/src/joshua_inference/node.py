@@ -236,6 +236,13 @@ class InferenceNode(NodeBehaviour):
         if self._runs:
             return
         self._runs = True
+        if self._facts.restarted:
+            name = self.context.spec.full_name
+            self._loop.pause()
+            self.context.warn(
+                f"{name} failed and was restarted. It is paused and the arm holds: look for the reason "
+                f"above, then run `joshua call {name} resume`"
+            )
         hang_after_s = self._facts.execution.chunk_timeout_s + HANG_MARGIN_S
         sys.setswitchinterval(_SWITCH_S)
         self.context.spawn_thread(self._infer, name="model", hang_after_s=hang_after_s)
