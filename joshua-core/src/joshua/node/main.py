@@ -14,20 +14,23 @@ EXIT_INTERNAL = 70
 
 def prepare() -> None:
     """Loads what every child needs; the fork server calls it once before it forks."""
-    from joshua.node.process import core_version
-
-    core_version()
+    import joshua.node.process  # noqa: F401 (for those that are forked)
 
 
-def run_forked(control_descriptor: int) -> int:
-    """Runs a child process whose standard streams are set up; returns its exit code."""
+def run_forked(control_descriptor: int, version: str = "") -> int:
+    """Runs a child process whose standard streams are set up; returns its exit code.
+
+    Args:
+        control_descriptor: of its control socket.
+        version: of the core in another environment; "" in that of the supervisor.
+    """
     from joshua.node.process import NodeProcess
 
     # A crash in native code, and the supervisor's question where a hung node hangs, are answered with
     # the stacks of all threads on standard error.
     faulthandler.enable(file=2)
     faulthandler.register(signal.SIGUSR2, file=2, all_threads=True)
-    return NodeProcess(control_descriptor).run()
+    return NodeProcess(control_descriptor, version).run()
 
 
 def finish(code: int) -> None:
@@ -48,9 +51,11 @@ def main() -> None:
     )
     parser.add_argument("--control-descriptor", type=int, required=True, help="inherited control socket")
     arguments = parser.parse_args()
+    from importlib import metadata  # takes milliseconds, which forked children need not spend
+
     code = EXIT_INTERNAL
     try:
-        code = run_forked(arguments.control_descriptor)
+        code = run_forked(arguments.control_descriptor, metadata.version("joshua-core"))
     except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
         sys.excepthook(*sys.exc_info())
     finally:

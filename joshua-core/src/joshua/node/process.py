@@ -12,8 +12,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from functools import lru_cache
-from importlib.metadata import version
 
 from joshua.guardian.silence import AwakeClock
 from joshua.ipc.frames import FrameError
@@ -57,16 +55,15 @@ DRAIN_S = 1.0
 CAN_MISS = (Heartbeat, Log, Progressed, Topics)
 
 
-@lru_cache(maxsize=1)
-def core_version() -> str:
-    """Version of the core in this environment; the first look takes milliseconds."""
-    return version("joshua-core")
-
-
 class NodeProcess:
-    """Runs the nodes that the supervisor names, and ends with them, with it, or on its request."""
+    """Runs the nodes that the supervisor names, and ends with them, with it, or on its request.
 
-    def __init__(self, control_descriptor: int) -> None:
+    Args:
+        control_descriptor: socket of the supervisor; version: of the core, where it is another environment's.
+    """
+
+    def __init__(self, control_descriptor: int, version: str = "") -> None:
+        self._version = version
         self._channel = ControlChannel(
             control_descriptor, self._on_message, self._on_orphaned, self._on_signals
         )
@@ -85,7 +82,7 @@ class NodeProcess:
         """Runs until the nodes have ended; returns the exit code of the process."""
         self._handle_signals()
         self._channel.start()
-        self._send(Hello(version=core_version(), process_id=os.getpid(), python=sys.version.split()[0]))
+        self._send(Hello(version=self._version, process_id=os.getpid(), python=sys.version.split()[0]))
         start = self._starts.get()
         if start is None:
             return 0
