@@ -1,4 +1,7 @@
-"""The node of a model: observations in, actions out at the publisher's rate."""
+"""The node of a model: observations in, actions out at the publisher's rate.
+
+Why one file: life cycle, verbs and the thread of the model share one state.
+"""
 
 from __future__ import annotations
 
