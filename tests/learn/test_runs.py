@@ -14,7 +14,7 @@ from checkpoints import write_robot
 from hub import hub
 from joshua.testing.domain import reserved_domain
 
-SITE = Path(__file__).parent / "site"
+STARTUP = Path(__file__).parent / "startup"
 ARM = """sts3215_config {
       comm { serial { port: "/dev/ttyACM0" baudrate: 1000000 } }
       motor_ids: [1, 2, 3, 4, 5, 6] position_max: 4095 velocity: 1000 acceleration: 200
@@ -34,7 +34,7 @@ def run(robot: Path, **environment: str) -> subprocess.CompletedProcess[str]:
             cwd=robot.parent,
             env={
                 **os.environ,
-                "PYTHONPATH": f"{SITE}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+                "PYTHONPATH": f"{STARTUP}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
                 "ROS_DOMAIN_ID": str(domain),
                 "XDG_RUNTIME_DIR": str(robot.parent),
                 "XDG_STATE_HOME": str(robot.parent / "state"),
