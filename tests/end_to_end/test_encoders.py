@@ -82,7 +82,7 @@ def test_an_encoder_without_its_magnet_fails_and_the_others_go_on(
 
 
 def test_a_wrong_address_is_named_before_anything_runs(tmp_path: Path, joshua_domain_id: int) -> None:
-    code, text = run(tmp_path, joshua_domain_id, "--duration", "4", "--fault", "wheels:silent")
+    code, text = run(tmp_path, joshua_domain_id, "--duration", "30", "--fault", "wheels:silent")
     assert code == 4, text
     assert "no AMT21 answers at address 84 (0x54), 88 (0x58), nor at any other" in " ".join(text.split())
 

@@ -47,7 +47,7 @@ def test_another_service_is_refused() -> None:
 
 def test_a_port_stands_there_once() -> None:
     text = problem(port_names=["A", "B", "A"])
-    assert "port A stands there twice" in text
+    assert "port A is listed twice; each port has one motor" in text
     assert "[C, D, E, F]" in text
 
 

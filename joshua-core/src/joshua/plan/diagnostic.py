@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 # Plain dataclasses, because every check of a file makes these and pydantic alone would cost a third of
 # the time that `joshua --validate-only` may take.
@@ -74,6 +75,7 @@ _SECRET = re.compile(
 )
 
 
+@lru_cache(maxsize=16)  # findings on one long line show it a thousand times
 def masked(text: str) -> str:
     """A text without secrets, equally long."""
     return _SECRET.sub(lambda match: "*" * len(match[0]), text)
