@@ -106,7 +106,7 @@ def test_a_trip_that_is_not_confirmed_ends_in_a_release_although_the_safe_state_
         assert energised(arm_emulator) == {True}
         arm_emulator.fault("overload", 3)
         output = process.stdout.read()
-    assert "could not be verified: wrist_flex (id 4) does not confirm" in output
+    assert "torque could not be verified as off: wrist_flex (id 4) does not confirm" in output
     assert "safe state RELEASE: 1 released, 2 released" in output
     assert energised(arm_emulator) == {False}
 
@@ -162,7 +162,7 @@ def test_a_mute_servo_among_six_delays_the_hold_of_the_others_by_a_second_at_mos
             context.tick("control")
             time.sleep(0.02)
 
-    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) does not answer any more"):
+    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) no longer answers"):
         control()
     with pytest.raises(NoReply):  # after the others hold
         node.deactivate()
