@@ -48,7 +48,8 @@ def test_a_device_is_closed_also_where_the_results_of_a_test_cannot_be_had(
     monkeypatch.setitem(sys.modules, module.__name__, module)
     endpoint = types.SimpleNamespace(publish=lambda cdr: None, close=lambda: None)
     node = types.SimpleNamespace(create_publisher=lambda *_, **__: endpoint, close=lambda: None)
-    transport = types.SimpleNamespace(carries_services=False, create_node=lambda *_: node)
+    transport = types.SimpleNamespace(carries_services=True, create_node=lambda *_: node)
+    monkeypatch.setattr("joshua.node.runtime.extend", lambda node: module.Behaviour.steps.append("extend"))
     sent: list[Any] = []
     activation = threading.Event()
     activation.set()
@@ -64,7 +65,7 @@ def test_a_device_is_closed_also_where_the_results_of_a_test_cannot_be_had(
         name="arm", kind=NodeKind.SENSOR, behaviour=f"{module.__name__}:Behaviour", implementation=""
     )
     NodeRuntime(spec, services).run()
-    assert module.Behaviour.steps == ["configure", "deactivate", "cleanup"]
+    assert module.Behaviour.steps == ["configure", "extend", "deactivate", "cleanup"]
     (report,) = [message.report for message in sent if isinstance(message, Report)]
     assert report.reason == "RuntimeError: a fault of the driver"
     assert [(row.check, row.passed) for row in report.checks] == [("test results", False)]

@@ -162,6 +162,10 @@ class NodeRuntime:
         self._enter("configure")
         self._behaviour.configure()
         self._services.send(Step(node=self._spec.full_name, step="configured"))
+        # Before the activation: no code of a plugin stands between torque and the loop that watches it.
+        if self._services.transport().carries_services:
+            verbs = tuple(verbs_of(self._behaviour.verb_providers()).values())
+            extend(ExtendedNode(self.context, handle, verbs, self._ask, self._rosout.parameter_events))
         if not self._activation_came():
             return
         self._enter("activate")
@@ -172,9 +176,6 @@ class NodeRuntime:
             text = f"{prefer_this_process() or 'normal'}, {'memory locked' if lock_memory() else ''}"
             self._services.send(Said(kind="priority", node=self._spec.full_name, text=text.rstrip(", ")))
         self._enter("active")
-        if self._services.transport().carries_services:  # no node waits for it, and it takes 10 ms
-            verbs = tuple(verbs_of(self._behaviour.verb_providers()).values())
-            extend(ExtendedNode(self.context, handle, verbs, self._ask, self._rosout.parameter_events))
         self._loop()
 
     def _controls_a_device(self) -> bool:

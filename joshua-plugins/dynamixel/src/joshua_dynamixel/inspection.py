@@ -53,7 +53,7 @@ def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
     missing = [servo_id for servo_id in ids if servo_id not in blocks]
     if missing:
         raise NoReply(
-            f"{bus.port}: ids {', '.join(map(str, missing))} do not answer any more. Check cable and supply."
+            f"{bus.port}: ids {', '.join(map(str, missing))} no longer answer. Check cable and supply."
         )
     problems: list[str] = []
     setups = [_setup(servo_id, blocks[servo_id], problems) for servo_id in ids]
