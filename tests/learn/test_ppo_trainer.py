@@ -20,9 +20,9 @@ from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.learner import DivergedError, Learner
 from joshua_ppo_trainer.normalise import Moments
 from joshua_ppo_trainer.policy import Policy
-from joshua_ppo_trainer.run_folder import RunError, RunFolder
 from joshua_ppo_trainer.settings import TrainerSettings
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
+from joshua_training.run_folder import RunError, RunFolder
 
 REACH = "joshua/SoArm100Reach-v0"
 SMALL: dict[str, Any] = {

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from joshua_training.run_folder import RunError
 from safetensors import SafetensorError
 from safetensors.numpy import load as load_arrays
 from safetensors.numpy import save as save_arrays
 
 from joshua_ppo_trainer.policy import ABOUT, WEIGHTS
-from joshua_ppo_trainer.run_folder import RunError
 
 Arrays = dict[str, Any]
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from joshua_training.run_folder import RunError
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
@@ -15,7 +16,6 @@ from stable_baselines3.common.logger import Logger
 
 from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.normalise import Normaliser
-from joshua_ppo_trainer.run_folder import RunError
 from joshua_ppo_trainer.settings import TrainerSettings
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from joshua.api import FieldError, NodeContext, Trainer
 from joshua.tools import load_target
+from joshua_training.run_folder import LibraryMissing, RunError, RunFolder, described
 
-from joshua_ppo_trainer.run_folder import LibraryMissing, RunError, RunFolder, described
 from joshua_ppo_trainer.settings import TrainerSettings
 
 #: How long a stop waits for the last checkpoint.

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua_training.run_folder import RunError
 from safetensors import SafetensorError
 from safetensors.numpy import load as load_arrays
 
 from joshua_ppo_trainer.normalise import LIMIT
-from joshua_ppo_trainer.run_folder import RunError
 
 #: The files of a policy in a checkpoint.
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"

@@ -8,7 +8,7 @@ import platform
 import shutil
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,9 @@ KEPT = 3
 
 #: Distributions whose versions decide what a training gives.
 RECORDED = (
-    *("joshua-core", "joshua-ppo-trainer", "joshua-mujoco-sim", "stable-baselines3", "torch", "mujoco"),
-    *("numpy", "gymnasium", "safetensors"),
+    *("joshua-core", "joshua-training", "joshua-ppo-trainer", "joshua-imitation", "joshua-mujoco-sim"),
+    *("joshua-dataset", "stable-baselines3", "lerobot", "transformers", "torch", "torchvision", "mujoco"),
+    *("numpy", "gymnasium", "safetensors", "av", "pyarrow"),
 )
 
 
@@ -30,7 +31,7 @@ class RunError(Exception):
 
 
 class LibraryMissing(RunError):
-    """A library of the extra ``learn`` is not installed."""
+    """A library that the training stands on is not installed."""
 
     exit_code = 3
 
@@ -111,7 +112,19 @@ class RunFolder:
         return sorted(path for path in (self.path / "checkpoints").glob("step_*") if path.is_dir())
 
     def save(self, steps: int, files: Mapping[str, bytes]) -> Path:
+        """Writes a checkpoint of some files, see ``save_by``."""
+
+        def write(draft: Path) -> None:
+            for name, content in files.items():
+                (draft / name).write_bytes(content)
+
+        return self.save_by(steps, write)
+
+    def save_by(self, steps: int, write: Callable[[Path], None]) -> Path:
         """Writes a checkpoint beside the others and puts it in its place at once; removes old ones.
+
+        Args:
+            steps: of the training so far; write: puts the files into an empty folder, and folders below it.
 
         Raises:
             RunError: the disk does not take it; the checkpoints before it are as they were.
@@ -123,15 +136,17 @@ class RunFolder:
         try:
             shutil.rmtree(draft, ignore_errors=True)
             draft.mkdir(parents=True)
-            for name, content in files.items():
-                _durable(draft / name, content)
+            write(draft)
+            for path in sorted(draft.rglob("*")):
+                _sync(path)
+            _sync(draft)
             draft.rename(final)
             _sync(folder)
         except OSError as error:
             shutil.rmtree(draft, ignore_errors=True)
             raise RunError(
-                f"{final} cannot be written: {error.strerror}: make room, and continue with resume_run; "
-                "the checkpoints before it are whole"
+                f"{final} cannot be written: {error.strerror or error}: make room, and continue with "
+                "resume_run; the checkpoints before it are whole"
             ) from error
         for old in self.checkpoints()[:-KEPT]:
             shutil.rmtree(old, ignore_errors=True)
@@ -187,8 +202,8 @@ def _durable(path: Path, content: bytes) -> None:
     draft.replace(path)
 
 
-def _sync(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:

@@ -1,0 +1,1 @@
+"""Runs of trainings: their folders, checkpoints and metrics."""

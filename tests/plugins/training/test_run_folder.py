@@ -1,0 +1,48 @@
+"""The folder of a run: nothing in it is half written, and what cannot be used is named."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from joshua_training.run_folder import RunError, RunFolder, described
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"is no run, because it has no run\.json: name the folder"):
+        RunFolder.open(tmp_path)
+    (tmp_path / "run.json").write_text("{")
+    with pytest.raises(RunError, match=r"cannot be read: .*: choose another run"):
+        RunFolder.open(tmp_path).facts()
+
+
+def test_a_full_disk_leaves_the_checkpoints_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = RunFolder.create(tmp_path, "run", {"seed": 1})
+    first = folder.save(1, {"a": b"1"})
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RunError, match="cannot be written: No space left on device: make room"):
+        folder.save(2, {"a": b"2"})
+    monkeypatch.undo()
+    assert folder.checkpoints() == [first]
+    assert [path.name for path in (folder.path / "checkpoints").iterdir()] == [first.name]
+
+
+def test_a_torn_line_and_later_ones_are_cut_from_the_metrics(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+    for steps in (10, 20, 30):
+        folder.add_metrics({"steps": steps})
+    with (folder.path / "metrics.jsonl").open("a") as file:
+        file.write('{"steps": 1')
+    folder.cut_metrics(20)
+    assert (folder.path / "metrics.jsonl").read_text() == '{"steps": 10}\n{"steps": 20}\n'
+
+
+def test_a_run_records_versions_and_git(tmp_path: Path) -> None:
+    assert described(tmp_path)["git"] is None
+    found = described(Path(__file__).parent)
+    assert "joshua-core" in found["versions"]
