@@ -1,0 +1,268 @@
+"""What runs in folders are and have reached, told by their files alone."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from joshua_training.run_folder import RunError, RunFolder
+from joshua_training.statistics import Difference, paired
+
+#: What an evaluation leaves beside ``run.json``, and its kind there.
+RESULTS, EVALUATION = "results.json", "evaluation"
+
+#: Figures of a training that say how good it is, the most telling first, with their form.
+_FIGURES = (
+    ("episode/success_rate", "success {:.2f}"),
+    ("episode/return", "return {:.4g}"),
+    ("validation/loss", "validation loss {:.4g}"),
+    ("train/loss", "loss {:.4g}"),
+    ("loss", "loss {:.4g}"),
+)
+
+#: A run whose files changed within this time may still be written to.
+QUIET_S = 600.0
+
+_HIDDEN_SETTINGS = ("output_folder", "resume_run")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One run.
+
+    Attributes:
+        kind: ``training`` or ``evaluation``; task: environment or data set; result: in a few words.
+        steps: of a training, or episodes of an evaluation; checkpoints: that are whole.
+        started: as ``run.json`` says; changed_s: newest change, since the epoch; bytes: of all.
+        figures: the last row of metrics, or the value of each metric of an evaluation.
+        problem: why its files cannot be read; "" where they can.
+    """
+
+    path: str
+    name: str
+    kind: str
+    task: str
+    steps: int
+    result: str
+    started: str
+    changed_s: float
+    checkpoints: int
+    bytes: int
+    figures: Mapping[str, float]
+    settings: Mapping[str, Any]
+    versions: Mapping[str, str]
+    git: Mapping[str, Any] | None
+    seed: int | None
+    problem: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """For ``--format json``."""
+        return asdict(self)
+
+
+def find_runs(parent: Path) -> list[RunFolder]:
+    """The runs directly below a folder, or the folder itself where it is one; the newest last."""
+    if (parent / "run.json").is_file():
+        return [RunFolder(parent)]
+    found = [RunFolder(path.parent) for path in parent.glob("*/run.json")]
+    return sorted(found, key=lambda run: ((run.path / "run.json").stat().st_mtime, run.path.name))
+
+
+def summarise(run: RunFolder) -> Summary:
+    """Reads a run. One whose files are torn is a summary with a problem."""
+    problem, about, rows = "", {}, []
+    try:
+        about = run.facts()
+        rows = read_rows(run)
+    except RunError as error:
+        problem = str(error)
+    results = _results(run)
+    last = rows[-1] if rows else {}
+    figures = {name: value for name, value in last.items() if _is_number(value)}
+    if results:
+        figures = {name: entry["value"] for name, entry in _metrics(results).items()}
+    files = [path for path in run.path.rglob("*") if path.is_file()]
+    git = about.get("git")
+    return Summary(
+        path=str(run.path),
+        name=run.path.name,
+        kind=str(about.get("kind", "training")),
+        task=_task(about),
+        steps=int(results["episodes"] if "episodes" in results else last.get("steps", 0)),
+        result=_result(results, last),
+        started=str(about.get("started", "")),
+        changed_s=max((path.stat().st_mtime for path in files), default=0.0),
+        checkpoints=len(run.checkpoints()),
+        bytes=sum(path.stat().st_size for path in files),
+        figures=figures,
+        settings=about.get("settings", {}),
+        versions=about.get("versions", {}),
+        git=git if isinstance(git, Mapping) else None,
+        seed=about.get("seed"),
+        problem=problem,
+    )
+
+
+def read_rows(run: RunFolder) -> list[dict[str, Any]]:
+    """The metrics of a run, torn lines left out. Raises RunError."""
+    path = run.path / "metrics.jsonl"
+    if not path.is_file():
+        return []
+    rows = []
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise RunError(f"{path} cannot be read: {error.strerror}") from error
+    for line in lines:
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(row, dict):
+            rows.append(row)
+    return rows
+
+
+def differing_settings(summaries: Sequence[Summary]) -> dict[str, list[Any]]:
+    """The settings in which runs differ, seed and task first: one value for each run."""
+    known: dict[str, list[Any]] = {
+        "task": [summary.task for summary in summaries],
+        "seed": [summary.seed for summary in summaries],
+    }
+    names = dict.fromkeys(name for summary in summaries for name in summary.settings)
+    for name in names:
+        if name not in _HIDDEN_SETTINGS:
+            known[name] = [summary.settings.get(name) for summary in summaries]
+    return {name: values for name, values in known.items() if any(value != values[0] for value in values)}
+
+
+def compared_episodes(first: RunFolder, second: RunFolder) -> dict[str, Difference]:
+    """Two evaluations from the same starts, episode by episode, for each metric that both measured.
+
+    Raises:
+        RunError: one of them is no evaluation, or their starts differ.
+    """
+    ours, theirs = _results(first), _results(second)
+    for run, results in ((first, ours), (second, theirs)):
+        if not results:
+            raise RunError(f"{run.path} is no evaluation, or was not finished: it has no {RESULTS}")
+    for name in ("environment", "randomise"):
+        if ours.get(name) != theirs.get(name):
+            raise RunError(
+                f"{first.path} and {second.path} are not paired: {name} is {ours.get(name)} and "
+                f"{theirs.get(name)}"
+            )
+    if ours["seeds"] != theirs["seeds"]:
+        raise RunError(
+            f"{first.path} and {second.path} are not paired, because their episodes began from different "
+            "seeds: evaluate both with the same seed and num_episodes"
+        )
+    own, other = _metrics(ours), _metrics(theirs)
+    return {
+        name: paired(
+            entry["episodes"],
+            other[name]["episodes"],
+            rate=entry["method"] == "wilson",
+            confidence=ours.get("confidence", 0.95),
+            seed=ours["seeds"][0] if ours["seeds"] else 0,
+        )
+        for name, entry in own.items()
+        if name in other
+    }
+
+
+@dataclass(frozen=True)
+class Removal:
+    """Something that pruning removes: a whole run or one checkpoint of it."""
+
+    path: Path
+    reason: str
+    bytes: int
+
+
+def removals(
+    runs: Iterable[RunFolder],
+    *,
+    keep_checkpoints: int | None = None,
+    older_than_s: float | None = None,
+    empty: bool = False,
+    now_s: float | None = None,
+) -> Iterator[Removal]:
+    """What pruning would remove. Runs that changed within ``QUIET_S`` are left alone.
+
+    Args:
+        keep_checkpoints: the newest ones of each run that stay; older_than_s: since the last change of a run
+            that goes as a whole; empty: runs with neither a checkpoint nor results go.
+    """
+    now_s = time.time() if now_s is None else now_s
+    for run in runs:
+        summary = summarise(run)
+        age_s = now_s - summary.changed_s
+        if age_s < QUIET_S:
+            continue
+        if older_than_s is not None and age_s > older_than_s:
+            yield Removal(run.path, f"unchanged for {age_s / 86400:.0f} days", summary.bytes)
+        elif empty and not summary.checkpoints and not (run.path / RESULTS).is_file():
+            yield Removal(run.path, "no checkpoint and no results", summary.bytes)
+        elif keep_checkpoints is not None:
+            whole = run.checkpoints()
+            for path in whole[: max(0, len(whole) - keep_checkpoints)]:
+                yield Removal(path, "older checkpoint", _size(path))
+
+
+def remove(removal: Removal) -> None:
+    """Removes it; what is named like a checkpoint is whole at any time.
+
+    Raises:
+        RunError: it cannot be removed.
+    """
+    hidden = removal.path.with_name(f".{removal.path.name}.part")
+    try:
+        removal.path.rename(hidden)
+        shutil.rmtree(hidden)
+    except OSError as error:
+        raise RunError(f"{removal.path} cannot be removed: {error.strerror}") from error
+
+
+def _size(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def _results(run: RunFolder) -> dict[str, Any]:
+    try:
+        content = json.loads((run.path / RESULTS).read_text(encoding="utf-8"))
+        return content if isinstance(content["metrics"], dict) and isinstance(content["seeds"], list) else {}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _metrics(results: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Each metric of the first checkpoint of an evaluation."""
+    return dict(results["metrics"])
+
+
+def _task(about: Mapping[str, Any]) -> str:
+    return next((str(about[key]) for key in ("environment", "dataset", "task") if about.get(key)), "")
+
+
+def _result(results: Mapping[str, Any], last: Mapping[str, Any]) -> str:
+    if results:
+        metrics = _metrics(results)
+        success = metrics.get("success_rate")
+        if success is not None:
+            return f"success {success['value']:.2f} ({success['low']:.2f} to {success['high']:.2f})"
+        return ", ".join(f"{name} {entry['value']:.4g}" for name, entry in list(metrics.items())[:1])
+    for name, form in _FIGURES:
+        if _is_number(last.get(name)):
+            return form.format(last[name])
+    losses = [name for name in last if "loss" in name and _is_number(last[name])]
+    return f"{losses[0]} {last[losses[0]]:.4g}" if losses else ""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
