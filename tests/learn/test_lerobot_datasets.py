@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +15,13 @@ import pytest
 
 pytest.importorskip("lerobot", reason="needs the environment of the session learn")
 
+from hub_server import TOKEN, HubServer
 from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
 from joshua_dataset.commands.dataset import description
 from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import LeRobotWriter
 from lerobot_here import lerobot_dataset
+from serving import serving
 
 JOINTS = ("shoulder_pan.pos", "gripper.pos")
 TOP = "observation.images.top"
@@ -159,3 +165,33 @@ def test_act_trains_a_step_on_ours(tmp_path: Path) -> None:
         losses.append(loss.item())
     assert all(np.isfinite(losses))
     assert losses[-1] < losses[0]
+
+
+FETCH = """
+import json, sys
+from lerobot_here import lerobot_dataset
+
+loaded = lerobot_dataset()("me/set")
+item = loaded[31]
+print(json.dumps([len(loaded), loaded.num_episodes, str(loaded.root), item["task"], item["action"].tolist()]))
+"""
+
+
+def test_lerobot_fetches_ours_from_the_hub(tmp_path: Path) -> None:
+    ours(tmp_path / "set")
+    server = HubServer()
+    home = {"HF_HOME": str(tmp_path / "home"), "HF_LEROBOT_HOME": str(tmp_path / "home/lerobot")}
+    with serving(server):
+        endpoint = {"HF_ENDPOINT": f"http://127.0.0.1:{server.port}", "HF_TOKEN": TOKEN}
+        chosen = {**endpoint, **home, "HF_HUB_OFFLINE": "0", "HF_HUB_DISABLE_XET": "1"}
+
+        def run(*words: str) -> str:
+            done = subprocess.run(
+                [sys.executable, *words], capture_output=True, text=True, timeout=120, env=os.environ | chosen
+            )
+            assert done.returncode == 0, done.stderr
+            return done.stdout
+
+        run("-m", "joshua", "dataset", "upload", str(tmp_path / "set"), "hf://datasets/me/set")
+        found = json.loads(run("-c", FETCH).splitlines()[-1])
+    assert found == [sum(LENGTHS), 3, str(tmp_path / "home/lerobot/me/set"), "stack", [1.5, -1.0]]

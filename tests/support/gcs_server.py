@@ -11,8 +11,6 @@ import hashlib
 import itertools
 import json
 import re
-import threading
-from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
@@ -129,6 +127,12 @@ class _Handler(BaseHTTPRequestHandler):
         content = second.partition(b"\n\n")[2].removesuffix(b"\n")
         return self._json(self.server.store(match[1], name, content))
 
+    def do_PUT(self) -> None:
+        """A part of a resumable upload, or the question how much of it is there."""
+        body = self._body()
+        if not self._refused():
+            self._chunk(body, parse_qs(urlsplit(self.path).query)["upload_id"][0])
+
     def _chunk(self, body: bytes, session: str) -> None:
         """Take a part of a resumable upload; the client sends it again where the answer was lost."""
         found = self.server.sessions.get(session)
@@ -219,16 +223,3 @@ class _Handler(BaseHTTPRequestHandler):
     def handle(self) -> None:
         with contextlib.suppress(ConnectionError, ValueError):
             super().handle()
-
-
-@contextlib.contextmanager
-def serving(server: ThreadingHTTPServer) -> Iterator[None]:
-    """Serve on a thread."""
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join(5)

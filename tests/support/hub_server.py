@@ -21,6 +21,9 @@ TOKEN = "hf_writesforthetests"
 #: Content of at least so many bytes is LFS, whatever its name; above PART it goes in several parts.
 LFS_FROM = 50_000
 PART = 1 << 20
+#: The commit that every answer names.
+COMMIT = "0" * 40
+
 LFS_SUFFIXES = (".parquet", ".mp4", ".bin")
 
 
@@ -32,6 +35,11 @@ class Repository:
     branches: dict[str, dict[str, bytes]] = field(default_factory=lambda: {"main": {}})
     tags: dict[str, str] = field(default_factory=dict)
     commits: list[str] = field(default_factory=list)
+
+    def files(self, revision: str) -> dict[str, bytes] | None:
+        """The files of a branch, a tag, or the only commit that clients are told of."""
+        branch = "main" if revision == COMMIT else self.tags.get(revision, revision)
+        return self.branches.get(branch)
 
 
 class HubServer(ThreadingHTTPServer):
@@ -118,8 +126,14 @@ class _Handler(BaseHTTPRequestHandler):
         if word == "branch":
             repository.branches.setdefault(rest, dict(repository.branches["main"]))
             return self._json({})
+        if word == "refs":
+            named = {
+                kind: [{"name": name, "ref": f"refs/{kind}/{name}", "targetCommit": COMMIT} for name in names]
+                for kind, names in (("branches", repository.branches), ("tags", repository.tags))
+            }
+            return self._json({**named, "converts": []})
         revision = rest.partition("/")[0]
-        files = repository.branches.get(revision)
+        files = repository.files(revision)
         if files is None:
             return self._error(404, "Invalid rev id", "RevisionNotFound")
         if word == "tree":
@@ -134,7 +148,9 @@ class _Handler(BaseHTTPRequestHandler):
             return self._json({"files": [_mode(item, files) for item in found]})
         if word == "commit":
             return self._commit(match[1], repository, files, body)
-        return self._json({"id": match[1], "sha": "0" * 40, "private": repository.private, "siblings": []})
+        siblings = [{"rfilename": name} for name in sorted(files)]
+        found = {"id": match[1], "sha": COMMIT, "private": repository.private, "siblings": siblings}
+        return self._json(found)
 
     def _create(self, wanted: dict[str, Any]) -> None:
         name = f"{wanted.get('organization') or 'me'}/{wanted['name']}"
@@ -215,10 +231,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _resolve(self, name: str, revision: str, path: str) -> None:
         repository = self.server.repositories.get(name)
-        content = repository.branches.get(revision, {}).get(path) if repository else None
+        content = (repository.files(revision) or {}).get(path) if repository else None
         if content is None:
             return self._error(404, "Entry not found", "EntryNotFound")
-        headers = {"ETag": f'"{hashlib.sha1(content).hexdigest()}"', "X-Repo-Commit": "0" * 40}
+        headers = {"ETag": f'"{hashlib.sha1(content).hexdigest()}"', "X-Repo-Commit": COMMIT}
         match = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
         if match is None:
             return self._answer(200, content, headers)

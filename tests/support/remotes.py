@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 from cutting_proxy import CuttingProxy, cutting
-from gcs_server import GcsServer, serving
+from gcs_server import GcsServer
 from hub_server import TOKEN, HubServer
+from serving import serving
 
 #: What the libraries would otherwise take from this machine or its network.
 NOWHERE = {

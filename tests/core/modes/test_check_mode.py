@@ -130,6 +130,16 @@ MAPPING = 'mirror_topic_mappings { ros_topic: "%s" mujoco_actuator: "j" }'
     [
         (SIMULATION % ("INTERACTIVE", ""), "", []),
         (SIMULATION % ("OFFSCREEN", ""), "", []),
+        (
+            SIMULATION % ("OFFSCREEN", "generate { count: 1 }"),
+            RECORD % ("STORAGE_LOCAL", 'local_path: "d"'),
+            [],
+        ),
+        (
+            SIMULATION % ("OFFSCREEN", "generate { count: 1 }"),
+            RECORD % ("STORAGE_CLOUD", 'local_path: "d" remote_url: "s3://b/d"'),
+            ["not-allowed"],
+        ),
         (SIMULATION % ("PASSIVE", ""), "", ["mode-lacks-block"]),
         (SIMULATION % ("PASSIVE", ""), RECORD % ("STORAGE_LOCAL", 'local_path: "d"'), []),
         (SIMULATION % ("MIRROR", MAPPING % "/lead"), "", []),

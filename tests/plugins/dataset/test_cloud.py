@@ -9,6 +9,7 @@ import argparse
 import errno
 import json
 import shutil
+import stat
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 import pytest
 import remotes
-from gcs_server import GcsServer, serving
+from gcs_server import GcsServer
 from hub_server import TOKEN, HubServer
 from joshua.plan import NodeKind, NodeSpec
 from joshua.testing.recording_context import RecordingContext
@@ -33,6 +34,7 @@ from joshua_dataset.files import Files
 from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import LeRobotWriter
 from remotes import SECRET, Remote, use
+from serving import serving
 from small_dataset import add_episode, layout, write
 
 BIG = "data/extra.bin"
@@ -81,9 +83,9 @@ def content(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in names if name not in (SUMS, "README.md")}
 
 
-def enlarge(folder: Path, size: int = 20 << 20) -> None:
-    """Add a file that travels in several parts."""
-    (folder / BIG).write_bytes(bytes(range(256)) * (size // 256))
+def enlarge(folder: Path, size: int = 20 << 20, last: bytes = b"") -> None:
+    """Add a file that travels in several parts; the Hub takes a content once, whatever its name."""
+    (folder / BIG).write_bytes(bytes(range(256)) * (size // 256) + last)
 
 
 def append(folder: Path, length: int = 4) -> None:
@@ -159,20 +161,48 @@ def test_an_upload_that_was_stopped_goes_on(remote: Remote, url: str, folder: Pa
         assert len(remote.server.puts) == len(set(remote.server.puts))
 
 
-def test_a_large_file_that_was_stopped_goes_on(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def stop_within(folder: Path, url: str, after: int = 11 << 20) -> None:
+    """Send a part of a large file."""
+    stopped = Tally(stopping=lambda: stopped.moved_bytes > after)
+    with pytest.raises(StoppedError):
+        upload(folder, store_of(url), stopped, jobs=1)
+
+
+def test_a_large_file_that_was_stopped_goes_on(
+    remote: Remote, url: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("joshua_dataset.cloud.bucket.PART", 5 << 20)  # the least that S3 takes
     enlarge(folder, 22 << 20)
-    with remotes.s3() as remote:
-        use(remote, monkeypatch)
-        stopped = Tally(stopping=lambda: stopped.moved_bytes > 11 << 20)
-        with pytest.raises(StoppedError):
-            upload(folder, store_of("s3://bucket/large"), stopped, jobs=1)
-        again = Tally()
-        upload(folder, store_of("s3://bucket/large"), again)
-        assert again.moved_bytes < 12 << 20
-        assert again.done_bytes == again.bytes
-        sent = remote.server.get_object(Bucket="bucket", Key=f"large/{BIG}")["Body"].read()
-        assert sent == (folder / BIG).read_bytes()
+    stop_within(folder, url)
+    begun = folder / ".joshua/uploads.json"
+    if not url.startswith("s3"):  # which lists the uploads that have begun
+        assert stat.S_IMODE(begun.stat().st_mode) == 0o600  # it has addresses that need no credentials
+    again = Tally()
+    upload(folder, store_of(url), again)
+    assert again.moved_bytes < 12 << 20
+    assert again.done_bytes == again.bytes
+    assert not begun.exists()
+    download(store_of(url), tmp_path / "back", Tally())
+    assert content(tmp_path / "back") == content(folder)
+
+
+def test_a_large_file_whose_session_has_expired_starts_anew(
+    remote: Remote, url: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("joshua_dataset.cloud.bucket.PART", 5 << 20)
+    enlarge(folder, 22 << 20, b"anew")
+    stop_within(folder, url)
+    if isinstance(remote.server, GcsServer):
+        remote.server.sessions.clear()
+    elif isinstance(remote.server, HubServer):
+        remote.server.parts.clear()
+    else:
+        pytest.skip("S3 tells which uploads it has")
+    again = Tally()
+    upload(folder, store_of(url), again)
+    assert again.moved_bytes > 22 << 20
+    assert again.done_bytes == again.bytes
+    assert upload(folder, store_of(url), Tally()).moved_files == 0
 
 
 def test_a_download_that_was_stopped_goes_on(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua.features import DatasetLayout, EpisodeError, Feature, FeatureSet, Frame
+from joshua.messages import encode
 from joshua.messages.make import image, joint_state
 from joshua.tools import install
 from joshua_dataset import export as exporting
@@ -124,9 +125,103 @@ def test_tools_for_frames_say_what_it_is(tmp_path: Path, capsys: pytest.CaptureF
     assert run("info", str(tmp_path / "set")) == 0
     assert "layout: mcap   pictures: messages" in capsys.readouterr().out
     assert run("stats", str(tmp_path / "set")) == 1
-    assert "set holds ROS 2 messages and no frames. Open" in capsys.readouterr().err
-    run("check", str(tmp_path / "set"), "--workers", "1")
-    assert "holds ROS 2 messages and no frames" in capsys.readouterr().out
+    expected = f"frames. Make frames of them with `joshua dataset convert {tmp_path / 'set'} TARGET`, or open"
+    assert expected in capsys.readouterr().err
+
+
+class Cell:
+    """An episode of messages as a robot publishes them: joints at 50 Hz, commands at 40, pictures at 10."""
+
+    def __init__(self, folder: Path) -> None:
+        units = "pan:-1.0000:1.0000 lift:-2.0000:2.0000"
+        named = ("pan.pos", "lift.pos")
+        self.layout = DatasetLayout(
+            folder,
+            "so101_follower",
+            10,
+            FeatureSet(
+                [
+                    Feature.joints("observation.state", named, unit="lerobot", topic="/arm/joint_states"),
+                    Feature.joints("action", named, unit="lerobot", topic="/arm/applied_command"),
+                    Feature.picture(TOP, 24, 32, topic="/top/image_raw"),
+                    Feature("acquisition_ns", "int64", (3,), ("observation.state", "action", TOP), "ns"),
+                ]
+            ),
+            identity={f"calibration of {key}": units for key in ("observation.state", "action")},
+            counters=("dropped", "held", "worst_alignment_ns"),
+        )
+
+    def record(self, *lengths_s: float) -> None:
+        with contextlib.closing(McapWriter(self.layout)) as writer:
+            writer.open()
+            for length_s in lengths_s:
+                for at_ms in range(0, round(1000 * length_s), 5):
+                    at_ns = T0 + at_ms * 1_000_000
+                    for topic, period_ms in (("/arm/joint_states", 20), ("/arm/applied_command", 25)):
+                        if at_ms % period_ms == 0:  # a joint that moves by 0.1 rad/s
+                            message = joint_state(("lift", "pan"), [0.0, at_ms / 1e4], at_ns=at_ns)
+                            writer.add_message(topic, message, at_ns + 3_000_000, at_ns)
+                    if at_ms % 100 == 0:
+                        shade = np.full((24, 32, 3), at_ms // 20, np.uint8)
+                        writer.add_message(
+                            "/top/image_raw", image(shade, at_ns=at_ns), at_ns + 9_000_000, at_ns
+                        )
+                writer.end_episode("wave", {"dropped": 0})
+
+
+def test_frames_are_made_of_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = Cell(tmp_path / "set")
+    cell.record(3.0, 2.0)
+    assert run("check", str(tmp_path / "set"), "--workers", "1") == 0
+    assert "0 errors, 0 warnings" in capsys.readouterr().out
+    assert run("convert", str(tmp_path / "set"), str(tmp_path / "frames")) == 0
+    made = Dataset.read(tmp_path / "frames")
+    assert (made.episodes, made.tasks, made.pictures, made.version) == (2, ("wave",), "video", "v3.0")
+    first, _ = made.episode_list()
+    columns = made.columns(first)
+    assert first.length >= 25
+    assert first.counts["dropped"] == 0
+    assert np.all(np.diff(columns["stamp_ns"]) == 100_000_000)
+    # 0.1 rad/s is 10 % of a range of 2 rad a second; the state lies between two messages, the action at one
+    elapsed_s = (columns["stamp_ns"] - T0) / 1e9
+    assert columns["observation.state"][:, 0] == pytest.approx(10 * elapsed_s, abs=1e-3)
+    assert columns["action"][:, 0] == pytest.approx(10 * elapsed_s, abs=0.13)
+    assert np.abs(columns["acquisition_ns"] - columns["stamp_ns"][:, None]).max() <= 50_000_000
+    shades = [int(picture.mean()) for picture in made.decoded(first, TOP)]
+    assert shades == pytest.approx(list(50 * elapsed_s), abs=3)
+    assert run("check", str(tmp_path / "frames"), "--workers", "1") == 0
+    assert run("convert", str(tmp_path / "set"), str(tmp_path / "csv"), "--format", "csv") == 0
+    assert run("merge", str(tmp_path / "set"), str(tmp_path / "frames"), "--into", str(tmp_path / "x")) == 1
+    assert "holds messages and another data set frames: convert it before" in capsys.readouterr().err
+
+
+def test_episodes_of_messages_are_deleted(tmp_path: Path) -> None:
+    cell = Cell(tmp_path / "set")
+    cell.record(0.5, 1.0)
+    before = played(bag_of(tmp_path / "set", 1))
+    topics = Dataset.read(tmp_path / "set").topics
+    assert run("delete", str(tmp_path / "set"), "--episodes", "0") == 0
+    left = Dataset.read(tmp_path / "set")
+    assert (left.episodes, left.frames, left.topics) == (1, len(before), topics)
+    assert [item[:2] for item in played(bag_of(tmp_path / "set"))] == [item[:2] for item in before]
+
+
+def test_what_is_wrong_with_messages_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = Cell(tmp_path / "set")
+    cell.record(0.5, 0.5)
+    bag = Bag(tmp_path / "other")
+    for at_ms in (0, 20, 40, 60, 2000, 2020):
+        message = joint_state(("pan", "lift"), [0.0, 0.0], at_ns=T0 + at_ms * 1_000_000)
+        bag.add("/arm/joint_states", type(message).__msgtype__, encode(message), T0 + at_ms * 1_000_000, T0)
+    bag.close()
+    (tmp_path / "other/messages.mcap").replace(bag_of(tmp_path / "set") / "messages.mcap")
+    (bag_of(tmp_path / "set", 1) / "messages.mcap").unlink()
+    assert run("check", str(tmp_path / "set"), "--workers", "1") == 1
+    said = capsys.readouterr().out
+    assert "error: episode 0: messages.mcap has 6 whole messages, and 50 are described" in said
+    assert "error: episode 0: it has no message of /arm/applied_command, which shows action" in said
+    assert "warning: episode 0: /arm/joint_states was silent for 1.94 s" in said
+    assert "messages.mcap is missing" in said
 
 
 def test_a_torn_file_is_read_as_far_as_it_is_whole(tmp_path: Path) -> None:

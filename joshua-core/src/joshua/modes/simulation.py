@@ -50,6 +50,14 @@ def check(context: Context) -> Iterator[Diagnostic]:
             'dataset_name: ... local_path: "datasets/mine" task: ... } }'
         )
         yield context.error("mode-lacks-block", message, "ai.data_store", remedy=remedy)
+    elif simulation.HasField("generate") and context.config.ai.data_store.storage == pb.STORAGE_CLOUD:
+        message = "generate writes episodes to this machine and uploads none"
+        folder = context.config.ai.data_store.local_path
+        remedy = (
+            f"Set storage: STORAGE_LOCAL, and upload with `joshua dataset upload {folder} URL` afterwards"
+        )
+        path = "ai.data_store.storage"
+        yield context.error("not-allowed", message, path, allowed=("STORAGE_LOCAL",), remedy=remedy)
     if simulation.mode == sim.MIRROR:
         yield from _mirror(context, simulation)
     elif simulation.mirror_topic_mappings and simulation.mode in sim.SimulationMode.values()[1:]:

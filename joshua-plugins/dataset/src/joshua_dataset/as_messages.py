@@ -16,6 +16,8 @@ from joshua_dataset.pictures import encoded
 #: Name of a data set's entry for the ranges that LeRobot's units are made of.
 CALIBRATION = "calibration of "
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
 #: Suffix of LeRobot's names of joints.
 SUFFIX = ".pos"
 
@@ -40,14 +42,14 @@ class Messages:
         return [self._message(feature, values[key], stamp_ns) for key, feature in self._features.items()]
 
     def _message(self, feature: Feature, value: Any, stamp_ns: int) -> tuple[str, Any]:
-        topic = "/" + feature.key.replace(".", "/")
+        topic = topic_of(feature)
         if feature.is_picture:
             image = message_class("sensor_msgs/msg/CompressedImage")(
                 header=header(feature.key, stamp_ns),
                 format="jpeg",
                 data=np.frombuffer(encoded(value, png=False), np.uint8),
             )
-            return f"{topic}/compressed", image
+            return topic, image
         numbers = np.asarray(value, np.float64).ravel()
         names = tuple(name.removesuffix(SUFFIX) for name in feature.names)
         if feature.unit in ("rad", "deg") and names:
@@ -63,6 +65,11 @@ class Messages:
             data_offset=0,
         )
         return topic, message_class("std_msgs/msg/Float64MultiArray")(layout=layout, data=numbers)
+
+
+def topic_of(feature: Feature) -> str:
+    """The topic that shows a feature in messages that are made of frames."""
+    return "/" + feature.key.replace(".", "/") + ("/compressed" if feature.is_picture else "")
 
 
 def calibration_text(joints: Sequence[JointRange]) -> str:

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from joshua.features import ACTION, STATE, Feature
 
+from joshua_dataset.from_messages import problems
 from joshua_dataset.jobs import in_order
-from joshua_dataset.metadata import STAMP
+from joshua_dataset.metadata import MESSAGES, STAMP
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 
 #: A picture that does not change for so long counts as frozen.
@@ -71,7 +72,8 @@ def check(folder: Path, *, pictures: bool = True, workers: int | None = None) ->
         )
     if frames != dataset.frames:
         yield Problem(-1, f"meta/info.json counts {dataset.frames} frames, and the episodes have {frames}")
-    yield from _statistics(dataset, ends)
+    if dataset.pictures != MESSAGES:
+        yield from _statistics(dataset, ends)
 
 
 def _statistics(dataset: Dataset, ends: Mapping[str, tuple[Any, Any]]) -> Iterator[Problem]:
@@ -101,6 +103,8 @@ def _of_episode(
 ) -> tuple[int, list[Problem], dict[str, tuple[Any, Any]]]:
     folder, episode, pictures = item
     dataset = Dataset.read(folder)
+    if dataset.pictures == MESSAGES:
+        return episode.length, [Problem(episode.index, *found) for found in problems(dataset, episode)], {}
     try:
         columns = dataset.columns(episode)
     except DatasetError as error:

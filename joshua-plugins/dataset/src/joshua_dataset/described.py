@@ -14,13 +14,11 @@ from joshua.messages import MessageError
 from joshua.messages.arrays import array_of
 
 from joshua_dataset.as_messages import CALIBRATION, calibration_text
+from joshua_dataset.metadata import ACQUISITION
 from joshua_dataset.reader import DatasetError
 from joshua_dataset.sampler import COUNTERS
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import Stream, picture
-
-#: Column of the acquisition of each value, ns since the epoch, in the order of the features.
-ACQUISITION = "acquisition_ns"
 
 
 class Description:

@@ -14,10 +14,10 @@ from joshua.features import DatasetLayout, EpisodeError, Frame
 from joshua.messages import MessageError, encode
 
 from joshua_dataset import metadata, open_episode
-from joshua_dataset.as_messages import Messages
+from joshua_dataset.as_messages import Messages, topic_of
 from joshua_dataset.bag import Bag, completed
 from joshua_dataset.files import Files, Staging
-from joshua_dataset.metadata import INFO, MESSAGES, OURS, TASKS
+from joshua_dataset.metadata import ACQUISITION, INFO, MESSAGES, OURS, TASKS
 from joshua_dataset.open_episode import JOURNAL, open_folder
 from joshua_dataset.pictures import ERRORS
 from joshua_dataset.writer import DatasetWriter
@@ -153,8 +153,13 @@ class McapWriter(DatasetWriter):
         return info | {
             "data_path": BAG_PATH,
             "video_path": None,
-            OURS: info[OURS] | {"codec": ""},
+            OURS: info[OURS] | {"codec": "", "topics": self._topics()},
         }
+
+    def _topics(self) -> dict[str, str]:
+        """Which topic shows which feature."""
+        features = self.layout.features.values()
+        return {item.key: item.topic or topic_of(item) for item in features if item.key != ACQUISITION}
 
     def _take_up(self, there: Any) -> None:
         self.episodes, self.frames, self._tasks = there.episodes, there.frames, list(there.tasks)

@@ -25,6 +25,9 @@ VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.m
 PICTURES_PATH = "images/{video_key}/chunk-{chunk_index:03d}/episode-{file_index:03d}"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
+#: Column of the acquisition of each value, ns since the epoch, in the order of the features.
+ACQUISITION = "acquisition_ns"
+
 INFO = Path("meta") / "info.json"
 STATS = Path("meta") / "stats.json"
 TASKS = Path("meta") / "tasks.parquet"

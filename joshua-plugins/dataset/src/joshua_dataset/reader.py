@@ -72,6 +72,7 @@ class Dataset:
             ``messages``, where all values stand in ROS 2 messages.
         codec: of the videos; "" without any.
         identity: what appended episodes must share; counters: names of the counts of each episode.
+        topics: that show the features, of a data set of messages.
         info: the whole ``meta/info.json``.
     """
 
@@ -88,6 +89,7 @@ class Dataset:
     codec: str
     identity: Mapping[str, str]
     counters: tuple[str, ...]
+    topics: Mapping[str, str]
     info: Mapping[str, Any]
 
     @classmethod
@@ -123,6 +125,7 @@ class Dataset:
                 codec=", ".join(sorted(codecs)),
                 identity={str(k): str(v) for k, v in ours.get("identity", {}).items()},
                 counters=tuple(map(str, ours.get("counters", ()))),
+                topics={str(k): str(v) for k, v in ours.get("topics", {}).items()},
                 info=info,
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -167,8 +170,8 @@ class Dataset:
         """The numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
         if self.pictures == MESSAGES:
             raise DatasetError(
-                f"{self.folder} holds ROS 2 messages and no frames. "
-                f"Open {episode.table} with rosbag2 or Foxglove"
+                f"{self.folder} holds ROS 2 messages and no frames. Make frames of them with `joshua dataset "
+                f"convert {self.folder} TARGET`, or open {episode.table} with rosbag2 or Foxglove"
             )
         table = self._table(episode)
         found: dict[str, npt.NDArray[Any]] = {}

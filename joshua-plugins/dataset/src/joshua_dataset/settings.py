@@ -206,7 +206,8 @@ class StoreSettings(BlockSettings):
             raise FieldError(
                 "local_path",
                 "a replay reads the data set from this machine, and needs local_path",
-                remedy="Run `joshua dataset download` with remote_url and a folder, and set local_path to it",
+                remedy=f"Run `joshua dataset download {self.remote or 'URL'} datasets/my_data`, "
+                'and add local_path: "datasets/my_data"',
             )
         return self
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -9,16 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
+from joshua.messages import decode
 
 from joshua_dataset import statistics
+from joshua_dataset.bag import FILE, messages
 from joshua_dataset.formats import writer_of
+from joshua_dataset.from_messages import MessageFrames
 from joshua_dataset.jobs import in_order
 from joshua_dataset.lock import PRIVATE
-from joshua_dataset.metadata import INDEX_COLUMNS, STAMP
+from joshua_dataset.mcap_writer import McapWriter
+from joshua_dataset.metadata import INDEX_COLUMNS, MESSAGES, STAMP
 from joshua_dataset.open_episode import SUFFIXES, open_folder
 from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE, Encoder, PictureFiles, Video
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 from joshua_dataset.statistics import PictureStatistics, Statistics
+from joshua_dataset.writer import DatasetWriter
 
 NS_PER_S = 1_000_000_000
 
@@ -82,6 +88,9 @@ def build(
     writer = writer_of(table_format)(layout)
     writer.open()
     try:
+        made_of = [dataset.pictures == MESSAGES for dataset in found]
+        if any(made_of):
+            return _from_messages(sources, found, made_of, writer, progress)
         total = sum(_count(source, dataset) for source, dataset in zip(sources, found, strict=True))
         jobs = _jobs(sources, found, layout)
         for done, prepared in enumerate(in_order(_prepare, jobs, workers), 1):
@@ -99,6 +108,29 @@ def build(
         writer.close()
 
 
+def _from_messages(
+    sources: Sequence[Source],
+    found: Sequence[Dataset],
+    made_of: Sequence[bool],
+    writer: DatasetWriter,
+    progress: Callable[[int, int], None],
+) -> int:
+    """Write the frames of recorded messages, one episode after the other; return their number."""
+    if not all(made_of):
+        other = found[made_of.index(True)].folder
+        raise EpisodeError(f"{other} holds messages and another data set frames: convert it before the merge")
+    total = sum(_count(source, dataset) for source, dataset in zip(sources, found, strict=True))
+    for source, dataset in zip(sources, found, strict=True):
+        wanted = None if source.episodes is None else set(source.episodes)
+        for episode in dataset.episode_list(wanted):
+            frames = MessageFrames(dataset, episode)
+            for frame in frames:
+                writer.add_frame(frame)
+            writer.end_episode((episode.tasks or ("",))[0], frames.counts)
+            progress(writer.episodes, total)
+    return writer.episodes
+
+
 def delete(folder: Path, episodes: Sequence[int], *, workers: int | None = None) -> int:
     """Remove episodes from a data set; return how many are left. It is replaced as a whole, at the end.
 
@@ -109,11 +141,28 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: int | None = None)
     _check(folder, there, episodes)
     kept = tuple(number for number in range(there.episodes) if number not in set(episodes))
     fresh, old = (folder.with_name(f"{folder.name}.{ending}") for ending in ("new", "old"))
-    count = build([Source(folder, kept)], fresh, table_format=there.format, workers=workers)
+    if there.pictures == MESSAGES:
+        count = _copied_messages(there, kept, fresh)
+    else:
+        count = build([Source(folder, kept)], fresh, table_format=there.format, workers=workers)
     folder.rename(old)
     fresh.rename(folder)
     shutil.rmtree(old)
     return count
+
+
+def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
+    """Write some episodes of messages into a new data set as they are; return their number."""
+    features = [replace(item, topic=dataset.topics.get(item.key, "")) for item in dataset.features.values()]
+    layout = replace(_layout([dataset], target, "mcap", "", ""), features=FeatureSet(features))
+    with contextlib.closing(McapWriter(layout)) as writer:
+        writer.open()
+        for episode in dataset.episode_list(set(kept)):
+            for topic, type_name, record in messages(episode.table / FILE):
+                message = decode(type_name, record.data)
+                writer.add_message(topic, message, record.log_time, record.publish_time)
+            writer.end_episode((episode.tasks or ("",))[0], episode.counts)
+        return writer.episodes
 
 
 def _layout(
@@ -131,7 +180,7 @@ def _layout(
         if different:
             raise EpisodeError("the data sets cannot be merged: " + "; ".join(different))
     kept = pictures or (
-        first.pictures if table_format != "lerobot" and first.pictures != "table" else "video"
+        "video" if table_format == "lerobot" or first.pictures in ("table", MESSAGES) else first.pictures
     )
     return DatasetLayout(
         folder=target,

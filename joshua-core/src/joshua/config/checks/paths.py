@@ -169,7 +169,9 @@ def _data_sets(context: Context) -> Iterator[Diagnostic]:
             yield context.missing("dataset-missing", message, own, remedy=remedy)
     if purpose and store.local_path and not _is_folder(place):
         message = f"There is no data set to {purpose}: looked for the folder {place}"
-        yield context.missing("dataset-missing", message, path)
+        fetched = f"Run `joshua dataset download URL {place}` with remote_url as the URL"
+        remote = store.storage == pb.STORAGE_CLOUD and purpose != "upload"
+        yield context.missing("dataset-missing", message, path, remedy=fetched if remote else "")
 
 
 def _place(context: Context, path: str, value: str) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import hashlib
+import mimetypes
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -31,6 +32,9 @@ MOST_PARTS = 9000
 
 #: Part sizes of other programs, to recognise what they have sent.
 PARTS = (PART, 5 << 20, 10 << 20, 15 << 20, 16 << 20, 25 << 20, 32 << 20, 50 << 20, 64 << 20, 100 << 20)
+
+#: Statuses of a session that has expired.
+_GONE = (404, 410)
 
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _ETAG = re.compile(r"[0-9a-f]{32}-\d+")
@@ -135,6 +139,8 @@ class Bucket(Store):
         place = self._at(item.name)
         if self.address.scheme == "s3" and item.digest.size > PART:
             return self._put_parts(item, place, tally)
+        if self.address.scheme == "gs" and item.digest.size > PART and not self._is_zonal():
+            return self._put_session(item, place, tally)
         try:
             with self._translating(f"sending {item.name}"):
                 if not self._is_object_store:  # which has no folders, and would make buckets
@@ -181,6 +187,60 @@ class Bucket(Store):
                     listed = self._files.call_s3("list_parts", **target, UploadId=number)
                     return number, {part["PartNumber"]: part["ETag"] for part in listed.get("Parts", ())}
         return self._files.call_s3("create_multipart_upload", **target)["UploadId"], {}
+
+    def _put_session(self, item: Outgoing, place: str, tally: Tally) -> None:
+        """Send an object to Google in a session; it goes on where an earlier attempt, or run, has ended."""
+        size, moved = item.digest.size, 0
+        try:
+            with self._translating(f"sending {item.name}"), item.path.open("rb") as file:
+                session, moved = self._session(item, place)
+                tally.resume(moved)
+                while moved < size:
+                    file.seek(moved)
+                    data = file.read(PART)
+                    span = f"bytes {moved}-{moved + len(data) - 1}/{size}"
+                    there = self._received(session, span, data, size)
+                    if there <= moved:
+                        raise RemoteError(f"{self.address}: {item.name} was not taken", transient=True)
+                    tally.add(there - moved)
+                    moved = there
+                self.sessions.forget(item)
+        except RemoteError:
+            tally.resume(-moved)
+            raise
+
+    def _session(self, item: Outgoing, place: str) -> tuple[str, int]:
+        """Address of an upload that was begun before, or of a new one; bytes that are there."""
+        address = str(self.sessions.get(item).get("address", ""))
+        if address:
+            try:
+                return address, self._received(address, f"bytes */{item.digest.size}", b"", item.digest.size)
+            except Exception as error:
+                if not isinstance(error, FileNotFoundError) and getattr(error, "code", 0) not in _GONE:
+                    raise
+        from fsspec.asyn import sync
+        from gcsfs.core import initiate_upload
+
+        bucket, key, _ = self._files.split_path(place)
+        kind = mimetypes.guess_type(item.path)[0] or "application/octet-stream"
+        address = str(sync(self._files.loop, initiate_upload, self._files, bucket, key, kind))
+        self.sessions.put(item, {"address": address})
+        return address, 0
+
+    def _received(self, session: str, span: str, data: bytes, size: int) -> int:
+        """Send some bytes, and return how many of the object are there then."""
+        headers, content = self._files.call("PUT", session, headers={"Content-Range": span}, data=data)
+        if content.strip():
+            return size  # the description of the object, which is complete
+        return int(headers["Range"].rpartition("-")[2]) + 1 if "Range" in headers else 0
+
+    def _is_zonal(self) -> bool:
+        """Whether the bucket takes objects by another protocol."""
+        from fsspec.asyn import sync
+
+        ask = getattr(self._files, "_is_zonal_bucket", None)
+        with self._translating("opening it"):
+            return ask is not None and bool(sync(self._files.loop, ask, self._root.partition("/")[0]))
 
     def _look(self, name: str) -> RemoteFile:
         with self._translating(f"looking at {name}"):

@@ -10,6 +10,7 @@ from typing import Any
 from joshua_dataset.cloud.address import Address
 from joshua_dataset.cloud.errors import RemoteError, StoppedError, require_library, translated
 from joshua_dataset.cloud.ledger import Digest
+from joshua_dataset.cloud.lfs import LEAST, send_in_parts
 from joshua_dataset.cloud.store import ATTEMPTS, CHUNK, Outgoing, RemoteFile, Store, Tally, in_parallel
 
 #: Files of one commit.
@@ -168,22 +169,31 @@ class Hub(Store):
     def _commit(self, batch: Sequence[Outgoing], tally: Tally, jobs: int) -> dict[str, RemoteFile]:
         """Send contents side by side, then commit them; what has arrived once is not sent again."""
         from huggingface_hub import CommitOperationAdd
+        from huggingface_hub.utils._runtime import is_xet_available
 
         operations: dict[str, Any] = {}
+        in_parts = not is_xet_available()
 
         def content(item: Outgoing) -> None:
-            with self._translating(f"sending {item.name}"):
-                operation = CommitOperationAdd(self._prefix + item.name, str(item.path))
-                self._api.preupload_lfs_files(
-                    self._repository,
-                    [operation],
-                    repo_type="dataset",
-                    revision=self._revision,
-                    num_threads=1,
-                    free_memory=False,
-                )
+            moved = 0
+            try:
+                with self._translating(f"sending {item.name}"):
+                    if in_parts and item.digest.size > LEAST:
+                        moved = send_in_parts(self._repository, self._revision, item, self.sessions, tally)
+                    operation = CommitOperationAdd(self._prefix + item.name, str(item.path))
+                    self._api.preupload_lfs_files(
+                        self._repository,
+                        [operation],
+                        repo_type="dataset",
+                        revision=self._revision,
+                        num_threads=1,
+                        free_memory=False,
+                    )
+            except RemoteError:
+                tally.resume(-moved)
+                raise
             operations[item.name] = operation
-            tally.add(item.digest.size)
+            tally.add(item.digest.size - moved)
 
         def commit() -> dict[str, RemoteFile]:
             with self._translating("the commit"):

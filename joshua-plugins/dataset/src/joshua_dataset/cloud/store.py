@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from joshua_dataset.cloud.address import Address
 from joshua_dataset.cloud.errors import RemoteError, StoppedError
 from joshua_dataset.cloud.ledger import Digest
+from joshua_dataset.cloud.sessions import Sessions
 
 Result = TypeVar("Result")
 
@@ -181,12 +182,14 @@ class Store(ABC):
 
     Attributes:
         keeps_sums: a file with the checksums of all others stands beside them.
+        sessions: of uploads that have begun.
     """
 
     keeps_sums = True
 
     def __init__(self, address: Address) -> None:
         self.address = address
+        self.sessions = Sessions()
 
     @abstractmethod
     def listing(self) -> dict[str, RemoteFile]:

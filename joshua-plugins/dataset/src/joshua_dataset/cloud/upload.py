@@ -21,6 +21,7 @@ from joshua_dataset.cloud.copies import (
 )
 from joshua_dataset.cloud.errors import RemoteError
 from joshua_dataset.cloud.ledger import Digest, Ledger, names_of
+from joshua_dataset.cloud.sessions import Sessions
 from joshua_dataset.cloud.store import Outgoing, RemoteFile, Store, Tally, read_back
 from joshua_dataset.metadata import INFO
 from joshua_dataset.reader import Dataset
@@ -40,6 +41,7 @@ def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replac
     dataset = Dataset.read(folder)
     content = (folder / INFO).read_bytes()
     ledger = Ledger(folder)
+    store.sessions = Sessions(folder, str(store.address))
     names = [name for name in names_of(folder) if is_counted(name, dataset.episodes, is_ours(dataset.info))]
     if SUMS in names:
         names.remove(SUMS)

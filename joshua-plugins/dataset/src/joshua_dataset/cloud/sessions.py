@@ -1,0 +1,76 @@
+"""Uploads of large files that have begun and not ended, so that one goes on after a kill."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from joshua_dataset.lock import PRIVATE
+
+if TYPE_CHECKING:
+    from joshua_dataset.cloud.store import Outgoing
+
+NAME = "uploads.json"
+
+
+class Sessions:
+    """What remotes answered when an upload began, kept in the private folder of a data set.
+
+    Such an answer has addresses that take the content of one file without credentials, for some days.
+    So nobody but the owner can read it, and it goes when the file has arrived.
+
+    Args:
+        folder: of the data set; None keeps nothing.
+        remote: address of the copy.
+    """
+
+    def __init__(self, folder: Path | None = None, remote: str = "") -> None:
+        self._path = folder / PRIVATE / NAME if folder is not None else None
+        self._remote = remote
+        self._lock = threading.Lock()
+        self._records: dict[str, dict[str, Any]] = {}
+        with contextlib.suppress(OSError, ValueError, TypeError):
+            if self._path is not None:
+                records = dict(json.loads(self._path.read_text(encoding="utf-8")))
+                self._records = {key: dict(value) for key, value in records.items()}
+
+    def get(self, item: Outgoing) -> dict[str, Any]:
+        """What was kept of the upload of this content; empty if nothing was."""
+        with self._lock:
+            found = self._records.get(self._key(item), {})
+        return found if found.get("sha256") == item.digest.sha256 else {}
+
+    def put(self, item: Outgoing, record: dict[str, Any]) -> None:
+        """Keep something of an upload."""
+        with self._lock:
+            self._records[self._key(item)] = {**record, "sha256": item.digest.sha256}
+            self._write()
+
+    def forget(self, item: Outgoing) -> None:
+        """The upload has ended, or cannot go on."""
+        with self._lock:
+            if self._records.pop(self._key(item), None) is not None:
+                self._write()
+
+    def _key(self, item: Outgoing) -> str:
+        return f"{self._remote}/{item.name}"
+
+    def _write(self) -> None:
+        """Write it; in a folder that cannot be written, an upload that is killed starts anew."""
+        if self._path is None:
+            return
+        with contextlib.suppress(OSError):
+            if not self._records:
+                self._path.unlink(missing_ok=True)
+                return
+            self._path.parent.mkdir(exist_ok=True)
+            fresh = self._path.with_suffix(".new")
+            fresh.unlink(missing_ok=True)
+            descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+                json.dump(self._records, file)
+            fresh.replace(self._path)
