@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 
 # A shell that starts the tests in the background lets them ignore Ctrl-C, and with them what they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# A short ``--duration`` also limits the start, and a busy machine starts slowly.
+os.environ.setdefault("JOSHUA_START_TIMEOUT", "200")
 
 with contextlib.suppress(ImportError):  # the session of mjx installs less
     from hypothesis import HealthCheck, settings

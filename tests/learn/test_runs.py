@@ -19,6 +19,7 @@ ARM = """sts3215_config {
       comm { serial { port: "/dev/ttyACM0" baudrate: 1000000 } }
       motor_ids: [1, 2, 3, 4, 5, 6] position_max: 4095 velocity: 1000 acceleration: 200
     }"""
+OPTIONS = ["--emulate", "--duration", "3", "--start-timeout", "300"]
 CAMERAS = {"top": (96, 96), "wrist": (96, 96)}
 
 
@@ -28,7 +29,7 @@ def run(robot: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     robot.write_text(text)
     with reserved_domain() as domain:
         return subprocess.run(
-            [sys.executable, "-m", "joshua", "--config", str(robot), "--emulate", "--duration", "3"],
+            [sys.executable, "-m", "joshua", "--config", str(robot), *OPTIONS],
             capture_output=True,
             text=True,
             cwd=robot.parent,

@@ -103,6 +103,7 @@ class Robot:
             "log_directory": self.folder / "log",
             "restart": RestartLimits(first_delay_s=0.02, max_delay_s=0.1, failures=3),
             "log_level": 10,
+            "start_timeout_s": 60.0,
         }
         return SupervisorOptions(**{**defaults, **fields})
 

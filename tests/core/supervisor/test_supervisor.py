@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 
 import pytest
 from joshua.plan import NodeKind, TopicSpec
@@ -186,20 +185,23 @@ def test_nodes_keep_the_order_of_the_plan(robot):
     assert [node.full_name for node in report.nodes] == ["/c", "/a", "/b"]
 
 
-@pytest.mark.parametrize("duration_s", [1.0, 5.0])
-def test_no_start_that_hangs_outlives_the_duration(robot, duration_s):
-    report = robot.run(robot.node("SlowStart"), robot.node("Quiet"), duration_s=duration_s)
+@pytest.mark.parametrize(
+    ("behaviour", "facts"),
+    [("SlowStart", {}), ("SlowLoad", {}), ("SlowStart", {"ready_timeout_s": 200.0})],
+    ids=["hangs", "computes", "declares-its-time"],
+)
+def test_no_start_outlives_the_duration(robot, behaviour, facts):
+    slow = robot.node(behaviour, facts=facts)
+    report = robot.run(slow, robot.node("Quiet"), duration_s=1.0, start_timeout_s=None)
 
     assert report.exit_code == 1
-    said = re.search(r"/slowstart: not ready after (\d+) s: it is still in its configure step", report.reason)
-    assert said
-    assert int(said[1]) < 20  # which are for a start that gets on
-    assert "/quiet" not in report.reason
+    assert f"{slow.full_name}: not ready after 1 s: it is still " in report.reason
+    assert report.reason.endswith("Allow a longer start with --start-timeout SECONDS")
     assert robot.ui.tables == []
 
 
-def test_a_start_that_computes_may_outlive_the_duration(robot):
-    report = robot.run(robot.node("SlowLoad"), duration_s=0.3)
+def test_a_start_may_take_longer_if_the_user_says_so(robot):
+    report = robot.run(robot.node("SlowLoad"), duration_s=0.3, start_timeout_s=60.0)
 
     assert report.exit_code == 0
     assert "slowload activate" in robot.noted()

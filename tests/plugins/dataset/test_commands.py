@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from joshua.supervisor.tables import Screen
 from joshua_dataset.commands import dataset, record
 from small_dataset import write
 
@@ -25,6 +26,20 @@ def test_info_describes_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixture
     assert lines[1] == "robot type: arm   layout: v3.0   pictures: video h264"
     assert "  action                       float32 2 rad   pan, lift" in lines
     assert lines[-2:] == ["  task 0: wave", "  task 1: point"]
+
+
+@pytest.mark.parametrize("action", ["info", "stats"])
+def test_tables_fit_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, action: str
+) -> None:
+    folder = tmp_path / "set"
+    write(folder)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Screen, "of", lambda stream: Screen(50))
+    assert run(dataset, action, "set") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 50
+    assert any("lift" in line for line in lines)
 
 
 def test_a_folder_without_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

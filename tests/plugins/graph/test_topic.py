@@ -14,9 +14,11 @@ import pytest
 from joshua.cli.main import main
 from joshua.messages import encode, make, message_class
 from joshua.plan import QosProfile
+from joshua.supervisor.tables import Screen
 from joshua.testing.port import free_port
 from joshua.testing.transport import transport_settings
 from joshua.transport import open_transport, prepare_transport
+from joshua_graph.graph import show
 
 STRING = "std_msgs/msg/String"
 
@@ -83,6 +85,16 @@ def test_echo_prints_messages_as_yaml(graph, capsys):
     assert first.startswith("data: word ")
     assert second.startswith("data: word ")
     assert rest == ""
+
+
+def test_a_terminal_gets_long_lines_wrapped_between_values(monkeypatch, capsys):
+    monkeypatch.setattr(Screen, "of", lambda stream: Screen(40))
+    show(["header:", f"position: [{', '.join(['0.123456'] * 5)}]"])
+    assert capsys.readouterr().out.splitlines() == [
+        "header:",
+        "position: [0.123456, 0.123456, 0.123456,",
+        "    0.123456, 0.123456]",
+    ]
 
 
 def test_echo_gets_what_a_publisher_keeps(graph, capsys):

@@ -24,6 +24,7 @@ from joshua_onnx.model import OnnxModel
 from joshua_onnx.settings import OnnxSettings
 
 BLOCK = "plugin_config { [joshua/joshua.OnnxPolicy] {} }"
+OPTIONS = ["--duration", "1", "--start-timeout", "300"]
 JOINTS = JointSpace(tuple("abcdef"), np.full(6, -2.0), np.full(6, 2.0))
 
 
@@ -130,7 +131,7 @@ def test_an_exported_policy_drives_mock_motors(tmp_path: Path, exported: Path):
     robot = write_robot(tmp_path / "robot.pbtxt", "policy", block=BLOCK)
     with reserved_domain() as domain:
         done = subprocess.run(
-            [sys.executable, "-m", "joshua", "--config", str(robot), "--duration", "1"],
+            [sys.executable, "-m", "joshua", "--config", str(robot), *OPTIONS],
             capture_output=True,
             text=True,
             env={**os.environ, "ROS_DOMAIN_ID": str(domain), "XDG_RUNTIME_DIR": str(tmp_path)},

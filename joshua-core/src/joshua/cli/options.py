@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def add_plan_options(parser: _Container, *, suppress: bool = True) -> None:
         metavar="SECONDS",
         type=positive_seconds,
         default=argparse.SUPPRESS if suppress else None,
-        help="shut down cleanly after this time",
+        help="shut down cleanly this long after every node is ready; a start that takes as long fails",
     )
     for name, help_text in (
         ("--emulate", "replace every device by its emulator; no hardware is opened"),
@@ -142,6 +143,13 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("run")
     group.add_argument("--validate-only", action="store_true", help="check the file and start nothing")
     add_plan_options(group, suppress=False)
+    group.add_argument(
+        "--start-timeout",
+        metavar="SECONDS",
+        type=positive_seconds,
+        default=os.environ.get("JOSHUA_START_TIMEOUT"),
+        help="limit of the start in place of that of --duration (also JOSHUA_START_TIMEOUT)",
+    )
     add_fault_option(group, suppress=False)
     group.add_argument("--open", action="store_true", help="open the page of a calibration in the browser")
     group.add_argument(

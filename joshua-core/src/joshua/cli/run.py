@@ -111,7 +111,12 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
     from joshua.supervisor.terminal import Terminal
 
     level = logging.getLevelName(arguments.log_level)
-    options = SupervisorOptions(log_level=level, duration_s=arguments.duration, began_s=began_s)
+    options = SupervisorOptions(
+        log_level=level,
+        duration_s=arguments.duration,
+        start_timeout_s=arguments.start_timeout,
+        began_s=began_s,
+    )
     return Supervisor(plan, server, options, Terminal(level)).run()
 
 

@@ -96,13 +96,6 @@ def thread_time(process_id: int, thread_id: int) -> ThreadTime | None:
     return ThreadTime(int(ran), int(waited), state == "R")
 
 
-def busy_time_ns(process_id: int) -> int | None:
-    """Return the time that all threads of a process ran, None if the system has none."""
-    tasks = Path(f"/proc/{process_id}/task").glob("*")
-    times = [found for task in tasks if (found := thread_time(process_id, int(task.name)))]
-    return sum(found.ran_ns for found in times) if times else None
-
-
 class SilenceJudge:
     """Decides from heartbeats whether a control loop in another process hangs.
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
 
-from joshua.guardian.silence import ThreadTime, busy_time_ns, thread_time
+from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
 from joshua.ipc.messages import printable
 from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSettings, installing
@@ -27,8 +27,6 @@ from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.node_record import NodeRecord
 from joshua.supervisor.policies import (
     HANG_TIMES,
-    STALL_BUSY,
-    STALL_S,
     RestartPolicy,
     Rung,
     StopLadder,
@@ -122,7 +120,6 @@ class ManagedProcess:
         self._urgent = False
         self._kill_reason = "it did not stop in time"
         self._dump: StackDump | None = None
-        self._progress: tuple[list[str], int] = ([], 0)
 
     @property
     def names(self) -> str:
@@ -418,19 +415,11 @@ class ManagedProcess:
         if self._deadline is not None:
             self._deadline.cancel()
 
-    def stalled(self) -> bool:
-        """Whether its nodes and its threads have done nothing since the call before, ``STALL_S`` ago."""
-        busy_ns = busy_time_ns(0 if self._child is None else self._child.process_id)
-        doing = [record.doing for record in self.records.values()]
-        (before, before_ns), self._progress = self._progress, (doing, busy_ns or 0)
-        idle = busy_ns is not None and abs(busy_ns - before_ns) < STALL_BUSY * STALL_S * 1e9
-        return idle and doing == before
-
-    def fail_start(self, limit_s: float) -> None:
+    def fail_start(self, limit_s: float, remedy: str = "") -> None:
         """Fails the nodes that are not ready, and stops the process."""
         for name, record in self.records.items():
             if record.state in ("starting", "configured", "resuming"):
-                text = f"not ready after {limit_s:g} s: it is still {record.doing}"
+                text = f"not ready after {limit_s:g} s: it is still {record.doing}{remedy}"
                 self._logbook.write(logging.ERROR, text, name)
                 record.fail(text, EXIT_NODE_FAILED)
         self._urgent = True

@@ -146,24 +146,15 @@ READY_TIMEOUT_S: dict[NodeKind, float] = {
 }
 
 
-#: Time that a start gets which still gets on, however short the run is to be.
-LEAST_START_S = 20.0
-
-#: Time without progress after which a start hangs.
-STALL_S = 2.0
-
-#: Share of that time that a process which gets on computes.
-STALL_BUSY = 0.03
-
-
 @dataclass(frozen=True)
 class SupervisorOptions:
     """Settings of a run.
 
     Attributes:
         log_level: minimum level that nodes report, as in ``logging``.
-        duration_s: length of the run after its start-up, which may take as long; one that gets on, at least
-            ``LEAST_START_S``. None takes the plan's, without a limit for the start.
+        duration_s: length of the run after its start-up, which may take as long. None takes the plan's,
+            without a limit for the start.
+        start_timeout_s: limit of the start instead of ``duration_s``.
         heartbeat_s: interval of the heartbeats.
         status_period_s: interval of the live status.
         ladder: times of the stop ladder; ``stop_timeout_s`` of a node's facts overrides the first.
@@ -175,6 +166,7 @@ class SupervisorOptions:
 
     log_level: int = 20
     duration_s: float | None = None
+    start_timeout_s: float | None = None
     heartbeat_s: float = 0.05
     status_period_s: float = 1.0
     ladder: LadderTimes = field(default_factory=LadderTimes)

@@ -28,7 +28,7 @@ from joshua.supervisor.log_files import new_log
 from joshua.supervisor.logbook import Logbook, Subscriber
 from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
-from joshua.supervisor.policies import LEAST_START_S, STALL_S, SupervisorOptions
+from joshua.supervisor.policies import SupervisorOptions
 from joshua.supervisor.reactor import Reactor, StopSignals
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory, RunPlace
 from joshua.supervisor.run_requests import RunRequests
@@ -190,25 +190,15 @@ class Supervisor:
             process.start()
         self._reactor.call_later(CHECK_PERIOD_S, self._check)
         self._reactor.call_later(options.status_period_s, self._show_status)
-        if options.duration_s is not None:
-            end_start = partial(self._end_start, options.duration_s, time.monotonic())
-            self._reactor.call_later(max(0.0, options.duration_s - STALL_S), end_start)
+        limit_s = options.start_timeout_s or options.duration_s
+        if limit_s is not None:
+            self._reactor.call_later(limit_s, partial(self._end_start, limit_s))
 
-    def _end_start(self, duration_s: float, began_s: float) -> None:
-        """Ends a start that takes longer than the run should: fails the nodes that the others wait for.
-
-        A process that still gets on, such as one that loads a model, has until ``LEAST_START_S``.
-        """
-        if self._phase is not Phase.STARTING:
-            return
-        took_s = time.monotonic() - began_s
-        for process in self._processes:
-            hangs = process.stalled() and took_s >= duration_s
-            is_late = hangs or took_s >= max(duration_s, LEAST_START_S)
-            patient = any(spec.facts.ready_timeout_s for spec in process.specs)  # its plugin says how long
-            if is_late and not (patient or (process.ready if self._activated else process.configured)):
-                process.fail_start(round(took_s))
-        self._reactor.call_later(STALL_S, partial(self._end_start, duration_s, began_s))
+    def _end_start(self, limit_s: float) -> None:
+        """Fails the nodes that the others wait for."""
+        for process in self._processes if self._phase is Phase.STARTING else ():
+            if process.alive and not (process.ready if self._activated else process.configured):
+                process.fail_start(limit_s, ". Allow a longer start with --start-timeout SECONDS")
 
     def _open_router(self, stack: ExitStack) -> bool:
         from joshua.plugins.targets import TargetError

@@ -28,6 +28,7 @@ _STATES = {"failed": RED, "killed": RED, "fault": RED, "restarting": YELLOW, "re
 _HOUSEKEEPING = ("/diagnostics", "/rosout", "/parameter_events")
 
 _GAP = "  "
+_NO_BREAK = "\N{NO-BREAK SPACE}"  # in a cell; printed as a space
 _NARROWEST = 12  # of a column that is shortened or wrapped
 _WRAPPED = 28  # columns are dropped before a wrapped one gets narrower than this
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160)) if code not in (9, 10)}
@@ -52,6 +53,7 @@ class Screen:
 
     def paint(self, text: str, style: str) -> str:
         """A text in a style such as ``RED``."""
+        text = text.replace(_NO_BREAK, " ")
         return f"\x1b[{style}m{text}\x1b[0m" if self.colour and style else text
 
     def wrap(self, text: str, label: str = "", style: str = "", indent: int = 2) -> list[str]:
@@ -161,6 +163,7 @@ def _row(
         text: str = row[index]
         if len(text) > widths[index] and index == flexible == last:
             text, *rest = textwrap.wrap(text, widths[index], break_on_hyphens=False) or [""]
+            rest = [screen.paint(line, row[index].style) for line in rest]
         text = shorten(text, widths[index])
         padded = text.rjust(widths[index]) if index in right else text.ljust(widths[index])
         cells.append(screen.paint(padded.rstrip() if index == last else padded, row[index].style))
@@ -243,11 +246,14 @@ def _rate_cells(node: NodeStatus, full_topics: bool) -> list[Cell]:
         if topic in _HOUSEKEEPING:
             continue
         target_hz = node.target_hz.get(topic, 0.0)
-        name = topic if full_topics else topic.rpartition("/")[2]
+        own = f"{node.full_name}/"  # which ROS 2 abbreviates
+        whole = f"~/{topic.removeprefix(own)}" if topic.startswith(own) else topic
+        name = whole if full_topics else topic.rpartition("/")[2]
         if rate_hz < LOW * target_hz:
-            cells.append(Cell.of(f"{name} {rate_hz:.1f} of {target_hz:g} Hz!", RED))
+            rate = f"{rate_hz:.1f} of {target_hz:g} Hz!".replace(" ", _NO_BREAK)
+            cells.append(Cell.of(f"{name} {rate}", RED))
         else:
-            cells.append(Cell(clean(f"{name} {rate_hz:.1f} Hz")))
+            cells.append(Cell(clean(f"{name} {rate_hz:.1f}{_NO_BREAK}Hz")))
     return cells
 
 

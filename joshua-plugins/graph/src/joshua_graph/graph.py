@@ -7,7 +7,7 @@ import contextlib
 import difflib
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from joshua.tools import ExitCode, GraphError, add_config, graph_transport, positive_seconds
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _QUIET_S = 0.3
 _POLL_S = 0.02
+_LONGEST_WRAPPED = 10_000  # a picture in full is not wrapped
 #: How long the rest of what belongs to a topic or node may take to become known.
 _SETTLE_S = 2.0
 
@@ -257,6 +258,19 @@ def type_name(text: str) -> str:
         raise MessageError(
             f"{text!r} is not a message type; write package/msg/Type or a DataType such as JOINT_STATE{hint}"
         ) from None
+
+
+def show(lines: Iterable[str]) -> None:
+    """Print lines; a terminal gets them wrapped, so that no value is cut in two."""
+    from joshua.tools import Screen
+
+    screen = Screen.of(sys.stdout)
+    for line in lines:
+        if len(line) > _LONGEST_WRAPPED:
+            sys.stdout.write(f"{line}\n")
+            continue
+        depth = len(line) - len(line.lstrip())
+        sys.stdout.writelines(f"{piece}\n" for piece in screen.wrap(line, indent=depth + 4))
 
 
 def endpoint_lines(endpoints: Sequence[EndpointInfo], *, of_node: bool) -> list[str]:

@@ -13,6 +13,7 @@ from joshua_graph.graph import (
     full_topic,
     graph_session,
     run_graph_command,
+    show,
     visible_nodes,
 )
 
@@ -51,5 +52,5 @@ def _info(arguments: argparse.Namespace) -> int:
     with graph_session(arguments) as transport:
         for node in find_node(transport, name, arguments.wait):
             lines = [name, *endpoint_lines(node.endpoints, of_node=True)]
-            sys.stdout.writelines(f"{line}\n" for line in lines)
+            show(lines)
     return 0

@@ -14,6 +14,7 @@ from joshua_graph.graph import (
     graph_session,
     looks,
     run_graph_command,
+    show,
 )
 from joshua_graph.topic import read_values
 
@@ -80,7 +81,7 @@ def _call(arguments: argparse.Namespace) -> int:
         node = transport.create_node(f"_joshua_{os.getpid()}")
         answer = node.call_service(service.name, service.type_name, request, arguments.timeout)
     response = decode(f"{service.type_name}_Response", answer)
-    sys.stdout.write(message_text(response, full=True))
+    show(message_text(response, full=True).splitlines())
     return ExitCode.OK if getattr(response, "success", True) else ExitCode.FAILED
 
 

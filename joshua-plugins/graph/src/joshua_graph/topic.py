@@ -27,6 +27,7 @@ from joshua_graph.graph import (
     looks,
     profile_for,
     run_graph_command,
+    show,
     type_name,
     type_of,
     visible_nodes,
@@ -136,7 +137,7 @@ def list_topics(arguments: argparse.Namespace) -> int:
                 topics.setdefault(endpoint.topic, set()).add(endpoint.type_name)
         for topic in sorted(topics):
             types = f"  {', '.join(sorted(topics[topic]))}" if arguments.types else ""
-            sys.stdout.write(f"{topic}{types}\n")
+            show([f"{topic}{types}"])
     return ExitCode.OK
 
 
@@ -149,7 +150,7 @@ def info(arguments: argparse.Namespace) -> int:
         for name, type_hash in sorted({(end.type_name, end.type_hash) for end in endpoints}):
             lines += [f"type: {name}", f"hash: {type_hash or 'none given'}"]
         lines += endpoint_lines(endpoints, of_node=False)
-        sys.stdout.writelines(f"{line}\n" for line in lines)
+        show(lines)
     return ExitCode.OK
 
 
@@ -174,7 +175,7 @@ def echo(arguments: argparse.Namespace) -> int:
             except MessageError as error:
                 sys.stderr.write(f"joshua topic: {error}\n")
                 continue
-            sys.stdout.write(f"{text}---\n")
+            show([*text.splitlines(), "---"])
             sys.stdout.flush()
             shown += 1
             if shown == wanted:

@@ -326,7 +326,7 @@ class SlowStart(Quiet):
 
 
 class SlowLoad(Quiet):
-    """Computes for longer than a start without progress may take."""
+    """Computes for a while in its configure step."""
 
     def configure(self) -> None:
         super().configure()

@@ -144,7 +144,7 @@ def _record(info: RunInfo, status: RunStatus) -> dict[str, Any]:
 
 
 def _lines(info: RunInfo, status: RunStatus) -> list[str]:
-    """One system for people: a line for each node and for each thing it reports."""
+    """One system for people: a line for each node and each thing it reports, then the reasons of faults."""
     from joshua.supervisor.tables import Cell, Screen, columns, node_cells, state_cell
 
     screen = Screen.of(sys.stdout)
@@ -152,11 +152,16 @@ def _lines(info: RunInfo, status: RunStatus) -> list[str]:
         f"{status.source}  {status.mode}  {status.phase} since {info.since}  "
         f"process {status.process_id}  domain {info.domain_id}"
     )
-    rows: list[tuple[str, ...]] = [("  NODE", "STATE", "PROCESS", "RESTARTS", "RATES")]
+    rows: list[tuple[str, ...]] = [("  NODE", "STATE", "PROCESS", "RATES")]
     for node in status.nodes:
-        told = [Cell(node.reason)] if node.reason else [Cell(node.doing)] if node.state != "ready" else []
+        again = f"[{node.restarts} restart{'s' * (node.restarts > 1)}]"
+        told = [Cell(again)] * bool(node.restarts)
         told += node_cells(node, full_topics=True)[1:] if node.state == "ready" else []
         first, *rest = told or [Cell("")]
-        cells = (f"  {node.full_name}", state_cell(node), str(node.process_id), str(node.restarts))
-        rows += [(*cells, first), *(("", "", "", "", cell) for cell in rest)]
-    return lines + columns(rows, screen=screen, right=(2, 3), drop=(3, 2), flexible=4)
+        rows.append((f"  {node.full_name}", state_cell(node), str(node.process_id), first))
+        rows += [("", "", "", cell) for cell in rest]
+    lines += columns(rows, screen=screen, right=(2,), drop=(2,), flexible=3)
+    for node in status.nodes:
+        if text := node.reason or (node.doing if node.state != "ready" else ""):
+            lines += screen.wrap(text, f"  {node.full_name}: ", state_cell(node).style, indent=4)
+    return lines

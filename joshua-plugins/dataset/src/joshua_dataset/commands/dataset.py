@@ -106,7 +106,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    sys.stdout.write(description(arguments.folder) + "\n")
+    from joshua.tools import Screen
+
+    screen = Screen.of(sys.stdout)
+    for line in description(arguments.folder).splitlines():
+        sys.stdout.writelines(f"{piece}\n" for piece in screen.wrap(line, indent=4))
     return 0
 
 
@@ -151,6 +155,8 @@ def _view(arguments: argparse.Namespace) -> int:
 
 
 def _stats(arguments: argparse.Namespace) -> int:
+    from joshua.tools import Screen, columns
+
     from joshua_dataset.files import Files, Staging
     from joshua_dataset.metadata import STATS
     from joshua_dataset.reader import Dataset
@@ -159,16 +165,18 @@ def _stats(arguments: argparse.Namespace) -> int:
 
     found = recomputed(arguments.folder, workers=arguments.workers)
     features = Dataset.read(arguments.folder).features
+    figures = ("min", "mean", "max", "std")
+    rows = [("FEATURE", "NAME", *map(str.upper, figures))]
     for key, values in found.items():
         feature = features[key]
         if feature.unit == "ns":
             continue  # times
         labels = ("red", "green", "blue") if feature.is_picture else feature.names
         for number, label in enumerate(labels or map(str, range(values["mean"].size))):
-            figures = "  ".join(
-                f"{name} {values[name].ravel()[number]:9.4f}" for name in ("min", "mean", "max", "std")
-            )
-            sys.stdout.write(f"{key:<24.24} {label:<18.18} {figures}\n")
+            cells = [f"{values[name].ravel()[number]:.4f}" for name in figures]
+            rows.append((key, label, *cells))
+    layout = columns(rows, screen=Screen.of(sys.stdout), right=range(2, 6), group=0, flexible=1)
+    sys.stdout.writelines(f"{line}\n" for line in layout)
     if arguments.write:
         there = Dataset.read(arguments.folder).statistics()
         staging = Staging(Files())
