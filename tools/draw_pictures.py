@@ -1,7 +1,8 @@
 """Draws the pictures of the documentation that show JOSHUA at work: terminals, renders, the page, plots.
 
 Everything comes from real runs on emulated devices and simulated robots. Name some on the command line, or
-none for all. It needs every plugin, the group ``pictures``, OpenGL, and chromium.
+none for all. With ``--check`` none is replaced: those that would look different now are named. It needs every
+plugin, the group ``pictures``, OpenGL, and chromium.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageChops, ImageDraw, ImageFont, ImageStat
 from terminal_picture import Type, moving, record, still
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,6 +24,8 @@ IMAGES = ROOT / "docs" / "images"
 STATE = Path("/tmp/state")  # it is shown, so it is short
 CTRL_C = "\x03"
 WIDE, NARROW = 80, 50
+#: Mean difference of two pictures that count as the same, of 255; another OpenGL draws edges and shadows otherwise.
+LARGEST_DIFFERENCE = 6.0
 JOSHUA = "joshua --config"
 
 
@@ -259,7 +262,7 @@ def draw_models(name: str) -> None:
 
 
 def draw_page(name: str) -> None:
-    """Photograph the page of a calibration while the emulated hand moves the third joint."""
+    """Photograph the page of a calibration at its first step, which shows the middle pose."""
     with tempfile.TemporaryDirectory(prefix="robot-") as folder:
         robot = "calibrate_so_arm100"
         subprocess.run(["joshua", "new", robot, "--from", robot], cwd=folder, check=True)
@@ -281,7 +284,7 @@ def draw_page(name: str) -> None:
             with Image.open(picture) as page:
                 save(page.convert("RGB"), name, 1040)
 
-        step = Type(line, until="page: http", linger_s=4, then="\r\r\r", key_s=8, look=photograph)
+        step = Type(line, until="page: http", linger_s=4, look=photograph)
         record((step,), columns=WIDE, folder=Path(folder))
 
 
@@ -298,10 +301,51 @@ PICTURES: dict[str, Callable[[str], None]] = {
 }
 
 
+def stale(names: Iterable[str]) -> list[str]:
+    """Draw pictures elsewhere, and name those that differ from the ones in the documentation."""
+    global IMAGES
+    kept, found = IMAGES, []
+    with tempfile.TemporaryDirectory() as folder:
+        IMAGES = Path(folder)
+        try:
+            for name in names:
+                PICTURES[name](name)
+                if not same(kept / name, IMAGES / name):
+                    found.append(name)
+        finally:
+            IMAGES = kept
+    return found
+
+
+def same(one: Path, other: Path) -> bool:
+    """Whether two pictures show the same: the words of a terminal, without numbers; about the same colours."""
+    if one.suffix == ".svg":
+        return words(one.read_text(encoding="utf-8")) == words(other.read_text(encoding="utf-8"))
+    with Image.open(one) as first, Image.open(other) as second:
+        if abs(first.height / first.width - second.height / second.width) > 0.01:
+            return False
+        small = (picture.convert("RGB").resize((32, 32), Image.Resampling.BOX) for picture in (first, second))
+        mean = ImageStat.Stat(ImageChops.difference(*small)).mean
+    return max(mean) < LARGEST_DIFFERENCE
+
+
+def words(svg: str) -> list[str]:
+    """The words of a terminal, without what differs from run to run."""
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", svg)
+    return re.sub(r"[\d.]*\d", "#", " ".join(texts)).split()
+
+
 def main(names: list[str]) -> int:
     """Draw the named pictures, or all, and return the exit code."""
     os.environ |= {"XDG_STATE_HOME": str(STATE), "MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
-    for name in names or PICTURES:
+    chosen = [name for name in names if name != "--check"] or list(PICTURES)
+    if "--check" in names:
+        old = stale(chosen)
+        sys.stdout.writelines(
+            f"{name} is out of date: python tools/draw_pictures.py {name}\n" for name in old
+        )
+        return 1 if old else 0
+    for name in chosen:
         PICTURES[name](name)
         sys.stdout.write(f"{name}: {(IMAGES / name).stat().st_size} bytes\n")
     return 0

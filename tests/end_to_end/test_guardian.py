@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,23 @@ def test_a_killed_driver_leaves_a_held_arm_held(tmp_path: Path, joshua_domain_id
         assert rig.energised() == {True}
         output = rig.stop()
         assert "guardian: the driver ended without a safe stop; 1 held" in output
+
+
+def test_a_killed_driver_leaves_the_object_in_the_gripper(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        rig.follower.ask("set", id=6, object_ticks=rig.follower.servo(6)["present_position"] - 50)
+        rig.leader.hand({6: 1850.0}, duration_s=0.5)
+        rig.wait(lambda: rig.follower.ask("registers", id=6)["registers"]["torque_limit"] == 200)  # it grips
+        sequence = rig.follower.log()[-1]["sequence"]
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.gone(rig.guardian) and rig.logged("ended without a safe stop"))
+        rig.wait(lambda: rig.logged("starting again") and rig.is_ready())
+        time.sleep(2.5)  # a gripper that presses on trips within 2.2 s
+        assert not [entry for entry in rig.follower.log("torque", since=sequence) if not entry["on"]]
+        servo = rig.follower.servo(6)
+        assert 0 < servo["present_position"] - servo["goal_position"] <= 33
+        assert 150 <= abs(servo["present_load"]) <= 200
+        assert "guardian: the driver ended without a safe stop; 1 held" in rig.stop()
 
 
 def test_a_driver_that_runs_again_stays_without_torque(tmp_path: Path, joshua_domain_id: int) -> None:

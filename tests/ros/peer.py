@@ -83,6 +83,30 @@ class Peer:
             self._publishers[topic].publish(ros_class(type_name)(data=text))
         return True
 
+    def watch_joints(self, topic):
+        """Keeps the newest joint state of a topic."""
+
+        def take(message):
+            self._texts[topic] = dict(zip(message.name, message.position, strict=True))
+
+        self._texts[topic] = {}
+        self._node.create_subscription(ros_class("sensor_msgs/msg/JointState"), topic, take, 10)
+        return True
+
+    def play(self, topic, joints, points):
+        """Publishes a trajectory once it has a subscriber; points of seconds and positions."""
+        publisher = self._node.create_publisher(ros_class("trajectory_msgs/msg/JointTrajectory"), topic, 10)
+        point = ros_class("trajectory_msgs/msg/JointTrajectoryPoint")
+        message = ros_class("trajectory_msgs/msg/JointTrajectory")(joint_names=joints)
+        for at_s, positions in points:
+            entry = point(positions=positions)
+            entry.time_from_start.sec, entry.time_from_start.nanosec = int(at_s), int(at_s % 1 * 1e9)
+            message.points.append(entry)
+        while not publisher.get_subscription_count():
+            time.sleep(0.01)
+        publisher.publish(message)
+        return True
+
     def matched(self, topic):
         return self._publishers[topic].get_subscription_count()
 

@@ -66,6 +66,17 @@ def test_an_optional_plugin_is_not_required(monkeypatch: pytest.MonkeyPatch):
     assert "install what is missing" not in out
 
 
+def test_an_extra_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch):
+    with_plugins(monkeypatch, "joshua-ppo-trainer", "joshua-mujoco-sim")
+    preset = read_preset("training_rl_ppo")
+    assert preset.required == ("joshua-ppo-trainer", "joshua-mujoco-sim")
+    monkeypatch.setattr("joshua.plan.installing.has_extra", lambda name, extra: False)
+    assert command.needs(preset).endswith("(installed, but not all that they need: see its header)")
+    assert "0 of 1 presets can run" in command.listing([preset], 120)
+    monkeypatch.setattr("joshua.plan.installing.has_extra", lambda name, extra: extra == "learn")
+    assert command.needs(preset).endswith("(installed)")
+
+
 def test_from_an_index_the_missing_plugins_are_one_command_of_pip(monkeypatch: pytest.MonkeyPatch):
     with_plugins(monkeypatch)
     monkeypatch.setattr("joshua.plan.installing.clone", lambda: None)
@@ -95,7 +106,7 @@ def test_a_misspelt_preset_names_the_nearest(capsys: pytest.CaptureFixture[str])
 def test_sections_of_the_header_are_read_line_by_line():
     preset = read_preset("teleop_so_arm100_camera")
     assert preset.mode == "TELEOPERATE"
-    assert preset.plugins == "joshua-sts3215, joshua-camera, joshua-dataset (optional: will record)"
+    assert preset.plugins == "joshua-sts3215, joshua-camera, joshua-dataset (optional: records)"
     assert preset.sections["Run"] == ("joshua --config teleop_so_arm100_camera.pbtxt",)
     assert len(preset.sections["Change"]) == 3
     assert read_preset("test_mock_hardware").plugins == "joshua-mock"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,26 @@ def test_extras_are_installed_from_the_clone_too() -> None:
 
 
 @pytest.mark.usefixtures("_in_the_clone")
+def test_an_extra_is_there_when_all_that_it_brings_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = {
+        "acme": ["numpy>=1", 'acme-lib[fast]>=2 ; extra == "all"', 'acme-gone ; extra == "more"'],
+        "acme-lib": ['acme-wheel; extra == "fast"'],
+    }
+    versions = {"acme-lib": "2", "acme-wheel": "1"}
+
+    def version(name: str) -> str:
+        if name not in versions:
+            raise metadata.PackageNotFoundError(name)
+        return versions[name]
+
+    monkeypatch.setattr(metadata, "requires", lambda name: listed.get(name))
+    monkeypatch.setattr(metadata, "version", version)
+    assert installing.has_extra("acme", "all")
+    assert not installing.has_extra("acme", "more")
+    del versions["acme-wheel"]
+    assert not installing.has_extra("acme", "all"), "the extra of what it needs"
+
+
 def test_a_third_party_s_package_has_a_name_only() -> None:
     assert installing.install("acme-arm") == "pip install acme-arm"
     assert installing.reinstall("acme-arm") == "pip install --force-reinstall acme-arm"

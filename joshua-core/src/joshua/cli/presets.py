@@ -11,6 +11,7 @@ FOLDER = Path(__file__).resolve().parent.parent / "presets"
 SUFFIX = ".pbtxt"
 
 _MODE = re.compile(r"^general \{.*?\bmode: MODE_(\w+)", re.DOTALL | re.MULTILINE)
+_EXTRA = re.compile(r"([\w-]+)\[(\w+)\]")
 _SECTION = re.compile(r"^(?P<title>[A-Z]\w+):\s+(?P<text>.*)$")
 
 
@@ -41,7 +42,12 @@ class Preset:
     def required(self) -> tuple[str, ...]:
         """The distributions without which the preset does not run."""
         named = [part.strip() for part in self.plugins.split(",")]
-        return tuple(part for part in named if "(optional" not in part)
+        return tuple(part.partition("[")[0] for part in named if "(optional" not in part)
+
+    @property
+    def extras(self) -> tuple[tuple[str, str], ...]:
+        """Distributions of which the preset needs an extra, with its name."""
+        return tuple(_EXTRA.findall(self.plugins))
 
 
 def preset_names() -> list[str]:

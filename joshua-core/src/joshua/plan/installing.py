@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 from collections.abc import Iterable
 from functools import cache
@@ -52,6 +53,22 @@ def install(distribution: str, extra: str = "") -> str:
     if distribution == CORE:
         return f"pip install -e {_shown(root / wanted)}"
     return f"{_shown(root / 'run')} --with {shlex.quote(wanted.removeprefix(PREFIX))}"
+
+
+def has_extra(distribution: str, extra: str) -> bool:
+    """Whether all that an extra of an installed distribution brings is installed."""
+    from importlib import metadata
+
+    try:
+        listed = metadata.requires(distribution) or []
+        wanted = [item for item in listed if re.search(rf"extra == ['\"]{extra}['\"]", item)]
+        found = [match for item in wanted if (match := re.match(r"([\w.-]+)(?:\[(\w+)\])?", item))]
+        return all(
+            metadata.version(name) and (not more or has_extra(name, more))
+            for name, more in (match.groups() for match in found)
+        )
+    except metadata.PackageNotFoundError:
+        return False
 
 
 def requires(distribution: str) -> str:

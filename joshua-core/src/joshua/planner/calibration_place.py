@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,7 +78,7 @@ def interrupted_calibrations(
             f"A calibration of {name} was interrupted while it was written, so servos and file may disagree",
             field_path="calibration",
             found=journal_path(path, name),
-            remedy=f"Run joshua calibrate --recover --config {loaded.path}"
+            remedy=f"Run joshua calibrate --recover --config {shlex.quote(str(loaded.path))}"
             + (" --emulate" if emulate else "")
             + ", which puts the old calibration back",
         )

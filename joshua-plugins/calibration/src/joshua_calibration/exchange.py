@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -113,8 +114,9 @@ def _import(checked: Checked, arguments: argparse.Namespace) -> None:
     for node, calibration in read:  # every file is good by now, so that none or all are taken
         file.prepare(node, calibration).commit()
         sys.stdout.write(f"{node}: {len(calibration.motors)} joints written to {path}\n")
+    source = shlex.quote(str(checked.loaded.path))
     sys.stdout.write(
-        f"The servos were not touched: joshua calibrate --check --config {checked.loaded.path} "
+        f"The servos were not touched: joshua calibrate --check --config {source} "
         "compares them with the file.\n"
     )
 

@@ -57,7 +57,7 @@ def listing(presets: Iterable[Preset], width: int) -> str:
                 lines += [f"  {preset.name}".ljust(column) + first, *(" " * column + line for line in rest)]
         lines.append("")
     missing = dict.fromkeys(name for preset in presets for name in preset.required if not is_usable(name))
-    ready = sum(all(map(is_usable, preset.required)) for preset in presets)
+    ready = sum(all(map(is_usable, preset.required)) and has_extras(preset) for preset in presets)
     lines += _wrapped(
         f"{ready} of {len(presets)} presets can run with the plugins that are installed.", width
     )
@@ -82,6 +82,8 @@ def needs(preset: Preset) -> str:
         state = f"cannot run, not installed: {', '.join(missing)}"
     if absent:
         state = f"cannot run, not available yet: {', '.join(absent)}"
+    if not missing and not has_extras(preset):
+        state = "installed, but not all that they need: see its header"
     return f"needs {preset.plugins} ({state})"
 
 
@@ -96,6 +98,13 @@ def _usable() -> frozenset[str]:
 def is_usable(distribution: str) -> bool:
     """Whether the plugin of a distribution is installed, and nothing is wrong with it."""
     return distribution in _usable()
+
+
+def has_extras(preset: Preset) -> bool:
+    """Whether what the extras of its plugins bring is installed beside them."""
+    from joshua.plan import installing
+
+    return all(installing.has_extra(*extra) for extra in preset.extras)
 
 
 def unknown_preset(command: str, name: str, names: list[str]) -> str:
