@@ -24,7 +24,7 @@ IMAGES = ROOT / "docs" / "images"
 STATE = Path("/tmp/state")  # it is shown, so it is short
 CTRL_C = "\x03"
 WIDE, NARROW = 80, 50
-#: Mean difference of two pictures that count as the same, of 255; another OpenGL draws edges and shadows otherwise.
+#: Mean difference of two pictures that count as the same, of 255: another OpenGL draws other edges.
 LARGEST_DIFFERENCE = 6.0
 JOSHUA = "joshua --config"
 
@@ -318,7 +318,7 @@ def stale(names: Iterable[str]) -> list[str]:
 
 
 def same(one: Path, other: Path) -> bool:
-    """Whether two pictures show the same: the words of a terminal, without numbers; about the same colours."""
+    """Whether two pictures show the same: the words of a terminal but numbers, about the same colours."""
     if one.suffix == ".svg":
         return words(one.read_text(encoding="utf-8")) == words(other.read_text(encoding="utf-8"))
     with Image.open(one) as first, Image.open(other) as second:
