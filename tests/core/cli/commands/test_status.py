@@ -8,7 +8,7 @@ from joshua.ipc.client import RunInfo
 from joshua.plan.events import NodeStatus, RunStatus
 from joshua.supervisor.tables import Screen
 
-FILE = "/home/robot/work/teleop_so_arm100_camera.pbtxt"
+FILE = "/srv/robots/the_first/teleop_so_arm100_camera.pbtxt"
 COMMANDS = {"/follower_arm/joint_states": 80.0, "/follower_arm/applied_command": 100.0}
 NODES = (
     NodeStatus("/leader_arm", "ready", 1234, 0, published_hz={"/leader/joint_states": 100.0}),
