@@ -1,13 +1,28 @@
-"""The writer's thread of a recorder, apart from a run."""
+"""A recorder apart from a run: the thread of its writer, and how a session comes to its end."""
 
 from __future__ import annotations
 
 import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+from joshua.api.nodes import ServiceFacts
+from joshua.features import EpisodeError, Feature
+from joshua.messages.make import joint_state
+from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.testing.recording_context import RecordingContext
+from joshua_dataset.reader import Dataset
 from joshua_dataset.recorder import Recorder
 from joshua_dataset.session import Phase
+from joshua_dataset.settings import StoreSettings
+from joshua_dataset.writer import DatasetWriter
+
+TOPIC = "/arm/joint_states"
 
 
 class Context:
@@ -32,3 +47,104 @@ def test_a_writer_that_always_has_work_shows_signs_of_life() -> None:
     Recorder._write(parts)  # type: ignore[arg-type]
     assert len(done) == 200
     assert context.asked >= 200
+
+
+class Cell:
+    """A recorder of one arm that starts by itself and records one episode of 0.2 s."""
+
+    def __init__(self, folder: Path) -> None:
+        store = "joshua_dataset.node:DataStore"
+        topics = (TopicSpec(name=TOPIC, type_name="sensor_msgs/msg/JointState"),)
+        names = {"behaviour": store, "implementation": store}
+        spec = NodeSpec(name="data_store", kind=NodeKind.SERVICE, subscriptions=topics, **names)
+        self.context = RecordingContext(spec)
+        ends = {"num_episodes": 1, "episode_duration_s": 0.2, "reset_duration_s": 0.0, "auto_start": True}
+        settings = StoreSettings(folder=str(folder), fps=20, **ends)
+        feature = Feature.joints("observation.state", ("pan",), topic=TOPIC)
+        self.recorder = Recorder(self.context, settings, ServiceFacts(features=(feature,)))
+        self.recorder.configure()
+        self.recorder.activate()
+
+    def feed(self) -> None:
+        self.context.receive(TOPIC, joint_state(("pan",), [0.0], at_ns=time.time_ns()))
+
+    def run_until(self, look: Callable[[], object], *, fed: bool = True) -> None:
+        deadline_s = time.monotonic() + 30
+        while not look():
+            assert time.monotonic() < deadline_s
+            if fed:
+                self.feed()
+            self.context.tick("frames")
+            time.sleep(0.01)
+
+    @property
+    def phase(self) -> str:
+        return self.recorder.status().phase
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Iterator[Cell]:
+    made = Cell(tmp_path / "waves")
+    yield made
+    made.recorder.deactivate()
+    made.context.stop()
+    made.recorder.cleanup()
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """A disk that takes an episode when the event is set."""
+    ready = threading.Event()
+    written = DatasetWriter.end_episode
+
+    def end_episode(writer: DatasetWriter, *arguments: Any) -> None:
+        ready.wait()
+        written(writer, *arguments)
+
+    monkeypatch.setattr(DatasetWriter, "end_episode", end_episode)
+    yield ready
+    ready.set()
+
+
+def test_a_run_ends_when_its_last_episode_is_on_the_disk(
+    disk: threading.Event, cell: Cell, tmp_path: Path
+) -> None:
+    cell.run_until(lambda: cell.phase == "done")
+    cell.context.tick("frames", 5)
+    assert cell.context.ends == []
+    disk.set()
+    cell.run_until(lambda: cell.context.ends)
+    assert cell.context.ends[0] == f"1 episodes are in {tmp_path / 'waves'}"
+    assert Dataset.read(tmp_path / "waves").episodes == 1
+
+
+def test_a_stop_waits_for_the_disk(disk: threading.Event, cell: Cell, tmp_path: Path) -> None:
+    cell.run_until(lambda: cell.phase == "done")
+    late = threading.Timer(0.2, disk.set)
+    late.start()
+    cell.recorder.deactivate()  # an upload of all episodes follows
+    assert Dataset.read(tmp_path / "waves").episodes == 1
+    late.join()
+
+
+def test_a_last_episode_without_a_frame_is_recorded_anew(cell: Cell, tmp_path: Path) -> None:
+    cell.feed()
+    cell.run_until(lambda: "has no frame" in cell.recorder.status().message, fed=False)
+    assert cell.recorder.status().kept == 0
+    cell.run_until(lambda: cell.context.ends)
+    assert cell.context.ends[0] == f"1 episodes are in {tmp_path / 'waves'}"
+    assert Dataset.read(tmp_path / "waves").episodes == 1
+
+
+def test_an_episode_that_the_disk_refuses_does_not_count(cell: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: Any) -> None:
+        raise EpisodeError("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(DatasetWriter, "end_episode", refuse)
+        cell.run_until(lambda: "the disk is full" in cell.recorder.status().message)
+    found = cell.recorder.status()
+    assert (found.phase, found.kept) == ("ready", 0)
+    assert cell.context.ends == []
+    cell.recorder.start()
+    cell.run_until(lambda: cell.context.ends)

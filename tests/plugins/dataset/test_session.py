@@ -105,6 +105,18 @@ def test_the_end_of_a_run_keeps_what_is_open() -> None:
     assert session().finish() == []
 
 
+def test_an_episode_that_holds_nothing_does_not_complete_a_session() -> None:
+    one = session(num_episodes=1)
+    one.start(0.0)
+    assert one.keep(1.0) == [Step.END, Step.KEEP]
+    assert one.miss()
+    assert (one.phase, one.kept) == (Phase.IDLE, 0)
+    one.start(2.0)
+    one.finish()
+    assert not one.miss()  # the run ends all the same
+    assert (one.phase, one.kept) == (Phase.DONE, 0)
+
+
 class Recording(RuleBasedStateMachine):
     """However requests come, episodes begin, end and are decided on in turn."""
 

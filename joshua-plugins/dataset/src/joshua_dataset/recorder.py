@@ -16,7 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from pathlib import Path
 from typing import Any
 
@@ -96,10 +96,11 @@ class Recorder:
         self._busy = (0.0, 0.0)
         self._load = 0.0
         self._auto = settings.auto_start
+        self._last: Future[str] | None = None
         self.on_kept: Callable[[], None] = lambda: None
         chosen = {name: self._actions[action] for action, name in settings.buttons.items()}
         self._buttons = Buttons(context, chosen)
-        self._began_s = 0.0
+        self._due_s = 0.0
         self._raw = settings.format == "mcap"
         self._queued_s: deque[float] = deque()
 
@@ -138,7 +139,7 @@ class Recorder:
 
     def activate(self) -> None:
         """Start the threads."""
-        self._began_s = time.monotonic()
+        self._due_s = time.monotonic()
         self._context.spawn_thread(self._write, name="writer", hang_after_s=60.0)
         if self._pads:
             self._context.spawn_thread(self._buttons.run, name="buttons", hang_after_s=60.0)
@@ -146,18 +147,13 @@ class Recorder:
         self._context.create_timer(0.5, self._show, name="display")
 
     def deactivate(self) -> None:
-        """Keep an open episode."""
+        """Keep an open episode, and wait for the disk."""
         with self._lock:
-            if self._session.phase is Phase.DONE and not self._session.is_open:
-                return
             self._end_time()
-            steps = self._session.finish()
-        done = self._do(steps, log=True)
-        if done is not None:
-            try:
-                done.result(timeout=20.0)
-            except (EpisodeError, TimeoutError) as error:
-                self._context.log.error("the open episode is not kept: %s", error)
+            self._do(self._session.finish(), log=True)
+            last = self._last
+        if last is not None and wait([last], timeout=20.0).not_done:
+            self._context.log.error("the writer has not answered within 20 s: the disk may hang")
 
     def cleanup(self) -> None:
         """Close the data set; the thread of the writer has ended."""
@@ -320,7 +316,8 @@ class Recorder:
         """Take the frames that are complete, and end phases whose time is over (on the node's thread)."""
         now_ns = self._context.now_ns()
         with self._lock:
-            if self._auto and self._session.phase is Phase.IDLE and not self._stale():
+            starts = self._auto and time.monotonic() >= self._due_s
+            if starts and self._session.phase is Phase.IDLE and not self._stale():
                 self._auto = False
                 try:
                     self._require_space()
@@ -329,8 +326,8 @@ class Recorder:
                     self._phase_began_s = time.monotonic()
                 except (RefusedError, EpisodeError) as error:
                     self._say(str(error))
-            elif self._auto and time.monotonic() - self._began_s > PATIENCE_S:
-                self._say(f"waits for the first episode: no message received on {', '.join(self._stale())}")
+            elif self._auto and time.monotonic() - self._due_s > PATIENCE_S and (stale := self._stale()):
+                self._say(f"waits for the next episode: no message received on {', '.join(stale)}")
             self._flush(now_ns)
             try:
                 before = self._session.phase
@@ -354,7 +351,9 @@ class Recorder:
                     )
                 elif _free_bytes(Path(self._settings.folder)) < LEAST_FREE_BYTES:
                     self._end_early("the disk is almost full: free some space")
-        if self._session.phase is Phase.DONE and self._work.empty() and self._settings.num_episodes:
+        # In this order: the writer may find that the last episode does not count, and answers then.
+        settled = self._last is None or self._last.done()
+        if settled and self._session.phase is Phase.DONE and self._settings.num_episodes:
             self._context.end_run(f"{self._session.kept} episodes are in {self._settings.folder}")
 
     def _cue(self) -> None:
@@ -416,6 +415,7 @@ class Recorder:
             if log and step is Step.KEEP:
                 answer.add_done_callback(self._log)
             self._work.put(self._carrying_out(step, task, counts, kept, answer))
+            self._last = answer
         return answer
 
     def _carrying_out(
@@ -439,16 +439,21 @@ class Recorder:
                         answer.set_result(text)
                         return
                     self._say(f"episode {writer.episodes} has no frame and is not kept")
-                    with self._lock:
-                        self._session.kept -= 1
+                    self._not_kept()
                 elif step is Step.DISCARD:
                     writer.drop_episode()
                 answer.set_result("")
             except EpisodeError as error:
-                self._lose(error)
+                self._lose(error, was_kept=step is Step.KEEP)
                 answer.set_exception(error)
 
         return carry_out
+
+    def _not_kept(self) -> None:
+        """Go on, where the session would have been complete with this episode (on the writer's thread)."""
+        with self._lock:
+            if self._session.miss() and self._settings.episode_duration_s:
+                self._auto, self._due_s = True, time.monotonic() + self._settings.reset_duration_s
 
     def _add(self, frame: Frame) -> None:
         """Convert and write a frame (on the writer's thread)."""
@@ -474,10 +479,10 @@ class Recorder:
         except EpisodeError as error:
             self._lose(error)
 
-    def _lose(self, error: EpisodeError) -> None:
+    def _lose(self, error: EpisodeError, *, was_kept: bool = False) -> None:
         """An episode that cannot be written is discarded; the robot goes on."""
         with self._lock:
-            self._session.lost()
+            self._session.lost(was_kept=was_kept)
             self._sampler, self._lost = None, True
         if self._writer is not None:
             self._writer.drop_episode()

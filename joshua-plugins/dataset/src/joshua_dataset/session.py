@@ -46,6 +46,8 @@ class Session:
     kept: int = 0
     until_s: float = 0.0
     """End of the phase; 0 where it has none."""
+    is_over: bool = False
+    """Whether the run ends."""
 
     @property
     def task_text(self) -> str:
@@ -130,7 +132,7 @@ class Session:
         """End the session: an open episode is kept."""
         ending = [Step.END] if self.phase is Phase.RECORDING else []
         steps = ending + self._keep()
-        self.phase = Phase.DONE
+        self.phase, self.is_over = Phase.DONE, True
         return steps
 
     def take_up(self, kept: int) -> None:
@@ -139,9 +141,18 @@ class Session:
         if self.settings.num_episodes and kept >= self.settings.num_episodes:
             self.phase = Phase.DONE
 
-    def lost(self) -> None:
-        """The open episode cannot be written."""
-        self.phase, self.until_s = Phase.IDLE, 0.0
+    def lost(self, *, was_kept: bool = False) -> None:
+        """An episode cannot be written: the open one, or one that was to be kept."""
+        self.kept -= was_kept
+        self.phase, self.until_s = Phase.DONE if self.is_over else Phase.IDLE, 0.0
+
+    def miss(self) -> bool:
+        """An episode was kept that holds nothing; return whether another one is needed in its place."""
+        self.kept -= 1
+        if self.phase is not Phase.DONE or self.is_over:
+            return False
+        self.phase = Phase.IDLE
+        return True
 
     def _begin(self, now_s: float) -> list[Step]:
         if self.settings.warmup_s:
