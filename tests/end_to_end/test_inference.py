@@ -79,6 +79,17 @@ def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_p
     told = joshua("task", "Wave slowly.")
     assert told.stdout == "/policy: the task is: Wave slowly.\n", told.stderr
     eventually(lambda: figures(joshua)["chunks"] > 3)
+    by_service = "{parameters: [{name: text, value: {type: 4, string_value: Stop waving.}}]}"
+    assert "successful: true" in joshua("service", "call", "/policy/task", by_service).stdout
+    by_parameter = "{parameters: [{name: task, value: {type: 4, string_value: Wave again.}}]}"
+    assert "successful: true" in joshua("service", "call", "/policy/set_parameters", by_parameter).stdout
+    values = joshua("service", "call", "/policy/get_parameters", "{names: [task]}").stdout
+    assert "string_value: Wave again." in values
+    marked = joshua("episode", "success")
+    assert marked.stdout == "/policy: episode 1 succeeded; the arm holds\n", marked.stderr
+    assert "success: true" in joshua("service", "call", "/policy/end_episode", "{data: false}").stdout
+    assert (figures(joshua)["episodes"], figures(joshua)["successes"]) == (1, 0)
+    assert joshua("episode", "begin").stdout == "/policy: the episode begins\n"
     assert joshua("call", "policy", "pause").stdout == "/policy is paused; the arm holds\n"
     paused = figures(joshua)
     assert paused["latency_p50_s"] > 0.1
@@ -86,6 +97,11 @@ def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_p
     output, errors = joshua.stop(run)
     assert "waiting for a task: run `joshua task" in output + errors
     assert "chunks: 30 Hz, queue" in output + errors
+    nobody = joshua("episode", "begin")
+    assert (nobody.returncode, nobody.stderr) == (
+        1,
+        "joshua episode: no system is running. Start one: joshua --config FILE\n",
+    )
     lost = joshua("task", "wave")
     assert (lost.returncode, lost.stderr) == (
         1,

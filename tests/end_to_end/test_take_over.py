@@ -111,6 +111,9 @@ def test_an_override_has_control_until_it_is_released_and_a_stranger_never(
         desk.interfere()
         assert len(desk.written) > first
         assert max(map(abs, desk.written[first:])) < 1e-6
+        first = len(desk.written)
+        desk.wait(lambda position: len(desk.written) > first + 25, send_rad=0.2)
+        assert max(map(abs, desk.written[first:])) < 1e-6, "the guide lies still"
         # three quarters of the way through the guide's own range, so through the follower's
         desk.wait(lambda position: abs(position - math.pi / 2) < 5e-3, send_rad=0.75 * math.pi / 2)
         first = len(desk.written)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from typing import Any
 
 import numpy as np
@@ -198,3 +199,68 @@ def test_a_trajectory_of_the_override_counts_as_publishing(arm: Arm) -> None:
     assert not arm.commanders.held
     assert arm.step(0.2) == pytest.approx(1.0, abs=0.01)
     assert arm.commanders.held
+
+
+@pytest.fixture
+def guided(stepped_time: SteppedTime, log: Any) -> Arm:
+    """An arm with a model, and a leader arm that overrides by moving."""
+    guide = Commander("/guide", "/command", override=True, motion_rad=0.1)
+    return Arm(stepped_time, log, (Commander("/model", "/command"), guide))
+
+
+def test_a_leader_that_lies_still_leaves_control_to_the_model(guided: Arm) -> None:
+    for cycle in range(50):
+        guided.send("/guide", 2.0 + 0.09 * (cycle % 2))  # where it lies, and what shakes it
+        guided.send("/model", 0.01)
+        assert guided.step() == pytest.approx(0.01)
+    guided.send("/guide", math.nan)
+    guided.send("/model", 0.01)
+    assert guided.step() == pytest.approx(0.01)
+    assert guided.commanders.current == "/model"
+    assert guided.commanders.refused == {}
+    assert len(guided.arrived) == 51, "none of the leader's messages was executed"
+
+
+def test_a_leader_that_is_moved_takes_control_without_a_jump_and_gives_it_back_by_an_act_only(
+    guided: Arm, caplog: pytest.LogCaptureFixture
+) -> None:
+    guided.send("/guide", 2.0)
+    guided.send("/model", 0.0)
+    before = guided.step()
+    for cycle in range(20):  # slowly: the distance decides
+        guided.send("/guide", 2.0 + 0.012 * cycle)
+        guided.send("/model", 0.0)
+        now = guided.step()
+        assert abs(now - before) <= 0.02 + 1e-9, "approached at 1 rad/s"
+        before = now
+    assert guided.commanders.overriding
+    assert before == pytest.approx(11 * 0.02), "since it was 0.108 rad away"
+    for _ in range(10):  # it lies still again, and keeps control
+        guided.send("/guide", 2.228)
+        guided.send("/model", 0.0)
+        now = guided.step()
+    assert now > before
+    assert guided.commanders.releasable
+    assert guided.commanders.release() == "/guide"
+    for _ in range(10):
+        guided.send("/guide", 2.228)
+        guided.send("/model", 0.0)
+        before, now = now, guided.step()
+        assert now == pytest.approx(before - 0.02), "the model is approached at 1 rad/s"
+    assert guided.commanders.current == "/model"
+    guided.send("/guide", 2.33)
+    assert guided.commanders.current == "/guide"
+    assert caplog.text.count("/guide overrides: commands of other nodes are ignored") == 2
+
+
+def test_a_leader_with_other_joints_than_before_lies_where_it_is(guided: Arm) -> None:
+    guided.send("/guide", 0.0)
+    guided.intake.joint_state(guided.readers["/command"], joint_state(["a", "b"], [1.0, 1.0]), "/guide")
+    assert guided.commanders.current is None
+    guided.intake.joint_state(guided.readers["/command"], joint_state(["a", "b"], [1.0, 1.2]), "/guide")
+    assert guided.commanders.current == "/guide"
+
+
+def test_a_gamepad_that_publishes_cannot_be_released(arm: Arm) -> None:
+    arm.send("/gamepad", 1.0)
+    assert not arm.commanders.releasable

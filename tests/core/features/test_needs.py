@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 from joshua.features import FeatureSet
-from joshua.features.needs import unmet
+from joshua.features.needs import as_trained, unmet
 from joshua.plan import JointRange, ModelNeeds
 from joshua.plan.feature import Feature
 
@@ -96,3 +96,29 @@ def test_statistics_of_another_unit_are_seen(unit: str, least: float, greatest: 
     )
     assert message.startswith("action: in training pan went from")
     assert "statistics" in remedy
+
+
+def test_joints_take_the_order_of_the_model_where_both_name_the_same():
+    needs = ModelNeeds(
+        features=(Feature.joints("observation.state", ("gripper.pos", "pan.pos")),),
+        action=Feature.joints("action", ("gripper.pos", "pan.pos"), unit="lerobot"),
+    )
+    features, joints = as_trained(needs, ROBOT, JOINTS)
+    assert [joint.name for joint in joints] == ["gripper", "pan"]
+    assert features["observation.state"].names == ("gripper", "pan")
+    assert features["observation.state"].topic == "/arm/state"
+    assert features["observation.images.top"] == TOP
+    assert unmet(needs, features, joints, 30.0, "") == []
+    assert as_trained(ModelNeeds(action=ACTION), ROBOT, JOINTS) == (ROBOT, tuple(JOINTS))
+
+
+@pytest.mark.parametrize("names", [(), ("pan", "wrist"), ("pan",)])
+def test_other_names_leave_the_order_of_the_robot(names: tuple[str, ...]):
+    needs = ModelNeeds(action=Feature.joints("action", names))
+    assert as_trained(needs, ROBOT, JOINTS) == (ROBOT, tuple(JOINTS))
+
+
+def test_two_arms_with_the_same_names_are_not_permuted():
+    twice = [*JOINTS, *JOINTS]
+    needs = ModelNeeds(action=Feature.joints("action", ("gripper", "gripper", "pan", "pan")))
+    assert as_trained(needs, ROBOT, twice) == (ROBOT, tuple(twice))

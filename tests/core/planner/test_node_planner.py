@@ -84,10 +84,14 @@ def test_an_actuator_knows_who_may_take_over(tmp_path):
     nodes = {node.name: node for node in examine(Request(path)).plan.nodes}
     leader, other, follower = (nodes[name] for name in ("leader", "second", "follower"))
     assert follower.facts.commanders == (
-        Commander("/second", "/leader/joint_states", other.facts.joints, override=True),
+        Commander("/second", "/leader/joint_states", other.facts.joints, override=True, motion_rad=0.1),
         Commander("/leader", "/leader/joint_states", leader.facts.joints),
     )
     assert leader.facts.commanders == ()
+    text = Path(path).read_text()
+    Path(path).write_text(text.replace("override: true", "override: true override_motion_rad: 0"))
+    follower = next(node for node in examine(Request(path)).plan.nodes if node.name == "follower")
+    assert follower.facts.commanders[0].motion_rad == 0
 
 
 def test_nodes_outside_the_file_command_an_external_follower_without_a_leader(tmp_path):

@@ -438,7 +438,7 @@ def test_its_verbs_say_what_moves(model: Any) -> None:
         "pause": (False, "loop"),
         "resume": (True, "loop"),
         "step": (True, "loop"),
-        "task": (True, "loop"),
+        "task": (False, "loop"),
         "unload": (False, "beside"),
     }
     end(context, node)
@@ -472,12 +472,13 @@ def test_a_model_that_failed_before_moves_nothing_until_it_is_resumed(model: Any
     facts = {**FACTS, "restarted": True}
     context, node = start(spec(facts=facts))
     see(context, 1)
-    play(context, node, 20)
+    play(context, node, 30)
     assert (actions(context), model.seen) == ([], [])
     assert context.warnings == [
         "/policy failed and was restarted. It is paused and the arm holds: look for the reason above, then "
         "run `joshua call /policy resume`"
     ]
+    assert context.shown == "failed and was restarted: run `joshua call /policy resume`"
     node.resume()
     wait_until(lambda: bool(node.figures().chunks))
     play(context, node, 4)
@@ -496,6 +497,8 @@ def test_a_model_that_reads_a_task_waits_for_it(model: Any, caplog: pytest.LogCa
     assert context.shown == 'waits for a task: run `joshua task "…"`'
     with pytest.raises(RefusedError, match="the task is empty"):
         node.task(TaskRequest(" "))
+    with pytest.raises(RefusedError, match="the task has 2001 characters; 2000 are allowed"):
+        node.task(TaskRequest("x" * 2001))
     assert node.task(TaskRequest("wave  slowly")) == "/policy: the task is: wave slowly"
     wait_until(lambda: bool(model.seen))
     assert model.seen[0].task == "wave slowly"
@@ -511,7 +514,13 @@ def test_an_episode_begins_with_a_fresh_model_and_ends_with_a_mark(model: Any) -
     play_until(context, 3, seen=1)
     wait_until(lambda: model.calls.count("reset") == resets + 1)
     assert node.end_episode(EpisodeEnd(success=True)) == "/policy: episode 1 succeeded; the arm holds"
-    assert node.end_episode(EpisodeEnd(success=False)) == "/policy: episode 2 failed; the arm holds"
+    figures = node.figures()
+    assert (figures.episodes, figures.successes, figures.state) == (1, 1, "paused")
+    assert node.end_episode(EpisodeEnd(success=False)) == "/policy: episode 1 failed; the arm holds"
+    assert (node.figures().episodes, node.figures().successes) == (1, 0), "a mark can be corrected"
+    node.begin_episode()
+    assert node.figures().state == "acts"
+    assert node.end_episode(EpisodeEnd(success=True)) == "/policy: episode 2 succeeded; the arm holds"
     figures = node.figures()
     assert (figures.episodes, figures.successes) == (2, 1)
     end(context, node)
@@ -563,6 +572,23 @@ def test_a_checkpoint_that_does_not_fit_is_refused_before_the_node_is_ready(mode
     with pytest.raises(ModelError, match=r"/policy: The model needs observation.images.top; .* Add subscr"):
         configured(spec())
     assert model.calls[-1] == "close"
+
+
+def test_a_model_of_the_hub_gets_the_joints_in_the_order_of_its_checkpoint(model: Any) -> None:
+    state = Feature("observation.state", "float32", (2,), ("a", "b"), "rad", "/state")
+    model.needs = lambda self: ModelNeeds(action=Feature.joints("action", ("b.pos", "a.pos")))
+    model.chunk = np.array([[0.05, 0.9]] * 200)
+    facts = {**FACTS, "features": [state]}
+    topic = TopicSpec(name="/state", type_name="sensor_msgs/msg/JointState")
+    context, node = start(spec(facts=facts, subscriptions=(topic,)))
+    assert model.calls[:3] == ["load", "close", "load"]
+    context.receive("/state", joint_state(["a", "b"], [0.7, 0.07]))
+    play_until(context, 3, seen=1)
+    np.testing.assert_allclose(model.seen[-1]["observation.state"], [0.07, 0.7])
+    message = context.publishers["/action"].messages[-1]
+    assert list(message.name) == ["b", "a"]
+    assert message.position.tolist() == [0.05, 0.9]
+    end(context, node)
 
 
 def test_a_chunk_model_is_warmed_up_with_empty_observations(model: Any) -> None:

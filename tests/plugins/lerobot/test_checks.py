@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -9,7 +10,11 @@ from pathlib import Path
 
 import pytest
 from checkpoints import write_checkpoint, write_dataset, write_robot, write_tensors
-from joshua.tools import check, plan, render_text
+from joshua.cli.report import exit_code_of
+from joshua.plan import Severity
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
+from joshua.tools import ExitCode, check, plan, render_text
 
 
 def findings(path: Path) -> list[tuple[str, str, str]]:
@@ -71,14 +76,62 @@ def test_another_number_of_joints_is_an_error_on_both_sides(tmp_path: Path):
 
 
 def test_joints_and_rate_of_the_data_set_are_compared(tmp_path: Path, weights: Path):
-    write_dataset(weights, names=[f"joint_{i}" for i in (2, 1, 3, 4, 5, 6)])
+    write_dataset(weights, names=[f"motor_{i + 1}" for i in range(6)])
     found = findings(write_robot(tmp_path / "robot.pbtxt", "act", rate_hz=10.0))
     assert len(found) == 3
-    assert "the order differs: joint_2, joint_1" in found[0][0]
+    assert "the names differ: motor_1, motor_2" in found[0][0]
     assert "acts 30 times a second" in found[2][0]
     assert found[2][2] == "Set publish_rate_hz: 30."
     write_dataset(weights, names=[f"joint_{i + 1}" for i in range(6)])
     assert findings(write_robot(tmp_path / "robot.pbtxt", "act")) == []
+
+
+def test_joints_in_another_order_are_given_to_the_policy_in_its_own(tmp_path: Path, weights: Path):
+    write_dataset(weights, names=[f"joint_{i}" for i in (2, 1, 3, 4, 5, 6)])
+    planned = plan(write_robot(tmp_path / "robot.pbtxt", "act"))
+    assert planned.errors == []
+    assert planned.plan is not None
+    (facts,) = (node.facts for node in planned.plan.nodes if node.name == "policy")
+    order = ["joint_2", "joint_1", "joint_3", "joint_4", "joint_5", "joint_6"]
+    assert [joint.name for joint in facts.joints] == order
+    assert list(facts.features[-1].names) == order
+    assert facts.features[-1].key == "observation.state"
+
+
+def test_without_pytorch_a_launch_is_refused_and_a_check_notes_it(
+    tmp_path: Path, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "torch" else object())
+    robot = write_robot(tmp_path / "robot.pbtxt", "act")
+    for purpose, severity in ((Purpose.VALIDATE, Severity.NOTE), (Purpose.LAUNCH, Severity.ERROR)):
+        result = examine(Request(str(robot), purpose=purpose))
+        (finding,) = (item for item in result.diagnostics if item.code == "extra-missing")
+        assert finding.severity is severity
+        assert finding.message == f"policy requires torch, which {sys.executable} does not have."
+        assert finding.remedy.startswith("Make an environment that has it: ")
+        assert 'python: "policies/bin/python"' in finding.remedy
+    assert exit_code_of(result) == ExitCode.NOT_INSTALLED
+    text = robot.read_text().replace('node_name: "policy"', f'node_name: "policy" python: "{sys.executable}"')
+    robot.write_text(text)
+    others = examine(Request(str(robot), purpose=Purpose.LAUNCH)).diagnostics
+    assert "extra-missing" not in [item.code for item in others], "that interpreter is asked at its start"
+
+
+def test_policies_that_need_more_than_pytorch_say_how_to_add_it(
+    tmp_path: Path, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    missing = {"transformers", "tree", "timm"}
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name in missing else object())
+    write_checkpoint(weights, kind="groot")
+    result = examine(Request(str(write_robot(tmp_path / "robot.pbtxt", "act")), purpose=Purpose.LAUNCH))
+    (finding,) = (item for item in result.diagnostics if item.code == "extra-missing")
+    assert "policy requires transformers, tree, timm, which " in finding.message
+    assert finding.remedy.endswith("python -m pip install 'lerobot[groot]'.")
+    for kind in ("pi0", "pi05"):
+        write_checkpoint(weights, kind=kind)
+        result = examine(Request(str(tmp_path / "robot.pbtxt"), purpose=Purpose.LAUNCH))
+        (finding,) = (item for item in result.diagnostics if item.code == "extra-missing")
+        assert finding.remedy.endswith("python -m pip install 'lerobot[pi]'.")
 
 
 def test_the_unit_of_the_data_set_and_that_of_the_file_must_agree(tmp_path: Path, weights: Path):
@@ -185,7 +238,7 @@ def test_a_config_that_describes_no_policy_is_refused(tmp_path: Path, weights: P
 
 
 def test_a_missing_folder_is_found_and_a_file_is_none(tmp_path: Path):
-    (note,) = check(write_robot(tmp_path / "robot.pbtxt", "./nothing/here")).diagnostics
+    note, _ = check(write_robot(tmp_path / "robot.pbtxt", "./nothing/here")).diagnostics  # and no PyTorch
     assert "The weights do not exist: looked for" in note.message
     assert note.field_path == "ai.models[0].pretrained_model_name_or_path"
     (tmp_path / "policy.bin").write_bytes(b"")
@@ -201,7 +254,7 @@ def test_smolvla_refuses_another_policy_and_runs_without_a_block(tmp_path: Path,
     write_checkpoint(weights, kind="smolvla", resize_imgs_with_padding=[512, 512])
     result = check(robot)
     assert result.errors == []
-    assert [item.code for item in result.diagnostics] == ["task-missing"]
+    assert [item.code for item in result.diagnostics] == ["extra-missing", "task-missing"]
 
 
 def test_a_size_of_pictures_that_the_model_cannot_cut_names_the_nearest(tmp_path: Path, weights: Path):

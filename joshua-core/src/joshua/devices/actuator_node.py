@@ -205,7 +205,7 @@ class ActuatorNode(NodeBehaviour):
         name, commanders = self.context.spec.full_name, self._commanders
         if commanders is None or not commanders.overriding:
             raise RefusedError(f"{name} has no override to release")
-        if not commanders.held:
+        if not commanders.releasable:
             raise RefusedError(
                 f"{name}: the override {commanders.current} still publishes. Stop it first, or press its "
                 "release button"

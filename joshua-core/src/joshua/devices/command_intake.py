@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -33,9 +34,10 @@ class Commanders:
     """Decides whose commands one actuator executes: one commander at a time.
 
     The plan names who may command; on an external topic any node may. The first to publish commands until it
-    has been silent for ``FREE_AFTER_S``. An override takes control at once and keeps it: if it stops, the
-    joints hold until ``release`` returns control or the override publishes again. Every other command is
-    refused. Hold ``lock`` from the question to the action: commands arrive on several threads.
+    has been silent for ``FREE_AFTER_S``. An override takes control at once, a leader arm once it has moved,
+    and keeps it: if it stops, the joints hold until ``release`` returns control or the override publishes
+    again. Every other command is refused. Hold ``lock`` from the question to the action: commands arrive on
+    several threads.
 
     Args:
         commanders: that the plan names; external: topics that are open to others.
@@ -52,8 +54,11 @@ class Commanders:
     def __init__(
         self, commanders: Iterable[Commander], external: Iterable[str], goals: GoalGenerator, log: Any
     ) -> None:
+        commanders = tuple(commanders)
         self._named = {(one.node, one.topic): one.override for one in commanders}
         self.overrides = frozenset(key for key, override in self._named.items() if override)
+        self._motion_rad = {(one.node, one.topic): one.motion_rad for one in commanders if one.motion_rad}
+        self._rest: dict[tuple[str, str], tuple[tuple[str, ...], tuple[float, ...]]] = {}
         self._external = frozenset(external)
         self._goals = goals
         self._log = log
@@ -86,6 +91,26 @@ class Commanders:
         self._until_ns = now_ns + round(silence_s * NS_PER_S)
         return True
 
+    def lies_still(self, publisher: str, message: Any, topic: str) -> bool:
+        """Whether a leader that may override has not moved since another got control; the lock is held."""
+        key = (publisher, topic)
+        least_rad = self._motion_rad.get(key, 0.0)
+        if not least_rad or (self.overriding and publisher == self.current):
+            return False
+        names, positions = tuple(message.name), tuple(map(float, message.position))
+        if not all(map(math.isfinite, positions)):
+            return True
+        known, rest = self._rest.setdefault(key, (names, positions))
+        if known != names:
+            self._rest[key] = names, positions
+            return True
+        return not any(abs(now - then) > least_rad for now, then in zip(positions, rest, strict=False))
+
+    @property
+    def releasable(self) -> bool:
+        """Whether the override can be released while it publishes: it takes control again by moving only."""
+        return self.held or any(node == self.current for node, _ in self._motion_rad)
+
     def extend(self, duration_s: float) -> None:
         """Lets the command just admitted continue by itself, as a trajectory does; the lock is held."""
         self._until_ns += round(duration_s * NS_PER_S)
@@ -116,6 +141,7 @@ class Commanders:
             return ""
         name = _shown(self.current)
         self.current, self.overriding, self.held, self._until_ns = None, False, False, 0
+        self._rest.clear()
         self._goals.hold()
         self._log.warning("the override %s is released: other commanders have control again", name)
         return name
@@ -189,6 +215,8 @@ class CommandIntake:
             if not len(message.name) and (publisher, reader.topic) in commanders.overrides:
                 if publisher == commanders.current:
                     commanders.release_locked()
+                return
+            if commanders.lies_still(publisher, message, reader.topic):
                 return
             if not commanders.admit(publisher, reader.topic, now_ns):
                 return

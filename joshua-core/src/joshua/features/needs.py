@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from joshua.features.feature_set import LEROBOT_SUFFIX, FeatureSet
@@ -51,6 +52,30 @@ def unmet(
     return found
 
 
+def as_trained(
+    needs: ModelNeeds, features: FeatureSet, joints: Sequence[JointRange]
+) -> tuple[FeatureSet, tuple[JointRange, ...]]:
+    """Features and joints in the order of a model, where both sides name the same joints.
+
+    Arguments as of ``unmet``. Messages name their joints, so nothing else depends on the order.
+    """
+    known = (needs.action, *(needs.features or ()))
+    order = next((_plain(f.names) for f in known if f and f.names and not f.is_picture), [])
+    by_name = {joint.name: joint for joint in joints}
+    if sorted(by_name) != sorted(order) or len(by_name) != len(joints):
+        return features, tuple(joints)
+    found = []
+    for feature in features.values():
+        own = dict(zip(_plain(feature.names), feature.names, strict=True))
+        same = sorted(own) == sorted(order)
+        found.append(replace(feature, names=tuple(own[name] for name in order)) if same else feature)
+    return FeatureSet(found), tuple(by_name[name] for name in order)
+
+
+def _plain(names: Iterable[str]) -> list[str]:
+    return [name.removesuffix(LEROBOT_SUFFIX) for name in names]
+
+
 def _features(needed: Sequence[Feature], given: FeatureSet, source: str) -> Iterator[Unmet]:
     wanted = {feature.key for feature in needed}
     for feature in needed:
@@ -87,7 +112,7 @@ def _picture(needed: Feature, given: Feature, source: str) -> Iterator[Unmet]:
 
 
 def _numbers(needed: Feature, given: Feature, source: str) -> Iterator[Unmet]:
-    ours, theirs = ([n.removesuffix(LEROBOT_SUFFIX) for n in f.names] for f in (given, needed))
+    ours, theirs = _plain(given.names), _plain(needed.names)
     if 0 not in (*needed.shape, *given.shape) and needed.shape != given.shape:
         message = (
             f"{needed.key}: the model has {needed.shape[0]} numbers{source}, and the robot has "
@@ -99,7 +124,7 @@ def _numbers(needed: Feature, given: Feature, source: str) -> Iterator[Unmet]:
         message = (
             f"{needed.key}: {what}: {', '.join(theirs)} in the model{source}, {', '.join(ours)} on the robot"
         )
-        yield Unmet(message, "Give the joints the names and the order of the training: `joshua calibrate`")
+        yield Unmet(message, "Give the joints the names of the training: `joshua calibrate`")
 
 
 def _ranges(

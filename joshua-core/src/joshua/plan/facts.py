@@ -46,12 +46,14 @@ class Commander:
         node: its full name; topic: on which it publishes.
         joints: of a leader arm, whose positions are mapped; None for a node that sends radians.
         override: it takes control from the others, until it is released.
+        motion_rad: of a joint after which an override takes control; 0 for its first command.
     """
 
     node: str
     topic: str
     joints: tuple[JointRange, ...] | None = None
     override: bool = False
+    motion_rad: float = 0.0
 
 
 @dataclass(frozen=True)

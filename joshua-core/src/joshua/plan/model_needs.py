@@ -51,6 +51,8 @@ class ModelNeeds:
         chunk_steps: length of its chunks; 0: not known. rate_hz: of the steps, 0 for any.
         ranges: least and greatest values of joints in its training, by key and in the unit of the feature.
         source: what says so, such as a ``config.json``, for messages.
+        libraries: modules that it imports when it is loaded, which the check looks for and does not import.
+        install: what to do where one is missing, one imperative sentence.
     """
 
     features: tuple[Feature, ...] | None = None
@@ -62,3 +64,5 @@ class ModelNeeds:
     rate_hz: float = 0.0
     ranges: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
     source: str = ""
+    libraries: tuple[str, ...] = ()
+    install: str = ""

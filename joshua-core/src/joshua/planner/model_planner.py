@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +14,7 @@ from joshua.config.checks.device_table import messages_of
 from joshua.config.input_paths import folder_of
 from joshua.features.derive import features_of
 from joshua.features.feature_set import FeatureSet
-from joshua.features.needs import unmet
+from joshua.features.needs import as_trained, unmet
 from joshua.plan import (
     Compute,
     Diagnostic,
@@ -80,9 +82,10 @@ def model_facts(
 
     owner, needs, graph = item.want.entry.owner, needs_of(item), draft.graph
     topics = (graph.intervention_topic(other) for other in graph.driven_by(item.want.entry))
+    features, joints = _as_trained(draft, item, settings, needs)
     return ModelFacts(
-        joints=tuple(_joints(draft, item)),
-        features=tuple(_renamed(draft, item, settings, needs).values()),
+        joints=joints,
+        features=tuple(features.values()),
         task=getattr(item.settings, "task", "") or owner.task,
         execution=Execution(**block_values(owner.execution)),
         compute=Compute(**block_values(owner.compute)),
@@ -113,14 +116,15 @@ def _findings(draft: Draft, item: Resolved, settings: Mapping[str, Any]) -> Iter
             "invalid-setting", str(error), field, allowed=error.allowed, remedy=error.remedy or None
         )
         return
+    if entry.node.host == draft.request.host and not entry.node.python:
+        yield from _libraries(draft, entry, needs)
     try:
-        features = _renamed(draft, item, settings, needs)
+        features, joints = _as_trained(draft, item, settings, needs)
     except ValueError as error:
         yield draft.error("rename-unfit", str(error), f"{path}.rename")
         return
     strategy = owner.DESCRIPTOR.fields_by_name["execution"].message_type.fields_by_name["strategy"]
     chosen = strategy.enum_type.values_by_number.get(owner.execution.strategy)
-    joints = tuple(_joints(draft, item))
     for lack in unmet(needs, features, joints, _rate(entry), chosen.name if chosen else "") if joints else ():
         place = f"{path}.{lack.field}" if lack.field else path
         yield draft.error("model-unfit", lack.message, place, allowed=lack.allowed, remedy=lack.remedy)
@@ -129,6 +133,22 @@ def _findings(draft: Draft, item: Resolved, settings: Mapping[str, Any]) -> Iter
         message = f"{name} has no task; the arm holds until it gets one"
         remedy = 'Run `joshua task "…"` during the run, or add task: "…" to the model'
         yield draft.note("task-missing", message, path, remedy=remedy)
+
+
+def _libraries(draft: Draft, entry: NodeEntry, needs: ModelNeeds) -> Iterator[Diagnostic]:
+    """What a model imports and this interpreter does not have; another one is asked at its start only."""
+    missing = [name for name in needs.libraries if importlib.util.find_spec(name) is None]
+    if missing:
+        names = ", ".join(missing)
+        message = f"{entry.node.node_name} requires {names}, which {sys.executable} does not have"
+        yield draft.missing("extra-missing", message, entry.owner_path, found="", remedy=needs.install)
+
+
+def _as_trained(
+    draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: ModelNeeds
+) -> tuple[FeatureSet, tuple[JointRange, ...]]:
+    """Features and joints of a model by its own keys and in its own order. Raises ValueError."""
+    return as_trained(needs, _renamed(draft, item, settings, needs), tuple(_joints(draft, item)))
 
 
 def _renamed(draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: ModelNeeds) -> FeatureSet:

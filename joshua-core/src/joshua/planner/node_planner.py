@@ -25,6 +25,9 @@ from joshua.plugins import ActuatorSpec, ModelSpec, SensorSpec
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 
+#: Motion of a leader arm after which it overrides: well above noise and a knock at the desk, 6 degrees.
+OVERRIDE_MOTION_RAD = 0.1
+
 RESTART = {
     pb.RESTART_DEFAULT: "on-failure",
     pb.RESTART_ON_FAILURE: "on-failure",
@@ -176,8 +179,15 @@ def commanders(
         if source.topic in topics and starts:
             maps = source.entry.leads and source.block.data_type == data_type_pb2.JOINT_STATE
             ranges = tuple(joints.get(source.entry.path, ())) if maps else None
-            yield Commander(source.entry.full_name, source.topic, ranges, source.block.override)
+            motion_rad = motion_rad_of(source.block) if maps and source.block.override else 0.0
+            yield Commander(source.entry.full_name, source.topic, ranges, source.block.override, motion_rad)
     for service in graph.services:
         for topic in service.topics:
             if topic.is_publisher and topic.name in topics:
                 yield Commander(f"/{service.name}", topic.name)
+
+
+def motion_rad_of(publisher: pb.Publisher) -> float:
+    """How far a leader moves until it overrides."""
+    is_set = publisher.HasField("override_motion_rad")
+    return float(publisher.override_motion_rad) if is_set else OVERRIDE_MOTION_RAD

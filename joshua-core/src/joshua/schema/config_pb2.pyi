@@ -1038,18 +1038,20 @@ class QoSSettings(_message.Message):
     def __init__(self, reliability: _Optional[_Union[Reliability, str]] = ..., durability: _Optional[_Union[Durability, str]] = ..., history: _Optional[_Union[History, str]] = ..., depth: _Optional[int] = ..., liveliness: _Optional[_Union[Liveliness, str]] = ..., deadline_s: _Optional[float] = ..., lifespan_s: _Optional[float] = ..., lease_duration_s: _Optional[float] = ...) -> None: ...
 
 class Publisher(_message.Message):
-    __slots__ = ("data_type", "topic_name", "publish_rate_hz", "qos", "override")
+    __slots__ = ("data_type", "topic_name", "publish_rate_hz", "qos", "override", "override_motion_rad")
     DATA_TYPE_FIELD_NUMBER: _ClassVar[int]
     TOPIC_NAME_FIELD_NUMBER: _ClassVar[int]
     PUBLISH_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     QOS_FIELD_NUMBER: _ClassVar[int]
     OVERRIDE_FIELD_NUMBER: _ClassVar[int]
+    OVERRIDE_MOTION_RAD_FIELD_NUMBER: _ClassVar[int]
     data_type: _data_type_pb2.DataType
     topic_name: str
     publish_rate_hz: float
     qos: QoSSettings
     override: bool
-    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., publish_rate_hz: _Optional[float] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., override: _Optional[bool] = ...) -> None: ...
+    override_motion_rad: float
+    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., publish_rate_hz: _Optional[float] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., override: _Optional[bool] = ..., override_motion_rad: _Optional[float] = ...) -> None: ...
 
 class Subscription(_message.Message):
     __slots__ = ("data_type", "topic_name", "qos", "external")

@@ -24,6 +24,7 @@ class InferenceFigures:
         border_rad, border_rad_s: largest difference of a new chunk from the plan before it, and largest
             change of speed there; border_mean_rad: the mean of all borders.
         episodes, successes: that have ended.
+        state: what the model does, such as ``acts`` or ``paused``.
     """
 
     rate_hz: float
@@ -43,6 +44,7 @@ class InferenceFigures:
     border_rad_s: float
     episodes: int = 0
     successes: int = 0
+    state: str = ""
 
     def __str__(self) -> str:
         return (

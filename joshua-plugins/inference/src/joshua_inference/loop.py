@@ -33,7 +33,7 @@ class InferenceLoop:
     def __init__(
         self, execution: Execution, joints: JointSpace, period_s: float, now_ns: Callable[[], int]
     ) -> None:
-        self._execution, self._joints, self._now_ns = execution, joints, now_ns
+        self._execution, self.joints, self._now_ns = execution, joints, now_ns
         self._period_ns = round(period_s * 1e9)
         self._strategy = STRATEGIES[execution.strategy](execution)
         self._output = Output(period_s, execution)
@@ -48,6 +48,7 @@ class InferenceLoop:
         self._called_ns = 0
         self._playing: Chunk | None = None
         self._begun = self._single = self._hurry = False
+        self._mark: bool | None = None  # of the episode that has ended last, until the next one begins
         self.paused = False
 
     def wait(self, timeout_s: float) -> bool:
@@ -79,7 +80,7 @@ class InferenceLoop:
         self._called_ns = called_ns = time.monotonic_ns()
         act = model.act(observation) if request is None else model.continue_chunk(observation, request)
         took_ns, self._called_ns = time.monotonic_ns() - called_ns, 0
-        actions = checked(act, self._joints, type(model).__name__)
+        actions = checked(act, self.joints, type(model).__name__)
         with self._lock:
             if epoch != self._epoch:  # what it answered no longer holds
                 return 0
@@ -134,6 +135,7 @@ class InferenceLoop:
         """Goes on with a new chunk."""
         with self._lock:
             self.paused = self._single = False
+            self._mark = None
             self._forget()
 
     def single(self) -> None:
@@ -141,6 +143,7 @@ class InferenceLoop:
         with self._lock:
             self._forget()
             self.paused = self._single = True
+            self._mark = None
 
     def hurry(self) -> None:
         """Wants a chunk at once, as the task has changed."""
@@ -156,10 +159,11 @@ class InferenceLoop:
                 self._output.forget()
 
     def end_episode(self, success: bool) -> int:
-        """Counts an episode; returns how many have ended."""
+        """Counts an episode, or marks the last one anew; returns how many have ended."""
         self.pause()
-        self._keeper.episodes += 1
-        self._keeper.successes += success
+        self._keeper.episodes += self._mark is None
+        self._keeper.successes += success - bool(self._mark)
+        self._mark = success
         return self._keeper.episodes
 
     @property

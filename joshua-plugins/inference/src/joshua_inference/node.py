@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -36,7 +36,7 @@ from joshua.api.nodes import (
     load_implementation,
 )
 from joshua.features import FeatureSet
-from joshua.features.needs import unmet
+from joshua.features.needs import as_trained, unmet
 from joshua.messages import MessageError
 from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
 from joshua.messages.make import joint_state
@@ -61,6 +61,9 @@ SHOWN_S = 0.5
 
 #: Beyond the time for a chunk, until a model that does not return is ended from outside.
 HANG_MARGIN_S = 5.0
+
+#: Characters of a task, which anybody in the graph may give.
+TASK_MAX = 2000
 
 #: Lower priority of the model than of the timer, and the longest time that it keeps the interpreter, seconds.
 _NICER = 10
@@ -95,7 +98,8 @@ class InferenceNode(NodeBehaviour):
         super().__init__(context)
         self._facts = facts = context.spec.facts_as(ModelFacts)
         self._model: Model | None = None
-        self._joints = joint_space(facts.joints)
+        self._ranges = tuple(facts.joints)
+        self._joints = joint_space(self._ranges)
         self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
         self._acting = threading.Lock()
         self._loop = InferenceLoop(facts.execution, self._joints, 1 / (self._rate_hz or 1.0), context.now_ns)
@@ -106,6 +110,7 @@ class InferenceNode(NodeBehaviour):
         self._outputs = Outputs(())
         self._received: list[TrafficFigures] = []
         self._runs = self._resets = False
+        self._failed = facts.restarted
         self._taken_over: set[str] = set()
         self._waits_for = ""
         self._ticks = 0
@@ -191,12 +196,14 @@ class InferenceNode(NodeBehaviour):
     @verb(moves=True)
     def resume(self) -> str:
         """Ends a pause: the model acts again."""
+        self._failed = False
         self._loop.resume()
         return f"{self.context.spec.full_name} acts again"
 
     @verb(moves=True)
     def step(self) -> str:
         """Carries out one chunk, and holds again."""
+        self._failed = False
         self._loop.single()
         return f"{self.context.spec.full_name} carries out one chunk"
 
@@ -205,12 +212,14 @@ class InferenceNode(NodeBehaviour):
         """The instruction that the model gets with each observation."""
         return self._observer.task
 
-    @verb(moves=True, sets="task")
+    @verb(moves=False, sets="task")
     def task(self, request: TaskRequest) -> str:
         """Tells the robot what to do, in plain words."""
         text = " ".join(request.text.split())
         if not text:
             raise RefusedError("the task is empty; to stop the model, run `joshua call NODE pause`")
+        if len(text) > TASK_MAX:
+            raise RefusedError(f"the task has {len(text)} characters; {TASK_MAX} are allowed")
         self._observer.task = text
         self._loop.hurry()
         return f"{self.context.spec.full_name}: the task is: {text}"
@@ -218,7 +227,7 @@ class InferenceNode(NodeBehaviour):
     @verb(moves=True)
     def begin_episode(self) -> str:
         """Begins an episode: the model forgets what was before, and acts."""
-        self._resets = True
+        self._resets, self._failed = True, False
         self._loop.resume()
         return f"{self.context.spec.full_name}: the episode begins"
 
@@ -231,8 +240,8 @@ class InferenceNode(NodeBehaviour):
 
     @verb(moves=False)
     def figures(self) -> InferenceFigures:
-        """Reports rate, queue, latencies, ages, skipped steps and borders of chunks."""
-        return self._loop.figures()
+        """Reports rate, queue, latencies, ages, skipped steps, borders of chunks, and episodes."""
+        return replace(self._loop.figures(), state=self._state() or "acts")
 
     def activate(self) -> None:
         """Starts the model's thread and the timer of the actions."""
@@ -319,9 +328,15 @@ class InferenceNode(NodeBehaviour):
         model: Model = implementation(settings, self._joints, self._features)
         try:
             model.load()
+            features, joints = as_trained(model.needs(), self._features, self._ranges)
+            if joints != self._ranges:  # of a checkpoint that the plan did not know yet
+                self._use(features, joints)
+                model.close()
+                model = implementation(settings, self._joints, self._features)
+                model.load()
             model.reset()
             strategy = self._facts.execution.strategy
-            lacks = unmet(model.needs(), self._features, self._facts.joints, self._rate_hz, strategy)
+            lacks = unmet(model.needs(), self._features, self._ranges, self._rate_hz, strategy)
             if lacks:
                 raise ModelError("; ".join(f"{name}: {lack.message}. {lack.remedy}" for lack in lacks))
             self._warm_up(model, compute.warm_up)
@@ -329,6 +344,12 @@ class InferenceNode(NodeBehaviour):
             model.close()
             raise
         return model
+
+    def _use(self, features: FeatureSet, joints: tuple[JointRange, ...]) -> None:
+        """Takes joints in the order of the model; messages name them."""
+        self._features, self._ranges, self._joints = features, joints, joint_space(joints)
+        self._observer.use(features)
+        self._loop.joints = self._joints
 
     def _warm_up(self, model: Model, chunks: int) -> None:
         """Lets a chunk model answer empty observations, so that its first real answer is not a slow one."""
@@ -391,7 +412,7 @@ class InferenceNode(NodeBehaviour):
     def _show(self) -> None:
         """Puts the figures into the status line; fails the node if the model does not return."""
         figures = self._loop.figures()
-        state = "paused" if self._loop.paused else f"waits for {self._waits_for}" if self._waits_for else ""
+        state = self._state()
         self.context.show(state or str(figures) if figures.chunks else state)
         timeout_s = self._facts.execution.chunk_timeout_s
         if self._loop.computing_s > timeout_s:
@@ -399,6 +420,14 @@ class InferenceNode(NodeBehaviour):
                 f"the model has returned no chunk for {timeout_s:g} s. Give it a faster device, or raise "
                 "execution.chunk_timeout_s"
             )
+
+    def _state(self) -> str:
+        """Why the model does not act; "" while it does."""
+        if self._model is None:
+            return "no model"
+        if self._failed and self._loop.paused:
+            return f"failed and was restarted: run `joshua call {self.context.spec.full_name} resume`"
+        return "paused" if self._loop.paused else f"waits for {self._waits_for}" if self._waits_for else ""
 
 
 def joint_space(joints: Sequence[JointRange]) -> JointSpace:

@@ -53,6 +53,10 @@ class Observer:
         self._newest: dict[str, _Newest] = {}
         self._arrays: dict[str, tuple[Any, Array]] = {}
 
+    def use(self, features: FeatureSet) -> None:
+        """Takes features in place of those before."""
+        self._features, self._arrays = tuple(features.values()), {}
+
     def add(self, topic: str, message: Any, received_ns: int) -> None:
         """Takes a message; ``received_ns`` since the epoch."""
         with self._lock:

@@ -11,10 +11,9 @@ from typing import Any
 
 from joshua.api import ModelError
 from joshua.api.models import Compute
-from joshua.tools import install
 
 from joshua_lerobot.checkpoint import POSTPROCESSOR, PREPROCESSOR, WEIGHTS, Checkpoint
-from joshua_lerobot.settings import DENOISING, PolicySettings
+from joshua_lerobot.settings import DENOISING, PolicySettings, environment
 
 HALF = {"bfloat16": "bfloat16", "float16": "float16"}
 
@@ -45,17 +44,6 @@ class LibraryMissing(ModelError):
     """A library that a model runs on is not installed."""
 
     exit_code = 3
-
-
-def environment() -> str:
-    """The remedy for a library that is missing: how to get what runs policies, and how to use it."""
-    command = install("joshua-lerobot", "policies")
-    root, in_clone, _ = command.partition("run --with")
-    command = f"{root}tools/policies.sh policies" if in_clone else command
-    return (
-        f"Make an environment that has it: {command} (PyTorch and LeRobot, 1 to 9 GB). Name its interpreter "
-        'in the node of the model: python: "policies/bin/python"'
-    )
 
 
 def require(module: str, what: str) -> Any:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from joshua.api import BlockContext, FieldError
 from joshua.api.models import ModelNeeds, ModelSettings
 from joshua.features import ACTION, IMAGES, STATE, Feature
+from joshua.tools import install
 from pydantic import model_validator
 
 from joshua_lerobot.checkpoint import NORMALISED_BY, Checkpoint, CheckpointError, extent, read_checkpoint
@@ -43,11 +44,42 @@ DENOISING = {
     "xvla": "num_denoising_steps",
 }
 
+#: What policies import beside PyTorch and LeRobot.
+LIBRARIES: dict[str, tuple[str, ...]] = {
+    "smolvla": ("transformers", "num2words"),
+    "pi0": ("transformers",),
+    "pi05": ("transformers",),
+    "pi0_fast": ("transformers", "scipy"),
+    "groot": ("transformers", "peft", "diffusers", "tree", "timm"),
+    "xvla": ("transformers",),
+    "wall_x": ("transformers", "peft", "diffusers"),
+    "diffusion": ("diffusers",),
+}
+
+#: Extras of LeRobot for policies that need more than the tested environment has.
+EXTRAS = {"pi0": "pi", "pi05": "pi", "pi0_fast": "pi", "groot": "groot", "xvla": "xvla", "wall_x": "wallx"}
+
 #: Side of what SmolVLM makes one token of: four by four patches of 16 pixels.
 _PICTURE_STEP = 64
 
 #: Largest position of a joint in radians: one turn.
 _TURN_RAD = 6.2832
+
+
+def environment() -> str:
+    """The remedy for a library that is missing: how to get what runs policies, and how to use it."""
+    command = install("joshua-lerobot", "policies")
+    root, in_clone, _ = command.partition("run --with")
+    command = f"{root}tools/policies.sh policies" if in_clone else command
+    return (
+        f"Make an environment that has it: {command} (PyTorch and LeRobot, 1 to 9 GB). Name its interpreter "
+        'in the node of the model: python: "policies/bin/python"'
+    )
+
+
+def more_for(kind: str) -> str:
+    """The command that installs what a type of policy needs beside PyTorch and LeRobot."""
+    return f"python -m pip install 'lerobot[{EXTRAS[kind]}]'" if kind in EXTRAS else ""
 
 
 class PolicySettings(ModelSettings):
@@ -119,12 +151,19 @@ class PolicySettings(ModelSettings):
         """Reads the files of the checkpoint. Raises CheckpointError."""
         return read_checkpoint(folder)
 
+    def imports(self, kind: str) -> dict[str, Any]:
+        """The libraries that a policy of a type runs on, and how to get them, as ``ModelNeeds`` says it."""
+        more = f". Add what policies of this type need: {more_for(kind)}" if kind in EXTRAS else ""
+        libraries = ("torch", "lerobot", *LIBRARIES.get(kind, ()))
+        return {"libraries": libraries, "install": f"{environment()}{more}"}
+
     def unknown_needs(self) -> ModelNeeds:
         """What is known without the files of the checkpoint."""
         return ModelNeeds(
             reads_state=True,
             reads_task=self.kind in READS_TASK,
             supports_rtc=self.kind in CONTINUES or not self.kind,
+            **self.imports(self.kind),
         )
 
     def needs_of(self, checkpoint: Checkpoint) -> ModelNeeds:
@@ -162,6 +201,7 @@ class PolicySettings(ModelSettings):
             rate_hz=checkpoint.fps,
             ranges={key: found for key in (STATE, ACTION) if (found := _range(checkpoint, key)) is not None},
             source=source,
+            **self.imports(kind),
         )
 
     def unit_of(self, checkpoint: Checkpoint) -> str:

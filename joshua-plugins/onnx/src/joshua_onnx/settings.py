@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.api import FieldError
+from joshua.tools import install
 from joshua_lerobot.checkpoint import PICKLES, Checkpoint, CheckpointError, pickled, read_checkpoint
 from joshua_lerobot.settings import PolicySettings
 from pydantic import model_validator
@@ -27,6 +28,10 @@ class OnnxSettings(PolicySettings):
                 remedy="Remove precision, or run the checkpoint that it was exported from",
             )
         return self
+
+    def imports(self, kind: str) -> dict[str, Any]:
+        """See ``PolicySettings``."""
+        return {"libraries": ("onnxruntime",), "install": f"Install it: {install('joshua-onnx')}"}
 
     def read(self, folder: Path) -> Checkpoint:
         """See ``PolicySettings``. Raises CheckpointError."""

@@ -63,6 +63,10 @@ def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
 
 def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoint]) -> Iterator[Diagnostic]:
     commanded = next((item for item in group if item.is_command), None)
+    for item in publishers:
+        if item.block.HasField("override_motion_rad") and not (item.block.override and item.entry.leads):
+            message = "override_motion_rad has no effect: it belongs to a leader arm with override: true"
+            yield context.note("field-unused", message, f"{item.path}.override_motion_rad")
     for kind in (False, True):
         same = [item for item in publishers if bool(item.block.override) is kind]
         if kind and commanded is None:

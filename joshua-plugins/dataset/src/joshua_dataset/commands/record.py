@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import select
 import shutil
 import sys
-import time
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from joshua.tools import positive_seconds
@@ -117,7 +113,7 @@ def screen(status: dict[str, Any], width: int) -> str:
 
 
 def _interactive(system: RunningSystem, timeout_s: float) -> int:
-    from joshua.tools import CallError, ExitCode
+    from joshua.tools import CallError, ExitCode, single_keys
 
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         sys.stderr.write(
@@ -125,7 +121,7 @@ def _interactive(system: RunningSystem, timeout_s: float) -> int:
         )
         return ExitCode.INVALID
     said = ""
-    with _keys() as key:
+    with single_keys() as key:
         while True:
             status = _status(system)
             sys.stdout.write("\x1b[H\x1b[J" + screen(status, shutil.get_terminal_size().columns))
@@ -143,25 +139,3 @@ def _interactive(system: RunningSystem, timeout_s: float) -> int:
                 if error.code in ("unreachable", "gone"):
                     raise
                 said = str(error)
-
-
-@contextlib.contextmanager
-def _keys() -> Iterator[Any]:
-    """Single keys from the terminal, which is restored at the end."""
-    import termios
-    import tty
-
-    before = termios.tcgetattr(sys.stdin)
-
-    def key(wait_s: float) -> str:
-        until = time.monotonic() + wait_s
-        while (left := until - time.monotonic()) > 0:
-            if select.select([sys.stdin], [], [], left)[0]:
-                return sys.stdin.read(1)
-        return ""
-
-    try:
-        tty.setcbreak(sys.stdin)
-        yield key
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
