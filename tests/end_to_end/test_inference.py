@@ -79,15 +79,21 @@ def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_p
     told = joshua("task", "Wave slowly.")
     assert told.stdout == "/policy: the task is: Wave slowly.\n", told.stderr
     eventually(lambda: figures(joshua)["chunks"] > 3)
+    place = f'transport {{ kind: TRANSPORT_ZENOH listen_endpoints: "{joshua.router}" }}'
+    (tmp_path / "place.pbtxt").write_text(place)
+
+    def service(name: str, request: str) -> str:
+        options = ("--config=place.pbtxt", "--wait=30")
+        return str(joshua("service", "call", *options, f"/policy/{name}", request).stdout)
+
     by_service = "{parameters: [{name: text, value: {type: 4, string_value: Stop waving.}}]}"
-    assert "successful: true" in joshua("service", "call", "/policy/task", by_service).stdout
+    assert "successful: true" in service("task", by_service)
     by_parameter = "{parameters: [{name: task, value: {type: 4, string_value: Wave again.}}]}"
-    assert "successful: true" in joshua("service", "call", "/policy/set_parameters", by_parameter).stdout
-    values = joshua("service", "call", "/policy/get_parameters", "{names: [task]}").stdout
-    assert "string_value: Wave again." in values
+    assert "successful: true" in service("set_parameters", by_parameter)
+    assert "string_value: Wave again." in service("get_parameters", "{names: [task]}")
     marked = joshua("episode", "success")
     assert marked.stdout == "/policy: episode 1 succeeded; the arm holds\n", marked.stderr
-    assert "success: true" in joshua("service", "call", "/policy/end_episode", "{data: false}").stdout
+    assert "success: true" in service("end_episode", "{data: false}")
     assert (figures(joshua)["episodes"], figures(joshua)["successes"]) == (1, 0)
     assert joshua("episode", "begin").stdout == "/policy: the episode begins\n"
     assert joshua("call", "policy", "pause").stdout == "/policy is paused; the arm holds\n"
