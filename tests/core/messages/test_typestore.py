@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from joshua.messages import (
     MessageError,
@@ -111,3 +113,15 @@ def test_a_message_is_made_of_what_is_given_and_zeros_on_every_distribution(name
     assert (len(info.k), info.roi.do_rectify) == (9, False)
     info.k[0] = 1.0
     assert message_class("sensor_msgs/msg/CameraInfo")().k[0] == 0.0
+
+
+def test_the_modules_of_rosbags_are_left_alone():
+    from rosbags.typesys.stores import ros2_jazzy
+
+    theirs: Any = ros2_jazzy.geometry_msgs__msg__Pose
+    ours = message_class("geometry_msgs/msg/Pose")
+    assert ours is not theirs
+    assert [*theirs.__dataclass_fields__] == [*ours.__dataclass_fields__]
+    with pytest.raises(TypeError, match="missing"):
+        theirs()  # ours takes defaults
+    assert ours().orientation.w == 0.0

@@ -19,7 +19,7 @@ def test_a_signal_reaches_a_child_whose_id_is_not_known_yet(fork_server_shared: 
         stack.callback(reactor.close)
         launcher = Launcher(reactor, fork_server_shared, lost.append)
         stack.callback(launcher.close)
-        child = Child(reactor, launcher, "early", "", events.append)
+        child = Child(reactor, launcher, "early", (), "", events.append)
         assert not child.process_id
         child.signal(signal.SIGKILL)
         while not child.ended:

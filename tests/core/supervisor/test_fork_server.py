@@ -59,6 +59,25 @@ def test_the_server_has_one_thread_after_it_has_loaded_everything():
         server.close()
 
 
+def test_the_server_imports_the_modules_of_its_children_once_and_survives_a_broken_one(
+    descriptors, tmp_path, monkeypatch
+):
+    (tmp_path / "shared_by_children.py").write_text(
+        f"import os\nopen({str(tmp_path / 'importers')!r}, 'a').write(f'{{os.getpid()}} ')\n"
+    )
+    (tmp_path / "broken_module.py").write_text("raise RuntimeError('broken')")
+    monkeypatch.syspath_prepend(tmp_path)
+    server = fork_server.start(preload=False)
+    try:
+        for _ in range(2):
+            server.ask("fork", descriptors[0], title="child", modules=["broken_module", "shared_by_children"])
+            wait_for(server, "started")
+            wait_for(server, "exited")
+        assert (tmp_path / "importers").read_text().split() == [str(server.process_id)]
+    finally:
+        server.close()
+
+
 def test_a_single_threaded_caller_is_forked_and_one_with_threads_is_not():
     program = """
 import json, sys, threading, time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from joshua.cli.doctor.finding import Level
+from joshua.cli.doctor.result import Level
 from joshua_camera.doctor import check_bandwidth, check_permissions
 from usb_host import MakeHost
 from usb_host import make_host as make_host

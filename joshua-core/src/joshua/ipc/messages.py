@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -218,8 +219,25 @@ _T = TypeVar("_T")
 _ESCAPES = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), *range(127, 160))}
 _ESCAPES |= {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
 
-_TO_CHILD: TypeAdapter[ToChild] = TypeAdapter(Annotated[ToChild, Field(discriminator="kind")])
-_TO_SUPERVISOR: TypeAdapter[ToSupervisor] = TypeAdapter(Annotated[ToSupervisor, Field(discriminator="kind")])
+
+@cache
+def _to_child() -> TypeAdapter[ToChild]:
+    return TypeAdapter(Annotated[ToChild, Field(discriminator="kind")])
+
+
+@cache
+def _to_supervisor() -> TypeAdapter[ToSupervisor]:
+    return TypeAdapter(Annotated[ToSupervisor, Field(discriminator="kind")])
+
+
+def prepare_child() -> None:
+    """Builds the validators of a child, in the fork server for all of its children."""
+    _to_child()
+
+
+def prepare_supervisor() -> None:
+    """Builds the validators of the supervisor, while it waits for its first child."""
+    _to_supervisor()
 
 
 def encode(message: Message) -> bytes:
@@ -230,12 +248,12 @@ def encode(message: Message) -> bytes:
 
 def decode_for_child(payload: bytes) -> ToChild:
     """Reads a message of the supervisor. Raises FrameError."""
-    return _decode(_TO_CHILD, payload)
+    return _decode(_to_child(), payload)
 
 
 def decode_for_supervisor(payload: bytes) -> ToSupervisor:
     """Reads a message of a child. Raises FrameError."""
-    return _decode(_TO_SUPERVISOR, payload)
+    return _decode(_to_supervisor(), payload)
 
 
 def printable(text: str, limit: int = 0) -> str:

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
+    from joshua.messages.cdr_store import CdrStore
 
 HASH_UNSUPPORTED = "TypeHashNotSupported"
 """What Humble's middleware writes in place of a type hash."""
@@ -70,14 +70,12 @@ def select_distro(name: str) -> None:
 
 
 @cache  # services are added to what is loaded
-def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
+def _load(humble: bool, octets: tuple[str, ...] = ()) -> CdrStore:
     """Load definitions in which the fields of the types ``octets`` are uint8."""
     # rosbags and numpy cost about 0.1 s, so that nothing imports them before a message is needed
-    from rosbags.typesys.stores import ros2_humble, ros2_jazzy
-
     from joshua.messages.cdr_store import CdrStore
 
-    store = CdrStore(ros2_humble if humble else ros2_jazzy)
+    store = CdrStore("ros2_humble" if humble else "ros2_jazzy")
 
     def renamed(described: Any) -> Any:
         kind, rest = described
@@ -90,7 +88,7 @@ def _load(humble: bool, octets: tuple[str, ...] = ()) -> Typestore:
     return store
 
 
-def definitions(humble: bool | None = None) -> Typestore:
+def definitions(humble: bool | None = None) -> CdrStore:
     """The definitions as ROS 2 writes them: those in force, or Humble's or Jazzy's.
 
     Those of every later distribution agree with Jazzy's for all types of the DataType enum.
@@ -98,7 +96,7 @@ def definitions(humble: bool | None = None) -> Typestore:
     return _load(distro() == "humble" if humble is None else humble)
 
 
-def typestore() -> Typestore:
+def typestore() -> CdrStore:
     """The definitions in force for encoding: ``byte`` and ``char`` are unsigned octets."""
     return _load(distro() == "humble", ("byte", "char"))
 
@@ -157,8 +155,9 @@ def _class(type_name: str, _distro: str) -> Any:
     from joshua.messages.fields import give_defaults
 
     full = require_type(type_name)
-    give_defaults(typestore().types[full], full)
-    return typestore().types[full]
+    made = typestore().class_of(full)
+    give_defaults(made, full)
+    return made
 
 
 @lru_cache(maxsize=512)

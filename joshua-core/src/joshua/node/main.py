@@ -15,6 +15,9 @@ EXIT_INTERNAL = 70
 def prepare() -> None:
     """Loads what every child needs; the fork server calls it once before it forks."""
     import joshua.node.process  # noqa: F401 (for those that are forked)
+    from joshua.ipc.messages import prepare_child
+
+    prepare_child()
 
 
 def run_forked(control_descriptor: int, version: str = "") -> int:

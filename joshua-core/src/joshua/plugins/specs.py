@@ -255,7 +255,8 @@ class ExtensionSpec(PluginSpec):
     """What a plugin adds to every node in the ROS 2 graph, such as services.
 
     ``implementation`` is a function that takes a ``joshua.api.nodes.ExtendedNode``, once, when the node is
-    activated over a transport that carries services. What it raises is a warning of the node.
+    activated over a transport that carries services. What it raises is a warning of the node. Its
+    module is imported once, by the process that nodes are forked from, so its import must start no thread.
 
     Attributes:
         name: of the extension.

@@ -117,6 +117,7 @@ class Child:
         reactor: the supervisor's loop.
         launcher: starts the process.
         title: name of the process.
+        modules: what the fork server imports before it forks, once for all children.
         interpreter: Python that runs it, "" to fork the server.
         tell: called with each event. The end comes after everything that the process wrote.
     """
@@ -126,6 +127,7 @@ class Child:
         reactor: Reactor,
         launcher: Launcher,
         title: str,
+        modules: tuple[str, ...],
         interpreter: str,
         tell: Callable[[ChildEvent], None],
     ) -> None:
@@ -147,7 +149,7 @@ class Child:
             values = {"arguments": child_arguments(interpreter), "environment": dict(os.environ)}
             launcher.start(self._on_process, inherited, "execute", **values)
         else:
-            launcher.start(self._on_process, inherited, "fork", title=title)
+            launcher.start(self._on_process, inherited, "fork", title=title, modules=modules)
         theirs.close()
         os.close(output_writer)
         os.close(errors_writer)

@@ -66,7 +66,8 @@ class ForkServer:
         """Sends a request and returns its number.
 
         Args:
-            operation: ``fork`` (value ``title``) or ``execute`` (``arguments``, ``environment``).
+            operation: ``fork`` (values ``title`` and ``modules``, which the server imports first) or
+                ``execute`` (values ``arguments`` and ``environment``).
             descriptors: control socket, standard output and standard error of the child. An executed program
                 gets the control socket as its descriptor 3.
 

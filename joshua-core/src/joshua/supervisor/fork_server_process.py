@@ -32,8 +32,7 @@ PRELOADED = (
     "joshua.transport.zenoh.transport",
     "joshua.devices.actuator_node",
     "joshua.devices.sensor_node",
-    "joshua_inference.node",
-    "joshua_services.offer",
+    "joshua.plugins.settings",
 )
 
 #: Message types whose codecs are compiled. The frequent types have fast paths.
@@ -103,6 +102,10 @@ class Server:
             self._start_child(request, descriptors)
 
     def _start_child(self, request: dict[str, Any], descriptors: list[int]) -> None:
+        for name in request.get("modules", ()):
+            if name not in sys.modules:
+                with contextlib.suppress(Exception):  # the node that loads it reports the cause
+                    importlib.import_module(name)
         server_id = os.getpid()
         # A signal for the child stays pending until the child handles it. Ignored here, it would be lost.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})

@@ -184,6 +184,7 @@ class Supervisor:
         for process in self._processes:
             process.run = self._run
             process.spawn()
+        ipc.prepare_supervisor()
         if not self._open_router(stack):
             return
         for process in self._processes:

@@ -75,8 +75,8 @@ from joshua.textproto.positions import Entry as Entry
 from joshua.config.format_file import replace_file as replace_file
 
 # Checks of `joshua doctor`
-from joshua.cli.doctor.finding import Finding as Finding
-from joshua.cli.doctor.finding import Level as Level
+from joshua.cli.doctor.result import DoctorResult as DoctorResult
+from joshua.cli.doctor.result import Level as Level
 from joshua.cli.doctor.host import Host as Host
 from joshua.cli.doctor.host import may_open as may_open
 

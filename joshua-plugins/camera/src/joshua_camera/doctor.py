@@ -6,19 +6,19 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from joshua.tools import Finding, Host, Level, may_open
+from joshua.tools import DoctorResult, Host, Level, may_open
 
 NAME = "USB"
 HIGH_SPEED_MBIT_S = 480
 
 
-def check_permissions(host: Host) -> Iterator[Finding]:
+def check_permissions(host: Host) -> Iterator[DoctorResult]:
     """Compare owner, group and mode of each camera with the user's session."""
     for path in sorted((host.root / "dev").glob("video[0-9]*")):
         yield may_open(host, str(path))
 
 
-def check_bandwidth(host: Host) -> Iterator[Finding]:
+def check_bandwidth(host: Host) -> Iterator[DoctorResult]:
     """Count cameras on each USB 2 bus."""
     cameras = defaultdict(set)
     for node in (host.root / "sys/class/video4linux").glob("*"):
@@ -28,7 +28,7 @@ def check_bandwidth(host: Host) -> Iterator[Finding]:
     for bus, places in sorted(cameras.items()):
         speeds = {host.read(f"sys/bus/usb/devices/{place}/speed") for place in places}
         if len(places) > 1 and speeds & {"12", str(HIGH_SPEED_MBIT_S)}:
-            yield Finding(
+            yield DoctorResult(
                 Level.NOTE,
                 NAME,
                 f"bus {bus}",

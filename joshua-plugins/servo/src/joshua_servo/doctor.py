@@ -6,7 +6,7 @@ import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
-from joshua.tools import Finding, Host, Level
+from joshua.tools import DoctorResult, Host, Level
 from joshua_serial.ports.bus_plugins import installed_bus_tools
 from joshua_serial.ports.survey import Families, PortSurvey, chosen_ports, survey
 from joshua_serial.ports.text import remarks
@@ -20,7 +20,7 @@ NEAR_V = 0.5
 DROP_V = 1.0  # between the motors of one chain
 
 
-def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[Finding]:
+def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[DoctorResult]:
     """Look for motors on the chosen ports."""
     root = str(host.root)
     entries, families = chosen_ports(arguments.ports, root), installed_bus_tools()
@@ -30,18 +30,18 @@ def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[Finding]:
 
 def check_buses(
     entries: Sequence[PortEntry], families: Families, device_root: str = "/"
-) -> Iterator[Finding]:
-    """Scan ports; one finding for each bus that is in order, one for each thing that is not."""
+) -> Iterator[DoctorResult]:
+    """Scan ports; one result for each bus that is in order, one for each thing that is not."""
     for found in survey(entries, families, device_root):
         path = found.entry.path
         if found.problem:
             text = found.problem.removeprefix(f"{path}: ")
             if "which runs now" in text:
-                yield Finding(Level.NOTE, NAME, path, f"was not checked: {text}")
+                yield DoctorResult(Level.NOTE, NAME, path, f"was not checked: {text}")
             else:
-                yield Finding(Level.ERROR, NAME, path, text)
+                yield DoctorResult(Level.ERROR, NAME, path, text)
         elif not found.motors:
-            yield Finding(
+            yield DoctorResult(
                 Level.NOTE,
                 NAME,
                 path,
@@ -52,25 +52,25 @@ def check_buses(
             yield from _judge(found, families)
 
 
-def _judge(found: PortSurvey, families: Families) -> Iterator[Finding]:
+def _judge(found: PortSurvey, families: Families) -> Iterator[DoctorResult]:
     path = found.entry.path
     motors = [motor for _, motor in found.motors]
-    findings = [*_each(found, families), *_together(path, motors)]
-    yield from findings
-    if not findings:
+    results = [*_each(found, families), *_together(path, motors)]
+    yield from results
+    if not results:
         ids = ", ".join(str(motor.motor_id) for motor in motors)
         versions = {motor.firmware for motor in motors if motor.firmware}
         firmware = "".join(f", firmware {version}" for version in versions)
         family = families[found.motors[0][0]].family
-        yield Finding(Level.OK, NAME, path, f"{family} {ids} at {motors[0].baudrate} bit/s{firmware}")
+        yield DoctorResult(Level.OK, NAME, path, f"{family} {ids} at {motors[0].baudrate} bit/s{firmware}")
 
 
-def _each(found: PortSurvey, families: Families) -> Iterator[Finding]:
+def _each(found: PortSurvey, families: Families) -> Iterator[DoctorResult]:
     for block, motor in found.motors:
         subject = f"{found.entry.path} id {motor.motor_id}"
         for text in remarks(motor, families[block]):
             what, _, remedy = text.partition(": ")
-            yield Finding(Level.ERROR, NAME, subject, what, remedy or _remedy(motor))
+            yield DoctorResult(Level.ERROR, NAME, subject, what, remedy or _remedy(motor))
         yield from _temperature(subject, motor)
         yield from _voltage(subject, motor)
 
@@ -81,12 +81,12 @@ def _remedy(motor: FoundMotor) -> str:
     return "replace it, or install its plugin"
 
 
-def _temperature(subject: str, motor: FoundMotor) -> Iterator[Finding]:
+def _temperature(subject: str, motor: FoundMotor) -> Iterator[DoctorResult]:
     present, most = motor.temperature_c, motor.max_temperature_c
     if present is None or most is None or present <= most - NEAR_C:
         return
     level = Level.ERROR if present > most else Level.WARNING
-    yield Finding(
+    yield DoctorResult(
         level,
         NAME,
         subject,
@@ -95,15 +95,15 @@ def _temperature(subject: str, motor: FoundMotor) -> Iterator[Finding]:
     )
 
 
-def _voltage(subject: str, motor: FoundMotor) -> Iterator[Finding]:
+def _voltage(subject: str, motor: FoundMotor) -> Iterator[DoctorResult]:
     present, least, most = motor.voltage_v, motor.min_voltage_v, motor.max_voltage_v
     if present is None or least is None or most is None:
         return
     allowed = f"{present:.1f} V, allowed {least:.1f} to {most:.1f} V"
     if not least <= present <= most:
-        yield Finding(Level.ERROR, NAME, subject, allowed, "use a supply of the motors' voltage")
+        yield DoctorResult(Level.ERROR, NAME, subject, allowed, "use a supply of the motors' voltage")
     elif present < least + NEAR_V:
-        yield Finding(
+        yield DoctorResult(
             Level.WARNING,
             NAME,
             subject,
@@ -112,7 +112,7 @@ def _voltage(subject: str, motor: FoundMotor) -> Iterator[Finding]:
         )
 
 
-def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[Finding]:
+def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[DoctorResult]:
     """What shows only when the motors of one bus are compared."""
     speeds, versions = defaultdict(list), defaultdict(list)
     for motor in motors:
@@ -121,7 +121,7 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[Finding]:
             versions[motor.model, motor.firmware].append(motor.motor_id)
     if len(speeds) > 1:
         text = "; ".join(f"{rate} bit/s: {_ids(ids)}" for rate, ids in speeds.items())
-        yield Finding(
+        yield DoctorResult(
             Level.ERROR,
             NAME,
             path,
@@ -131,7 +131,7 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[Finding]:
     models = {model for model, _ in versions}
     if len(versions) > len(models):
         text = "; ".join(f"{firmware}: {_ids(ids)}" for (_, firmware), ids in versions.items())
-        yield Finding(
+        yield DoctorResult(
             Level.WARNING,
             NAME,
             path,
@@ -141,7 +141,7 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[Finding]:
     volts = [(motor.voltage_v, motor.motor_id) for motor in motors if motor.voltage_v is not None]
     if volts and max(volts)[0] - min(volts)[0] > DROP_V:
         low, high = min(volts), max(volts)
-        yield Finding(
+        yield DoctorResult(
             Level.WARNING,
             NAME,
             path,

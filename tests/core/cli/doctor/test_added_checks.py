@@ -13,13 +13,13 @@ from usb_host import MakeHost
 
 Adder = Callable[[str], None]
 PART = """
-from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.result import DoctorResult, Level
 
 def look(host):
-    yield Finding(Level.WARNING, "acme", "daemon", f"runs for {host.user}", "stop it")
+    yield DoctorResult(Level.WARNING, "acme", "daemon", f"runs for {host.user}", "stop it")
 
 def touch(host, arguments):
-    yield Finding(Level.OK, "acme", "gripper", f"answers at {arguments.acme_speed}")
+    yield DoctorResult(Level.OK, "acme", "gripper", f"answers at {arguments.acme_speed}")
 
 def add_arguments(parser):
     parser.add_argument("--acme-speed", default="9600")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.doctor.checks import CHECKS, check_realtime, check_shared_memory, check_software
-from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.doctor.host import Host
+from joshua.cli.doctor.result import DoctorResult, Level
 from usb_host import MakeHost
 
 LIMITS = """Limit                     Soft Limit           Hard Limit           Units
@@ -17,9 +17,9 @@ Max locked memory         {1}              {1}              bytes
 """
 
 
-def only(findings: object) -> Finding:
-    (finding,) = list(findings)  # type: ignore[call-overload]
-    return finding
+def only(results: object) -> DoctorResult:
+    (result,) = list(results)  # type: ignore[call-overload]
+    return result
 
 
 @pytest.mark.parametrize(("granted", "level"), [("0", Level.NOTE), ("1", Level.OK), ("unlimited", Level.OK)])
@@ -51,14 +51,14 @@ def test_the_software_is_listed_with_its_versions(make_host: MakeHost) -> None:
     found = list(check_software(make_host()))
     assert found[0].subject == "joshua-core"
     assert " on Python 3." in found[0].message
-    assert all(finding.level is Level.OK for finding in found if finding.subject == "joshua-sts3215")
-    subjects = [finding.subject for finding in found]
+    assert all(result.level is Level.OK for result in found if result.subject == "joshua-sts3215")
+    subjects = [result.subject for result in found]
     assert len(set(subjects)) == len(subjects), "each distribution once"
 
 
 def test_every_check_bears_a_machine_without_any_of_its_files(make_host: MakeHost) -> None:
-    assert all(finding.level in (Level.OK, Level.NOTE) for check in CHECKS for finding in check(make_host()))
+    assert all(result.level in (Level.OK, Level.NOTE) for check in CHECKS for result in check(make_host()))
 
 
 def test_this_machine_can_be_looked_at() -> None:
-    assert [finding for check in CHECKS for finding in check(Host())]
+    assert [result for check in CHECKS for result in check(Host())]

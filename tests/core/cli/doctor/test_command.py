@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from joshua.cli.commands import doctor
-from joshua.cli.doctor.finding import Finding, Level, exit_code, lines, summary
+from joshua.cli.doctor.result import DoctorResult, Level, exit_code, lines, summary
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.parser import parse
 from joshua.supervisor.tables import Screen
@@ -48,19 +48,19 @@ def test_the_errors_of_a_file_are_findings(
 
 
 def test_what_is_in_the_way_first_decides_the_exit_code() -> None:
-    def finding(level: Level, code: ExitCode) -> Finding:
-        return Finding(level, "c", "s", "first\nsecond", code=code)
+    def result(level: Level, code: ExitCode) -> DoctorResult:
+        return DoctorResult(level, "c", "s", "first\nsecond", code=code)
 
-    hardware = finding(Level.ERROR, ExitCode.HARDWARE)
-    assert exit_code([finding(Level.WARNING, ExitCode.INVALID)]) == 0
-    assert exit_code([hardware, finding(Level.ERROR, ExitCode.NOT_INSTALLED)]) == 3
-    assert exit_code([hardware, finding(Level.ERROR, ExitCode.INVALID)]) == 2
+    hardware = result(Level.ERROR, ExitCode.HARDWARE)
+    assert exit_code([result(Level.WARNING, ExitCode.INVALID)]) == 0
+    assert exit_code([hardware, result(Level.ERROR, ExitCode.NOT_INSTALLED)]) == 3
+    assert exit_code([hardware, result(Level.ERROR, ExitCode.INVALID)]) == 2
     assert lines(hardware) == ["error    c: s: first", "           second"]
     assert lines(hardware, Screen(20, colour=True)) == [
         "\x1b[31merror  \x1b[0m  c: s: first",
         "           second",
     ]
-    assert lines(finding(Level.OK, ExitCode.OK), Screen(15)) == [
+    assert lines(result(Level.OK, ExitCode.OK), Screen(15)) == [
         "ok       c: s:",
         "           first",
         "           second",

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.result import DoctorResult, Level
 from joshua_serial.doctor import CHECKS, brltty, latency_timer, modem_manager, permissions, usb
 from usb_host import MakeHost, plug
 
 
-def only(findings: object) -> Finding:
-    (finding,) = list(findings)  # type: ignore[call-overload]
-    return finding
+def only(results: object) -> DoctorResult:
+    (result,) = list(results)  # type: ignore[call-overload]
+    return result
 
 
 def test_a_port_that_the_user_may_open_is_in_order(tmp_path: Path, make_host: MakeHost) -> None:
@@ -91,4 +91,4 @@ def test_an_adapter_behind_hubs_is_a_note(tmp_path: Path, make_host: MakeHost) -
 
 
 def test_every_check_bears_a_machine_without_any_of_its_files(make_host: MakeHost) -> None:
-    assert all(finding.level in (Level.OK, Level.NOTE) for check in CHECKS for finding in check(make_host()))
+    assert all(result.level in (Level.OK, Level.NOTE) for check in CHECKS for result in check(make_host()))

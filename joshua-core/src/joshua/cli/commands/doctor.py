@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator, Sequence
 
-    from joshua.cli.doctor.finding import Finding
     from joshua.cli.doctor.host import Host
+    from joshua.cli.doctor.result import DoctorResult
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,14 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
-    """Print the findings. Exit code 0 without errors, else 2 (file), 3 (plugin) or 4 (hardware).
+    """Print the results. Exit code 0 without errors, else 2 (file), 3 (plugin) or 4 (hardware).
 
     Args:
         host: the machine to check; None for this one.
     """
     from joshua.cli.doctor.checks import installed_parts
-    from joshua.cli.doctor.finding import as_json, exit_code, lines, summary
     from joshua.cli.doctor.host import Host
+    from joshua.cli.doctor.result import as_json, exit_code, lines, summary
     from joshua.supervisor.tables import Screen
 
     host = host or Host()
@@ -45,20 +45,20 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
             return int(code)
     as_text = arguments.format == "text"
     screen = Screen.of(sys.stdout)
-    findings = []
-    for finding in _findings(arguments, host, parts):
-        findings.append(finding)
+    results = []
+    for result in _results(arguments, host, parts):
+        results.append(result)
         if as_text:
-            sys.stdout.writelines(f"{line}\n" for line in lines(finding, screen))
+            sys.stdout.writelines(f"{line}\n" for line in lines(result, screen))
             sys.stdout.flush()
     if as_text:
-        sys.stdout.write(f"{summary(findings)}\n")
+        sys.stdout.write(f"{summary(results)}\n")
     else:
-        sys.stdout.write(json.dumps([as_json(finding) for finding in findings], indent=2) + "\n")
-    return exit_code(findings)
+        sys.stdout.write(json.dumps([as_json(result) for result in results], indent=2) + "\n")
+    return exit_code(results)
 
 
-def _findings(arguments: argparse.Namespace, host: Host, parts: Sequence[Any]) -> Iterator[Finding]:
+def _results(arguments: argparse.Namespace, host: Host, parts: Sequence[Any]) -> Iterator[DoctorResult]:
     from joshua.cli.doctor.checks import CHECKS
     from joshua.cli.doctor.configuration import check_configuration
     from joshua.cli.report import request_of

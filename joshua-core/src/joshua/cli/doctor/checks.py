@@ -2,7 +2,7 @@
 
 The entry point names a light module. Each of these names may stand in it:
 
-- ``CHECKS``: functions that check the machine and open no device: ``check(host)`` yields findings.
+- ``CHECKS``: functions that check the machine and open no device: ``check(host)`` yields results.
 - ``DEVICE_CHECKS``: functions that open devices: ``check(host, arguments)``. They do not run with
   ``--no-scan``, nor with a file, whose drivers open its devices.
 - ``NODE_CHECKS``: functions that check one actuator of a file: ``check(spec, settings)``.
@@ -22,22 +22,22 @@ from importlib import metadata
 from types import SimpleNamespace
 from typing import Any
 
-from joshua.cli.doctor.finding import Finding, Level
 from joshua.cli.doctor.host import Host
+from joshua.cli.doctor.result import DoctorResult, Level
 from joshua.cli.exit_codes import ExitCode
 from joshua.plan import installing
 from joshua.plugins import PluginStatus, load_registry
 from joshua.plugins.hints import stated
 
 ENTRY_POINT_GROUP = "joshua.doctor"
-Check = Callable[[Host], Iterable[Finding]]
+Check = Callable[[Host], Iterable[DoctorResult]]
 
 SOFTWARE = "software"
 # The part of a version number whose change means that core and plugin do not fit.
 SERIES = 2
 
 
-def check_software(host: Host) -> Iterator[Finding]:
+def check_software(host: Host) -> Iterator[DoctorResult]:
     """Name versions, and the problems of plugins."""
     del host  # the software is that of this process
     try:
@@ -45,7 +45,7 @@ def check_software(host: Host) -> Iterator[Finding]:
     except metadata.PackageNotFoundError:
         core = "unknown"
     versions = f"{core} on Python {platform.python_version()}, {platform.platform(terse=True)}"
-    yield Finding(Level.OK, SOFTWARE, "joshua-core", versions)
+    yield DoctorResult(Level.OK, SOFTWARE, "joshua-core", versions)
     ours = stated().distributions()
     for row in load_registry().rows():
         if row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT):
@@ -55,12 +55,12 @@ def check_software(host: Host) -> Iterator[Finding]:
                 else "uninstall one of the plugins in conflict, which joshua plugins names"
             )
             reasons, code = "; ".join(row.reasons), ExitCode.NOT_INSTALLED
-            yield Finding(Level.ERROR, SOFTWARE, row.distribution, reasons, remedy, code)
+            yield DoctorResult(Level.ERROR, SOFTWARE, row.distribution, reasons, remedy, code)
         elif row.distribution in ours and _series(row.version) != _series(core):
             text = f"is {row.version}, which does not fit the core {core}"
-            yield Finding(Level.WARNING, SOFTWARE, row.distribution, text, _upgrade(row.distribution))
+            yield DoctorResult(Level.WARNING, SOFTWARE, row.distribution, text, _upgrade(row.distribution))
         elif row.distribution != "joshua-core":  # which has its own row
-            yield Finding(Level.OK, SOFTWARE, row.distribution, row.version)
+            yield DoctorResult(Level.OK, SOFTWARE, row.distribution, row.version)
 
 
 def _upgrade(distribution: str) -> str:
@@ -77,7 +77,7 @@ LOCKED_MEMORY = "locked memory"
 LIMITS_FILE = "/etc/security/limits.d/joshua.conf"
 
 
-def check_realtime(host: Host) -> Iterator[Finding]:
+def check_realtime(host: Host) -> Iterator[DoctorResult]:
     """Read the limits that the system grants to the control loops of this session."""
     wanted = (
         (REALTIME, "realtime priority", "rtprio 1", lambda limit: limit != "0", "delays control loops"),
@@ -88,9 +88,9 @@ def check_realtime(host: Host) -> Iterator[Finding]:
         if found is None:
             continue  # not Linux
         if is_enough(found[1]):
-            yield Finding(Level.OK, check, host.user, f"granted up to {found[1]}")
+            yield DoctorResult(Level.OK, check, host.user, f"granted up to {found[1]}")
             continue
-        yield Finding(
+        yield DoctorResult(
             Level.NOTE,
             check,
             host.user,
@@ -104,7 +104,7 @@ LEAST_MIB = 128
 PLACE = "/dev/shm"  # noqa: S108 - it is checked, and nothing is written there
 
 
-def check_shared_memory(host: Host, least_mib: float = LEAST_MIB) -> Iterator[Finding]:
+def check_shared_memory(host: Host, least_mib: float = LEAST_MIB) -> Iterator[DoctorResult]:
     """Check the folder, its mode and its free space."""
     folder = host.root / "dev/shm"
     if not (host.root / "proc").is_dir():
@@ -122,7 +122,7 @@ def check_shared_memory(host: Host, least_mib: float = LEAST_MIB) -> Iterator[Fi
             "remove what lies there, or make it larger; in a container: docker run --shm-size=512m",
         )
     level, message, remedy = found
-    yield Finding(level, SHARED_MEMORY, PLACE, message, remedy)
+    yield DoctorResult(level, SHARED_MEMORY, PLACE, message, remedy)
 
 
 CHECKS: tuple[Check, ...] = (check_software, check_realtime, check_shared_memory)
@@ -141,5 +141,5 @@ def _load(point: metadata.EntryPoint) -> Any:
         name = point.dist.name if point.dist else point.name
         text = f"its checks cannot be loaded ({type(error).__name__}: {error})"
         remedy = installing.reinstall(name)
-        problem = Finding(Level.ERROR, SOFTWARE, name, text, remedy, ExitCode.NOT_INSTALLED)
+        problem = DoctorResult(Level.ERROR, SOFTWARE, name, text, remedy, ExitCode.NOT_INSTALLED)
         return SimpleNamespace(CHECKS=(lambda _host: [problem],))

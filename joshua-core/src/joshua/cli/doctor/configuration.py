@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.result import DoctorResult, Level
 from joshua.cli.exit_codes import ExitCode
 from joshua.devices.context import open_driver
 from joshua.devices.errors import DeviceBusy, DeviceError
@@ -23,12 +23,12 @@ _SHOWN = (("temperature_c", "°C"), ("voltage_v", "V"))
 
 def check_configuration(
     result: PipelineResult, *, opens: bool, further: Sequence[Any] = ()
-) -> Iterator[Finding]:
-    """One finding for each error of the file; without errors, those of its actuators if ``opens``."""
+) -> Iterator[DoctorResult]:
+    """One result for each error of the file; without errors, those of its actuators if ``opens``."""
     for diagnostic in result.errors:
         place = f"{diagnostic.position}: " if diagnostic.position else ""
         missing = diagnostic.code in ("plugin-missing", "extra-missing")
-        yield Finding(
+        yield DoctorResult(
             Level.ERROR,
             "configuration",
             diagnostic.field_path or "file",
@@ -43,39 +43,39 @@ def check_configuration(
             yield from check_actuator(spec, further)
 
 
-def check_actuator(spec: NodeSpec, further: Sequence[Any] = ()) -> Iterator[Finding]:
+def check_actuator(spec: NodeSpec, further: Sequence[Any] = ()) -> Iterator[DoctorResult]:
     """Open an actuator with its driver, which compares motors, EEPROM and calibration; read it once."""
     name = spec.full_name
     try:
         actuator: Any = open_driver(spec)
     except TargetError as error:
-        yield Finding(Level.ERROR, NAME, name, str(error), code=ExitCode.NOT_INSTALLED)
+        yield DoctorResult(Level.ERROR, NAME, name, str(error), code=ExitCode.NOT_INSTALLED)
         return
     try:
         actuator.connect()
         actuator.read()
-        findings = list(_diagnosed(name, actuator))
+        results = list(_diagnosed(name, actuator))
         if getattr(actuator.settings, "calibration", spec) is None:
             remedy = "calibrate it: joshua calibrate --config FILE"
-            findings.append(
-                Finding(Level.WARNING, NAME, name, "is not calibrated, so its torque stays off", remedy)
+            results.append(
+                DoctorResult(Level.WARNING, NAME, name, "is not calibrated, so its torque stays off", remedy)
             )
         for check in further:
-            findings += check(spec, actuator.settings)
-        yield from findings or [Finding(Level.OK, NAME, name, _summary(actuator))]
+            results += check(spec, actuator.settings)
+        yield from results or [DoctorResult(Level.OK, NAME, name, _summary(actuator))]
     except DeviceBusy as error:
         from joshua.cli.running import node_that_holds
 
         running = node_that_holds(error.processes)
         found = (Level.NOTE, f"was not checked: {running}") if running else (Level.ERROR, str(error))
-        yield Finding(found[0], NAME, name, found[1])
+        yield DoctorResult(found[0], NAME, name, found[1])
     except DeviceError as error:
-        yield Finding(Level.ERROR, NAME, name, str(error))
+        yield DoctorResult(Level.ERROR, NAME, name, str(error))
     finally:
         actuator.disconnect()
 
 
-def _diagnosed(name: str, actuator: Any) -> Iterator[Finding]:
+def _diagnosed(name: str, actuator: Any) -> Iterator[DoctorResult]:
     """Rows of the driver's diagnostics that are not ok."""
     for row in actuator.diagnostics():
         if row.level < WARN:
@@ -84,7 +84,7 @@ def _diagnosed(name: str, actuator: Any) -> Iterator[Finding]:
         figures = f" ({', '.join(values)})" if values else ""
         level = Level.WARNING if row.level == WARN else Level.ERROR
         remedy = "look for the cause: a blocked joint, heat, the power supply, a loose cable"
-        yield Finding(level, NAME, f"{name} {row.name}", f"{row.message}{figures}", remedy)
+        yield DoctorResult(level, NAME, f"{name} {row.name}", f"{row.message}{figures}", remedy)
 
 
 def _summary(actuator: Any) -> str:

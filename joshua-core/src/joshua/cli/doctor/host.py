@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from joshua.cli.doctor.finding import Finding, Level
+from joshua.cli.doctor.result import DoctorResult, Level
 
 
 def _user_name() -> str:
@@ -75,18 +75,18 @@ class Host:
         return "\n".join(self.read(str(file.relative_to(self.root))) for file in files)
 
 
-def may_open(host: Host, path: str) -> Finding:
+def may_open(host: Host, path: str) -> DoctorResult:
     """Compare owner, group and mode of a device with the user's session."""
 
-    def error(message: str, remedy: str) -> Finding:
-        return Finding(Level.ERROR, "permissions", path, message, remedy)
+    def error(message: str, remedy: str) -> DoctorResult:
+        return DoctorResult(Level.ERROR, "permissions", path, message, remedy)
 
     try:
         status = Path(path).stat()
     except OSError as problem:
         return error(f"cannot be checked: {problem.strerror}", "plug it in again")
     if host.uid == 0 or _allows(status.st_mode, status.st_uid == host.uid, status.st_gid in host.groups):
-        return Finding(Level.OK, "permissions", path, "can be opened")
+        return DoctorResult(Level.OK, "permissions", path, "can be opened")
     group = host.group_name(status.st_gid)
     found = f"{stat.filemode(status.st_mode)}, group {group}: {host.user} may not open it"
     if not _allows(status.st_mode, False, True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from joshua.tools import ExitCode, Finding, Level
+from joshua.tools import DoctorResult, ExitCode, Level
 
 from joshua_serial.doctor import brltty, latency_timer, modem_manager, permissions, usb
 
@@ -47,13 +47,13 @@ def begin(arguments: argparse.Namespace, host: Host) -> int | None:
     return write_rules(arguments, host)
 
 
-def check_name(spec: NodeSpec, settings: Any) -> Iterator[Finding]:
+def check_name(spec: NodeSpec, settings: Any) -> Iterator[DoctorResult]:
     """Advises to name an adapter by its identity."""
     by_path = getattr(settings, "port", "") and not (
         getattr(settings, "serial_number", "") or getattr(settings, "vid_pid", "")
     )
     if by_path and "/by-id/" not in settings.port and settings.port.startswith("/dev/tty"):
-        yield Finding(
+        yield DoctorResult(
             Level.NOTE,
             "devices",
             spec.full_name,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.tools import Finding, Host, Level
+from joshua.tools import DoctorResult, Host, Level
 
 from joshua_serial.usb_ports import list_ports
 
@@ -17,14 +17,14 @@ REMEDY = (
 )
 
 
-def check(host: Host) -> Iterator[Finding]:
+def check(host: Host) -> Iterator[DoctorResult]:
     """Look for adapters without a port while brltty is there, and for those that it may take."""
     if not _is_there(host):
         return
     with_port = {entry.place for entry in list_ports(str(host.root))}
     taken = [place for place, vid_pid in _shared_adapters(host) if place not in with_port]
     for place in taken:
-        yield Finding(
+        yield DoctorResult(
             Level.ERROR,
             NAME,
             f"USB device {place}",
@@ -33,7 +33,7 @@ def check(host: Host) -> Iterator[Finding]:
         )
     for entry in list_ports(str(host.root)):
         if entry.vid_pid in SHARED_IDS:
-            yield Finding(
+            yield DoctorResult(
                 Level.WARNING,
                 NAME,
                 entry.path,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from joshua.tools import Finding, Host, Level
+from joshua.tools import DoctorResult, Host, Level
 
 from joshua_serial.usb_ports import list_ports
 
@@ -13,7 +13,7 @@ NAME = "latency timer"
 LONGEST_MS = 1
 
 
-def check(host: Host) -> Iterator[Finding]:
+def check(host: Host) -> Iterator[DoctorResult]:
     """Read the timer of every port that has one; it delays each reply of a bus."""
     for entry in list_ports(str(host.root)):
         name = Path(entry.path).name
@@ -22,9 +22,9 @@ def check(host: Host) -> Iterator[Finding]:
         if not text.isdigit():
             continue
         if int(text) <= LONGEST_MS:
-            yield Finding(Level.OK, NAME, entry.path, f"{text} ms")
+            yield DoctorResult(Level.OK, NAME, entry.path, f"{text} ms")
             continue
-        yield Finding(
+        yield DoctorResult(
             Level.WARNING,
             NAME,
             entry.path,

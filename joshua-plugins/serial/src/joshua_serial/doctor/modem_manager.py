@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.tools import Finding, Host, Level
+from joshua.tools import DoctorResult, Host, Level
 
 from joshua_serial.usb_ports import list_ports
 
 NAME = "ModemManager"
 
 
-def check(host: Host) -> Iterator[Finding]:
+def check(host: Host) -> Iterator[DoctorResult]:
     """Look for the service, and for a rule that keeps it off each adapter."""
     if "ModemManager" not in host.process_names():
         return
@@ -19,9 +19,9 @@ def check(host: Host) -> Iterator[Finding]:
     for entry in list_ports(str(host.root)):
         vendor, _, product = entry.vid_pid.partition(":")
         if any(vendor in line and (product in line or "idProduct" not in line) for line in lines):
-            yield Finding(Level.OK, NAME, entry.path, "leaves this adapter alone")
+            yield DoctorResult(Level.OK, NAME, entry.path, "leaves this adapter alone")
             continue
-        yield Finding(
+        yield DoctorResult(
             Level.WARNING,
             NAME,
             entry.path,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from joshua.tools import Finding, Host, Level
+from joshua.tools import DoctorResult, Host, Level
 
 from joshua_serial.usb_ports import list_ports
 
@@ -12,12 +12,12 @@ NAME = "USB"
 MOST_HUBS = 2
 
 
-def check(host: Host) -> Iterator[Finding]:
+def check(host: Host) -> Iterator[DoctorResult]:
     """Count the hubs between the computer and each adapter."""
     for entry in list_ports(str(host.root)):
         hubs = entry.place.count(".")
         if hubs >= MOST_HUBS:
-            yield Finding(
+            yield DoctorResult(
                 Level.NOTE,
                 NAME,
                 entry.path,

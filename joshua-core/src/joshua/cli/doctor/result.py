@@ -1,4 +1,4 @@
-"""A finding of the doctor: one sentence about one thing, and the remedy."""
+"""A result of the doctor: one sentence about one thing, and the remedy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Screen, clean
 
 
 class Level(str, Enum):
-    """How much a finding matters."""
+    """How much a result matters."""
 
     OK = "ok"
     NOTE = "note"
@@ -24,8 +24,8 @@ class Level(str, Enum):
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One finding.
+class DoctorResult:
+    """One result.
 
     Attributes:
         check: name of the check; subject: what it is about, such as ``/dev/ttyACM0``.
@@ -45,33 +45,33 @@ _WIDTH = max(len(level.value) for level in Level)
 _STYLES = {Level.OK: GREEN, Level.WARNING: YELLOW, Level.ERROR: RED}
 
 
-def lines(finding: Finding, screen: Screen = PLAIN) -> list[str]:
-    """Lay out one finding."""
+def lines(result: DoctorResult, screen: Screen = PLAIN) -> list[str]:
+    """Lay out one result."""
     indent = " " * (_WIDTH + 2)
     inner = replace(screen, columns=max(screen.columns - len(indent), 0))
-    texts = f"{finding.check}: {finding.subject}: {finding.message}".splitlines()
+    texts = f"{result.check}: {result.subject}: {result.message}".splitlines()
     first, *rest = [line for text in texts for line in inner.wrap(text.strip())]
-    label = screen.paint(f"{finding.level.value:<{_WIDTH}}", _STYLES.get(finding.level, ""))
+    label = screen.paint(f"{result.level.value:<{_WIDTH}}", _STYLES.get(result.level, ""))
     text = [f"{label}  {first}", *(f"{indent}  {line.strip()}" for line in rest)]
-    if finding.remedy:
-        text.append(clean(f"{indent}do: {finding.remedy}"))  # in one line, so that a command can be copied
+    if result.remedy:
+        text.append(clean(f"{indent}do: {result.remedy}"))  # in one line, so that a command can be copied
     return text
 
 
-def summary(findings: Sequence[Finding]) -> str:
-    """Count the findings of each level."""
-    counts = [(sum(finding.level is level for finding in findings), level.value) for level in reversed(Level)]
+def summary(results: Sequence[DoctorResult]) -> str:
+    """Count the results of each level."""
+    counts = [(sum(result.level is level for result in results), level.value) for level in reversed(Level)]
     parts = [f"{count} {name}{'s' if count != 1 and name != 'ok' else ''}" for count, name in counts if count]
     return ", ".join(parts)
 
 
-def as_json(finding: Finding) -> dict[str, Any]:
-    """One finding for programs."""
-    return {**asdict(finding), "level": finding.level.value, "code": int(finding.code)}
+def as_json(result: DoctorResult) -> dict[str, Any]:
+    """One result for programs."""
+    return {**asdict(result), "level": result.level.value, "code": int(result.code)}
 
 
-def exit_code(findings: Iterable[Finding]) -> ExitCode:
+def exit_code(results: Iterable[DoctorResult]) -> ExitCode:
     """0 without errors; else that of the first obstacle to a run: the file, the plugins, the hardware."""
-    codes = {finding.code for finding in findings if finding.level is Level.ERROR}
+    codes = {result.code for result in results if result.level is Level.ERROR}
     order = (ExitCode.INVALID, ExitCode.NOT_INSTALLED, ExitCode.HARDWARE)
     return next((code for code in order if code in codes), ExitCode.OK)
