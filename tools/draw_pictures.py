@@ -276,7 +276,7 @@ def draw_page(name: str) -> None:
                 "--headless",
                 "--no-sandbox",
                 "--hide-scrollbars",
-                "--window-size=1040,720",
+                "--window-size=1040,980",
                 "--timeout=3000",
             )
             command = ["chromium", *options, f"--screenshot={picture}", address[1].decode()]
@@ -332,7 +332,7 @@ def same(one: Path, other: Path) -> bool:
 def words(svg: str) -> list[str]:
     """The words of a terminal, without what differs from run to run."""
     texts = re.findall(r"<text[^>]*>([^<]*)</text>", svg)
-    return re.sub(r"[\d.]*\d", "#", " ".join(texts)).split()
+    return re.sub(r"/tmp/robot-\w+|[\d.]*\d", "#", " ".join(texts)).split()
 
 
 def main(names: list[str]) -> int:

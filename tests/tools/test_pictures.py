@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import draw_chunks
@@ -12,6 +15,7 @@ import draw_middle_pose
 import draw_pictures
 import draw_rooms
 import pytest
+from PIL import Image
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 IMAGES = DOCS / "images"
@@ -51,6 +55,39 @@ def test_a_picture_is_small_and_says_what_it_shows(picture: Path) -> None:
     assert picture.stat().st_size < 200_000
     if picture.suffix == ".svg":
         assert re.search(r"<title>.{20,}</title>|aria-label=\".{20,}\"", picture.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    "name", ["mistake.svg", "checkpoint.svg", "new-plugin.svg", "arm.webp", "models.webp"]
+)
+def test_a_picture_that_needs_no_run_is_up_to_date(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if name.endswith(".webp") and (reason := opengl_problem()):
+        pytest.skip(reason)
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    assert draw_pictures.stale([name]) == [], f"run python tools/draw_pictures.py {name}"
+
+
+def opengl_problem() -> str:
+    """Why nothing can be rendered here; "" where it can."""
+    code = "import mujoco; mujoco.GLContext(8, 8).make_current()"
+    environment = os.environ | {"MUJOCO_GL": "egl"}
+    drawn = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=False)
+    return "no OpenGL here: sudo apt install libegl1 libgl1-mesa-dri" if drawn.returncode else ""
+
+
+def test_pictures_that_show_something_else_are_told_apart(tmp_path: Path) -> None:
+    one, other = tmp_path / "one.svg", tmp_path / "other.svg"
+    one.write_text("<text x='1'>$ joshua status 12.5 Hz in /tmp/robot-ab_1</text>")
+    other.write_text("<text x='1'>$ joshua status 99 Hz in /tmp/robot-z</text>")
+    assert draw_pictures.same(one, other)
+    other.write_text("<text x='1'>$ joshua list 99 Hz in /tmp/robot-z</text>")
+    assert not draw_pictures.same(one, other)
+    colours = {"a": "#263238", "b": "#27333a", "c": "#604040"}
+    for name, colour in colours.items():
+        Image.new("RGB", (80, 60), colour).save(tmp_path / f"{name}.png")
+    assert draw_pictures.same(tmp_path / "a.png", tmp_path / "b.png")
+    assert not draw_pictures.same(tmp_path / "a.png", tmp_path / "c.png")
 
 
 @pytest.mark.parametrize("name", draw_diagrams.DIAGRAMS)

@@ -224,6 +224,7 @@ def test_the_report_shows_cadence_failures_and_the_reason():
     report = RunReport(
         exit_code=1,
         reason="stopped by SIGINT",
+        ready_s=0.4,
         stop_s=0.123,
         nodes=(
             NodeReport(

@@ -299,8 +299,10 @@ def report_lines(report: RunReport, screen: Screen = PLAIN) -> list[str]:
         lines = ["", "jitter percentiles in ms", *table]
         if any(getattr(cell, "style", "") for row in rows for cell in row):
             lines.append(screen.paint(f"! below {LOW:.0%} of the target rate", RED))
+    # A failed start ends at once, and the log line with the reason stands right above.
+    said = ("stopped", "ready") if report.ready_s is not None else ("stopped", "ready", "failed")
     for node in report.nodes:
-        if node.state not in ("stopped", "ready"):
+        if node.state not in said:
             lines += screen.wrap(node.reason, f"{node.full_name}: {node.state}: ", RED)
         elif node.restarts:
             lines += screen.wrap(node.restarted, f"{node.full_name}: ", YELLOW)
